@@ -1,0 +1,57 @@
+"""The Wheelwire link: typed messages in frames on a serial line. See SPEC.md and MESSAGES.md.
+
+```python
+decoder = Decoder()
+for message in decoder.feed(data):
+    if isinstance(message, types.WheelState):
+        print(message.left_ticks)
+```
+
+The message classes are in `types`, their coded values in `codes`, the firmware's parameters in
+`parameters`. The names below are imported when first used: a capture is the only thing that needs
+numpy, and the generator must run while `types` is out of date.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .bulk import decode_capture, dtype
+    from .codec import message_id
+    from .framing import Counters, Decoder, Encoder, encode_frame
+    from .schema import PROTOCOL_VERSION, schema_hash
+    from .types import AnyMessage
+else:
+    _HOMES = {
+        "AnyMessage": "types",
+        "Counters": "framing",
+        "Decoder": "framing",
+        "Encoder": "framing",
+        "PROTOCOL_VERSION": "schema",
+        "decode_capture": "bulk",
+        "dtype": "bulk",
+        "encode_frame": "framing",
+        "message_id": "codec",
+        "schema_hash": "schema",
+    }
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+
+
+__all__ = [
+    "PROTOCOL_VERSION",
+    "AnyMessage",
+    "Counters",
+    "Decoder",
+    "Encoder",
+    "decode_capture",
+    "dtype",
+    "encode_frame",
+    "message_id",
+    "schema_hash",
+]

@@ -1,0 +1,163 @@
+"""The coded values on the wire. Each member carries the sentence that a person is shown."""
+
+from __future__ import annotations
+
+import enum
+
+
+class DocumentedEnum(enum.IntEnum):
+    """An IntEnum whose members have a doc: `NAME = value, "doc"`."""
+
+    doc: str
+
+    def __new__(cls, value: int, doc: str = "") -> DocumentedEnum:
+        """A member with its doc."""
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.doc = doc
+        return member
+
+
+class DocumentedFlag(enum.IntFlag):
+    """An IntFlag whose single flags have a doc: `NAME = bit, "doc"`."""
+
+    doc: str
+
+    def __new__(cls, value: int, doc: str = "") -> DocumentedFlag:
+        """A member with its doc."""
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.doc = doc
+        return member
+
+
+class SupervisorState(DocumentedEnum):
+    """The safety supervisor's states. Only DRIVING lets the outputs drive."""
+
+    BOOT = 0, "Starting; the outputs coast."
+    IDLE = 1, "Stopped, ready for a setpoint."
+    DRIVING = 2, "Obeying a setpoint that has not expired."
+    TIMED_OUT = 3, "The setpoint expired; the next fresh one drives again."
+    ESTOPPED = 4, "Latched emergency stop; ends by ClearEstop."
+    FAULT = 5, "Latched fault; ends by ClearFault."
+
+
+class SupervisorEvent(DocumentedEnum):
+    """What moves the supervisor from one state to another."""
+
+    STARTED = 0, "Start-up is complete."
+    SESSION = 1, "A host opened a session; the setpoint of the former one is void."
+    SETPOINT = 2, "A fresh setpoint was accepted."
+    STOP = 3, "A stop was asked for."
+    DEADLINE = 4, "The setpoint's deadline passed."
+    ESTOP = 5, "An emergency stop, by message or by the input."
+    CLEAR_ESTOP = 6, "The emergency stop was cleared."
+    FAULT = 7, "A fault was detected."
+    CLEAR_FAULT = 8, "The faults were cleared."
+
+
+class RefusalCode(DocumentedEnum):
+    """Why the device refused. The doc says what to do about it."""
+
+    NONE = 0, "Not refused."
+    PROTOCOL_VERSION = 1, "Another protocol version; install matching firmware and host library."
+    SCHEMA = 2, "Another message schema; install firmware and host library of one release."
+    NO_SESSION = 3, "No session of this host is open (was the device reset?); say hello first."
+    CLOCK_UNSYNCHRONISED = 4, "No ping was answered in this session yet; synchronise the clock."
+    EXPIRED = 5, "The setpoint had expired on arrival; use a longer time to live."
+    NOT_FINITE = 6, "Not a finite number."
+    OUT_OF_RANGE = 7, "Outside the bounds; list the parameters to see them."
+    UNKNOWN_PARAMETER = 8, "No such parameter in this firmware; list the parameters."
+    ESTOPPED = 9, "Emergency stop is latched; remove its cause, then clear it."
+    FAULT = 10, "A fault is latched; remove its cause, then clear it."
+    CAUSE_PRESENT = 11, "The cause still lasts; release the e-stop button or mend the fault first."
+    NOT_STOPPED = 12, "Not while driving; stop the robot first."
+    STORE_FAILED = 13, "The parameter store could not be written; the values hold until a reset."
+    RATE_TOO_HIGH = 14, "More than the control rate or the line carries; ask for less or raise it."
+    NOT_INTEGRAL = 15, "This parameter takes whole numbers only."
+    BOOTING = 16, "The device is still starting; try again in a moment."
+
+
+class StopMode(DocumentedEnum):
+    """What the outputs do when the wheels must stop."""
+
+    CONFIGURED = 0, "As the parameter stop_mode says."
+    COAST = 1, "Outputs off."
+    BRAKE = 2, "Windings shorted for brake_time_s, then outputs off."
+
+
+class ResetReason(DocumentedEnum):
+    """Why the device last started."""
+
+    UNKNOWN = 0, "Not known."
+    POWER_ON = 1, "Power was applied."
+    EXTERNAL = 2, "The reset pin, or the USB bridge's automatic-reset circuit."
+    SOFTWARE = 3, "The firmware restarted itself."
+    PANIC = 4, "The firmware crashed."
+    TASK_WATCHDOG = 5, "A task hung."
+    INTERRUPT_WATCHDOG = 6, "Interrupts were blocked."
+    BROWNOUT = 7, "The supply voltage dipped."
+
+
+class EventCode(DocumentedEnum):
+    """What an Event message reports."""
+
+    SUPERVISOR = 0, "The supervisor changed its state."
+    STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; defaults are in force."
+    STORE_EMPTY = 2, "No parameters were saved yet; defaults are in force."
+
+
+class Board(DocumentedEnum):
+    """What the firmware runs on."""
+
+    SIMULATED = 0, "The firmware's core on a computer, with a simulated robot."
+    ESP32 = 1, "ESP32."
+    ESP32S3 = 2, "ESP32-S3."
+    ESP32C6 = 3, "ESP32-C6."
+
+
+class Fault(DocumentedFlag):
+    """Latched fault flags; any of them stops both wheels."""
+
+    LEFT_NOT_COUNTING = (
+        1,
+        "The left wheel was driven hard and did not count: "
+        "encoder dead, wire off, or wheel blocked.",
+    )
+    RIGHT_NOT_COUNTING = (
+        2,
+        "The right wheel was driven hard and did not count: "
+        "encoder dead, wire off, or wheel blocked.",
+    )
+    LEFT_REVERSED = (
+        4,
+        "The left wheel's speed grew against its drive: "
+        "swap encoder A and B or the motor's wires, or set left_encoder_inverted.",
+    )
+    RIGHT_REVERSED = (
+        8,
+        "The right wheel's speed grew against its drive: "
+        "swap encoder A and B or the motor's wires, or set right_encoder_inverted.",
+    )
+    CONTROL_OVERRUN = 16, "The control loop came too late."
+    DRIVER_FAILED = 32, "A motor or encoder peripheral did not start; see the wiring guide."
+
+
+class Capability(DocumentedFlag):
+    """What this device can do."""
+
+    BATTERY = 1, "Reports the battery voltage."
+    ESTOP_INPUT = 2, "Has an emergency-stop input."
+    SIMULATED_PLANT = 4, "Drives a simulated motor and encoder."
+
+
+ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
+    SupervisorState,
+    SupervisorEvent,
+    RefusalCode,
+    StopMode,
+    ResetReason,
+    EventCode,
+    Board,
+)
+FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability)

@@ -1,0 +1,74 @@
+"""`python -m wheelwire_protocol.generate [--check]`: writes all derived files, or compares them.
+
+Nothing here imports `types` or what stands on it, so that a message can be added or removed while
+`types.py` still has the old ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from . import cpp, cpp_vectors, markdown, python, vectors
+
+CHECKOUT = Path(__file__).parents[3]
+HANDMADE = Path("protocol/vectors/handmade.json")
+
+
+def _clang_format(root: Path, text: str) -> str:
+    beside_python = str(Path(sys.executable).parent)
+    path = os.pathsep.join([beside_python, os.environ.get("PATH", os.defpath)])
+    executable = shutil.which("clang-format", path=path)
+    if executable is None:
+        sys.exit("clang-format is missing; `pip install clang-format` brings it")
+    style = f"--style=file:{root / '.clang-format'}"
+    command = [executable, style, "--assume-filename=generated.hpp"]
+    return subprocess.run(command, input=text, capture_output=True, check=True, text=True).stdout
+
+
+def outputs(root: Path) -> dict[Path, str]:
+    """Path, relative to the checkout at `root`, and right text of each derived file."""
+    generated = vectors.generate()
+    cpp_vectors_text = cpp_vectors.generate((root / HANDMADE).read_text("utf-8"), generated)
+    return {
+        Path("protocol/wheelwire_protocol/types.py"): python.generate(),
+        Path("protocol/MESSAGES.md"): markdown.generate(),
+        Path("protocol/vectors/generated.json"): generated,
+        Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
+        Path("firmware/esp32/test/vectors.hpp"): _clang_format(root, cpp_vectors_text),
+    }
+
+
+def stale(root: Path) -> dict[Path, str]:
+    """Those of `outputs` whose file is missing or differs."""
+    return {
+        path: text
+        for path, text in outputs(root).items()
+        if not (root / path).exists() or (root / path).read_text("utf-8") != text
+    }
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the files that differ, or with --check name them. Returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m wheelwire_protocol.generate")
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit 1 on a difference"
+    )
+    parser.add_argument("--root", type=Path, default=CHECKOUT, help="the checkout to work on")
+    options = parser.parse_args(arguments)
+    differing = stale(options.root)
+    for path, text in differing.items():
+        if options.check:
+            sys.stderr.write(f"{path} differs from the definitions; run make gen\n")
+        else:
+            (options.root / path).write_text(text, "utf-8")
+            sys.stdout.write(f"{path} written\n")
+    return 1 if options.check and differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

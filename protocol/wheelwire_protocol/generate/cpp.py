@@ -1,0 +1,165 @@
+"""The firmware's header: the messages as structs that encode and decode themselves."""
+
+from __future__ import annotations
+
+import enum
+
+from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
+from ..message import Field, Message
+from ..messages import MAX_PAYLOAD, MESSAGES
+from ..parameters import PARAMETERS, Kind, Parameter
+from ..schema import PROTOCOL_VERSION, schema_hash
+from .text import banner, constant_name
+
+_CPP_TYPES = {
+    "B": "uint8_t",
+    "H": "uint16_t",
+    "h": "int16_t",
+    "L": "uint32_t",
+    "l": "int32_t",
+    "Q": "uint64_t",
+    "f": "float",
+}
+
+
+def cpp_type(field: Field) -> str:
+    """The C++ type of a field. Codes are typed; flags stay numbers, to be masked."""
+    if field.enumeration and not issubclass(field.enumeration, enum.IntFlag):
+        return field.enumeration.__name__
+    return _CPP_TYPES[field.format]
+
+
+def _enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
+    return [
+        f"enum class {enumeration.__name__} : uint8_t {{",
+        *(f"  {constant_name(m.name)} = {m.value},  ///< {m.doc}" for m in enumeration),
+        "};",
+        "",
+    ]
+
+
+def _flags(flags: type[DocumentedFlag]) -> list[str]:
+    lines = [f"namespace {flags.__name__.lower()} {{"]
+    for member in flags:
+        lines += [
+            f"/// {member.doc}",
+            f"constexpr uint32_t {constant_name(member.name or '')} = {member.value};",
+        ]
+    return [*lines, f"}}  // namespace {flags.__name__.lower()}", ""]
+
+
+def _member(field: Field) -> str:
+    unit = f" [{field.unit.value}]" if field.unit.value else ""
+    return f"  {cpp_type(field)} {field.name}{{}};  ///< {field.docs}{unit}"
+
+
+def _message(message: Message) -> list[str]:
+    put = [f"    wire::put(out, {field.name});" for field in message.fields]
+    get = [f"    wire::get(in, message.{field.name});" for field in message.fields]
+    return [
+        f"/// {message.doc}",
+        f"struct {message.name} {{",
+        f"  static constexpr uint8_t kId = 0x{message.id:02x};",
+        f"  static constexpr size_t kSize = {message.body_size};",
+        "",
+        *[_member(field) for field in message.fields],
+        "",
+        f"  bool operator==(const {message.name}&) const = default;",
+        "",
+        "  /// Writes kSize bytes.",
+        "  void encode(uint8_t* out) const {",
+        *put,
+        "  }",
+        "",
+        "  /// Reads kSize bytes.",
+        f"  static {message.name} decode(const uint8_t* in) {{",
+        f"    {message.name} message;",
+        *get,
+        "    return message;",
+        "  }",
+        "};",
+        "",
+    ]
+
+
+def _number(value: float) -> str:
+    text = f"{value:.9g}"
+    return text + ("f" if any(c in text for c in ".e") else ".0f")
+
+
+def _parameter_row(parameter: Parameter) -> str:
+    kind = constant_name(parameter.kind.value)
+    numbers = ", ".join(map(_number, (parameter.default, parameter.minimum, parameter.maximum)))
+    name = constant_name(parameter.name)
+    return f"    {{ParameterId::{name}, ParameterKind::{kind}, {numbers}}},"
+
+
+def _parameters() -> list[str]:
+    lines = ["enum class ParameterId : uint8_t {"]
+    for p in PARAMETERS:
+        unit = f" [{p.unit.value}]" if p.unit.value else ""
+        lines.append(f"  {constant_name(p.name)} = {p.id},  ///< {p.doc}{unit}")
+    lines += ["};", "", "enum class ParameterKind : uint8_t {"]
+    lines += [f"  {constant_name(kind.value)}," for kind in Kind]
+    lines += [
+        "};",
+        "",
+        "struct ParameterSpec {",
+        "  ParameterId id;",
+        "  ParameterKind kind;",
+        "  float default_value;",
+        "  float minimum;",
+        "  float maximum;",
+        "};",
+        "",
+        f"constexpr size_t kParameterCount = {len(PARAMETERS)};",
+        "constexpr ParameterSpec kParameters[kParameterCount] = {",
+        *[_parameter_row(p) for p in PARAMETERS],
+        "};",
+        "",
+    ]
+    return lines
+
+
+def _body_sizes() -> list[str]:
+    lines = [
+        "/// Body size of the message with this id; -1 where there is none.",
+        "constexpr int body_size(uint8_t id) {",
+        "  switch (id) {",
+    ]
+    for message in MESSAGES:
+        lines += [f"    case {message.name}::kId:", f"      return {message.name}::kSize;"]
+    return [*lines, "    default:", "      return -1;", "  }", "}", ""]
+
+
+def generate() -> str:
+    """The text of `protocol.hpp`."""
+    lines = [
+        f"// {banner('Messages and codes')}",
+        "#pragma once",
+        "",
+        "#include <stddef.h>",
+        "#include <stdint.h>",
+        "",
+        '#include "wire.hpp"',
+        "",
+        "namespace wheelwire {",
+        "",
+        "namespace schema {",
+        f"constexpr uint16_t kVersion = {PROTOCOL_VERSION};",
+        f"constexpr uint32_t kHash = 0x{schema_hash():08x};",
+        "}  // namespace schema",
+        "",
+        "/// Bytes of the longest payload: id, seq, body, CRC.",
+        f"constexpr size_t kMaxPayload = {MAX_PAYLOAD};",
+        "",
+    ]
+    for enumeration in ENUMERATIONS:
+        lines += _enumeration(enumeration)
+    for flags in FLAGS:
+        lines += _flags(flags)
+    for message in MESSAGES:
+        lines += _message(message)
+    lines += _body_sizes()
+    lines += _parameters()
+    return "\n".join([*lines, "}  // namespace wheelwire", ""])

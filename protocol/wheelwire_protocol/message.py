@@ -1,0 +1,112 @@
+"""What a message definition is made of: fields with a unit and a doc, over plain construct."""
+
+from __future__ import annotations
+
+import enum
+import struct
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import construct
+
+HEADER_SIZE = 3
+"""Bytes before the body: id and seq."""
+CRC_SIZE = 4
+
+
+class Unit(enum.Enum):
+    """The unit of a field, as written in MESSAGES.md."""
+
+    NONE = ""
+    TICK = "tick"
+    MICROSECOND = "us"
+    NANOSECOND = "ns"
+    SECOND = "s"
+    METRE = "m"
+    METRE_PER_SECOND = "m/s"
+    METRE_PER_SECOND_SQUARED = "m/s^2"
+    HERTZ = "Hz"
+    MILLIVOLT = "mV"
+    DUTY = "duty (-1..1)"
+    DUTY_Q15 = "duty x 32767"
+    DUTY_PER_SECOND = "duty/s"
+    DUTY_PER_MPS = "duty/(m/s)"
+    DUTY_PER_MPS2 = "duty/(m/s^2)"
+    DUTY_PER_METRE = "duty/m"
+
+
+class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information
+    """A named construct with a unit, a doc and, for coded values, the enumeration behind them."""
+
+    def __init__(
+        self,
+        name: str,
+        subcon: Any,
+        unit: Unit,
+        doc: str,
+        enumeration: type[enum.IntEnum] | type[enum.IntFlag] | None,
+    ) -> None:
+        super().__init__(subcon, newname=name, newdocs=doc)
+        self.unit = unit
+        self.enumeration = enumeration
+
+    @property
+    def format(self) -> str:
+        """The `struct` format character(s) of the value, without byte order."""
+        return str(self.subcon.fmtstr[1:])
+
+
+def field(
+    name: str,
+    subcon: Any,
+    unit: Unit,
+    doc: str,
+    enumeration: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
+) -> Field:
+    """One field of a message. `subcon` is one of construct's little-endian numbers."""
+    return Field(name, subcon, unit, doc, enumeration)
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message: the construct of its body, and what is derived from it mechanically.
+
+    Attributes:
+        id: First byte of the payload. 0x01..0x7f from the host, 0x80..0xff from the device.
+        name: Its name in every language.
+        doc: What it means, in one paragraph.
+        body: A construct `Struct` of `field`s.
+        frozen: The layout is the same in every protocol version.
+    """
+
+    id: int
+    name: str
+    doc: str
+    body: Any
+    frozen: bool = False
+
+    @cached_property
+    def fields(self) -> tuple[Field, ...]:
+        """The body's fields, in wire order."""
+        return tuple(self.body.subcons)
+
+    @cached_property
+    def body_format(self) -> str:
+        """The body as a `struct` format, without byte order."""
+        return "".join(f.format for f in self.fields)
+
+    @cached_property
+    def body_size(self) -> int:
+        """Bytes of the body."""
+        return struct.calcsize("<" + self.body_format)
+
+    @property
+    def payload_size(self) -> int:
+        """Bytes of the payload: header, body and CRC."""
+        return HEADER_SIZE + self.body_size + CRC_SIZE
+
+    @property
+    def from_device(self) -> bool:
+        """True when the device sends it."""
+        return self.id >= 0x80

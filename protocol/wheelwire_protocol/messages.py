@@ -1,0 +1,359 @@
+"""Every message of the link: the one place where the wire layout is written down."""
+
+from __future__ import annotations
+
+from construct import (
+    Float32l,
+    Int8ul,
+    Int16sl,
+    Int16ul,
+    Int32sl,
+    Int32ul,
+    Int64ul,
+    Struct,
+)
+
+from .codes import (
+    Board,
+    Capability,
+    EventCode,
+    Fault,
+    RefusalCode,
+    ResetReason,
+    StopMode,
+    SupervisorEvent,
+    SupervisorState,
+)
+from .message import CRC_SIZE, HEADER_SIZE, Field, Message, Unit, field
+
+
+def _session() -> Field:
+    return field("session_id", Int32ul, Unit.NONE, "Nonce XOR boot_id of the session this is in.")
+
+
+def _request() -> Field:
+    return field("request_id", Int16ul, Unit.NONE, "Counts up in a session; an answer repeats it.")
+
+
+def _parameter() -> Field:
+    return field("parameter", Int8ul, Unit.NONE, "Parameter id, from the table of parameters.")
+
+
+def _boot() -> Field:
+    return field(
+        "boot_id", Int32ul, Unit.NONE, "Random at reset. A new value voids all earlier ticks."
+    )
+
+
+def _command() -> list[Field]:
+    return [
+        _session(),
+        field("command_seq", Int32ul, Unit.NONE, "Counts up; only a newer one is obeyed."),
+        field("expiry_us", Int64ul, Unit.MICROSECOND, "Device clock from which it is void."),
+    ]
+
+
+# --- from the host -----------------------------------------------------------------------------
+
+HELLO = Message(
+    id=0x01,
+    name="Hello",
+    doc="Opens a session. Repeating it with the same nonce changes nothing.",
+    body=Struct(
+        field("nonce", Int32ul, Unit.NONE, "Random; with boot_id it names the session."),
+        field("protocol_version", Int16ul, Unit.NONE, "Of the host."),
+        field("schema_hash", Int32ul, Unit.NONE, "Of the host's message definitions."),
+    ),
+    frozen=True,
+)
+STOP = Message(
+    id=0x02,
+    name="Stop",
+    doc="Stops both wheels at once, past the slew limit. Needs no session.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("command_seq", Int32ul, Unit.NONE, "Setpoints of this session up to it are void."),
+        field("mode", Int8ul, Unit.NONE, "How to stop.", StopMode),
+    ),
+    frozen=True,
+)
+ESTOP = Message(
+    id=0x03,
+    name="Estop",
+    doc="Stops both wheels and latches until cleared. Needs no session.",
+    body=Struct(_session(), _request()),
+    frozen=True,
+)
+SET_WHEEL_VELOCITY = Message(
+    id=0x04,
+    name="SetWheelVelocity",
+    doc="Velocity setpoint of both wheels, closed loop. The latest wins.",
+    body=Struct(
+        *_command(),
+        field("left_mps", Float32l, Unit.METRE_PER_SECOND, "At the rim, forward positive."),
+        field("right_mps", Float32l, Unit.METRE_PER_SECOND, "At the rim, forward positive."),
+    ),
+)
+SET_DUTY = Message(
+    id=0x05,
+    name="SetDuty",
+    doc="Duty setpoint of both wheels, open loop. The latest wins.",
+    body=Struct(
+        *_command(),
+        field("left_duty_q15", Int16sl, Unit.DUTY_Q15, "Forward positive."),
+        field("right_duty_q15", Int16sl, Unit.DUTY_Q15, "Forward positive."),
+    ),
+)
+PING = Message(
+    id=0x06,
+    name="Ping",
+    doc="One exchange of the clock synchronisation. Never repeated: a lost one stays lost.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("host_us", Int64ul, Unit.MICROSECOND, "Host clock at sending."),
+    ),
+)
+CLEAR_ESTOP = Message(
+    id=0x07,
+    name="ClearEstop",
+    doc="Ends the emergency stop; refused while its cause lasts.",
+    body=Struct(_session(), _request()),
+)
+CLEAR_FAULT = Message(
+    id=0x08,
+    name="ClearFault",
+    doc="Clears all latched faults; refused while their cause lasts.",
+    body=Struct(_session(), _request()),
+)
+SET_STREAM_RATE = Message(
+    id=0x09,
+    name="SetStreamRate",
+    doc="How often WheelState is sent, for this session.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("rate_hz", Int16ul, Unit.HERTZ, "0 is off."),
+    ),
+)
+PARAMETER_GET = Message(
+    id=0x0A,
+    name="ParameterGet",
+    doc="Asks for one parameter; the answer is ParameterValue.",
+    body=Struct(_session(), _request(), _parameter()),
+)
+PARAMETER_SET = Message(
+    id=0x0B,
+    name="ParameterSet",
+    doc="Sets one parameter until the next reset; the answer is ParameterValue.",
+    body=Struct(
+        _session(),
+        _request(),
+        _parameter(),
+        field("value", Float32l, Unit.NONE, "In the parameter's unit."),
+    ),
+)
+PARAMETER_SAVE = Message(
+    id=0x0C,
+    name="ParameterSave",
+    doc="Writes all parameters to the store. Only while stopped: flash writes stall the chip.",
+    body=Struct(_session(), _request()),
+)
+PARAMETER_RESET = Message(
+    id=0x0D,
+    name="ParameterReset",
+    doc="Sets all parameters to their defaults and empties the store. Only while stopped.",
+    body=Struct(_session(), _request()),
+)
+PARAMETER_LIST = Message(
+    id=0x0E,
+    name="ParameterList",
+    doc="Asks for the parameter at an index; the answer is ParameterEntry.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("parameter_index", Int8ul, Unit.NONE, "0 to parameter_count - 1."),
+    ),
+)
+LINK_COUNTERS_GET = Message(
+    id=0x0F,
+    name="LinkCountersGet",
+    doc="Asks for the device's link counters; the answer is LinkCounters.",
+    body=Struct(_session(), _request()),
+)
+
+# --- from the device ---------------------------------------------------------------------------
+
+DEVICE_HELLO = Message(
+    id=0x80,
+    name="DeviceHello",
+    doc="Answers Hello: who this is, and whether the session is open.",
+    body=Struct(
+        field("nonce", Int32ul, Unit.NONE, "The host's, repeated."),
+        field("protocol_version", Int16ul, Unit.NONE, "Of the device."),
+        field("schema_hash", Int32ul, Unit.NONE, "Of the device's message definitions."),
+        field("refusal", Int8ul, Unit.NONE, "NONE: the session is open.", RefusalCode),
+        _boot(),
+        field("device_us", Int64ul, Unit.MICROSECOND, "Device clock, from reset."),
+        field("reset_reason", Int8ul, Unit.NONE, "Why the device last started.", ResetReason),
+        field("board", Int8ul, Unit.NONE, "What the firmware runs on.", Board),
+        field("board_id", Int64ul, Unit.NONE, "The chip's MAC address."),
+        field("capabilities", Int32ul, Unit.NONE, "What this device can do.", Capability),
+        field("version_major", Int8ul, Unit.NONE, "Of the firmware."),
+        field("version_minor", Int8ul, Unit.NONE, "Of the firmware."),
+        field("version_patch", Int8ul, Unit.NONE, "Of the firmware."),
+        field(
+            "git_hash",
+            Int32ul,
+            Unit.NONE,
+            "First 8 hex digits of the firmware's commit; 0: unknown.",
+        ),
+    ),
+    frozen=True,
+)
+WHEEL_STATE = Message(
+    id=0x81,
+    name="WheelState",
+    doc="Both encoders, latched at the same instant, and what the firmware makes of them.",
+    body=Struct(
+        _boot(),
+        field(
+            "t_us", Int32ul, Unit.MICROSECOND, "Device clock at the latch. Wraps after 71.6 min."
+        ),
+        field("left_ticks", Int32sl, Unit.TICK, "Cumulative, forward positive. Wraps at 2^32."),
+        field("right_ticks", Int32sl, Unit.TICK, "Cumulative, forward positive. Wraps at 2^32."),
+        field("left_mps", Float32l, Unit.METRE_PER_SECOND, "Measured at the rim."),
+        field("right_mps", Float32l, Unit.METRE_PER_SECOND, "Measured at the rim."),
+        field("left_duty_q15", Int16sl, Unit.DUTY_Q15, "On the output now; 0 when not driving."),
+        field("right_duty_q15", Int16sl, Unit.DUTY_Q15, "On the output now; 0 when not driving."),
+        field("command_seq", Int32ul, Unit.NONE, "Setpoint obeyed, or last obeyed; 0: none yet."),
+        field("supervisor", Int8ul, Unit.NONE, "The safety supervisor's state.", SupervisorState),
+        field("faults", Int16ul, Unit.NONE, "Latched fault flags.", Fault),
+        field("overruns", Int16ul, Unit.NONE, "Control steps that came late, since reset. Wraps."),
+        field("battery_mv", Int16ul, Unit.MILLIVOLT, "Battery voltage; 0: not measured."),
+    ),
+)
+REFUSE = Message(
+    id=0x82,
+    name="Refuse",
+    doc="A request or setpoint was not obeyed. Nothing moved or changed because of it.",
+    body=Struct(
+        _session(),
+        field("message_id", Int8ul, Unit.NONE, "Id of the message refused."),
+        field("code", Int8ul, Unit.NONE, "Why.", RefusalCode),
+        field("reference", Int32ul, Unit.NONE, "Its request_id, or its command_seq."),
+    ),
+    frozen=True,
+)
+ACK = Message(
+    id=0x83,
+    name="Ack",
+    doc="The request was carried out.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("message_id", Int8ul, Unit.NONE, "Id of the message carried out."),
+    ),
+)
+PONG = Message(
+    id=0x84,
+    name="Pong",
+    doc="Answers Ping.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("host_us", Int64ul, Unit.MICROSECOND, "From the Ping."),
+        field("received_us", Int64ul, Unit.MICROSECOND, "Device clock when the Ping was read."),
+        field("sent_us", Int64ul, Unit.MICROSECOND, "Device clock when this was written."),
+    ),
+)
+PARAMETER_VALUE = Message(
+    id=0x85,
+    name="ParameterValue",
+    doc="The value in force.",
+    body=Struct(
+        _session(),
+        _request(),
+        _parameter(),
+        field("value", Float32l, Unit.NONE, "In the parameter's unit."),
+    ),
+)
+PARAMETER_ENTRY = Message(
+    id=0x86,
+    name="ParameterEntry",
+    doc="One parameter with this device's bounds.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("parameter_index", Int8ul, Unit.NONE, "As asked."),
+        field("parameter_count", Int8ul, Unit.NONE, "How many parameters there are."),
+        _parameter(),
+        field("value", Float32l, Unit.NONE, "In force."),
+        field("default_value", Float32l, Unit.NONE, "After a ParameterReset."),
+        field("minimum", Float32l, Unit.NONE, "Least value taken."),
+        field("maximum", Float32l, Unit.NONE, "Greatest value taken."),
+    ),
+)
+EVENT = Message(
+    id=0x87,
+    name="Event",
+    doc="Something happened that a state frame may be too late or too coarse to show.",
+    body=Struct(
+        _boot(),
+        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock when it happened."),
+        field("code", Int8ul, Unit.NONE, "What.", EventCode),
+        field("cause", Int8ul, Unit.NONE, "What moved the supervisor.", SupervisorEvent),
+        field("before", Int8ul, Unit.NONE, "State left.", SupervisorState),
+        field("after", Int8ul, Unit.NONE, "State entered.", SupervisorState),
+        field("faults", Int16ul, Unit.NONE, "Latched fault flags.", Fault),
+    ),
+)
+LINK_COUNTERS = Message(
+    id=0x88,
+    name="LinkCounters",
+    doc="What the device's receiver and sender have counted since reset. All wrap.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("frames_received", Int32ul, Unit.NONE, "Good frames."),
+        field("frames_sent", Int32ul, Unit.NONE, "Frames handed to the line."),
+        field("bad_crc", Int32ul, Unit.NONE, "Frames with a wrong CRC."),
+        field("bad_cobs", Int32ul, Unit.NONE, "Frames that are not COBS, or too short or long."),
+        field("unknown_id", Int32ul, Unit.NONE, "Good frames with an id not known here."),
+        field("wrong_length", Int32ul, Unit.NONE, "Good frames of a length that is not the id's."),
+        field("seq_lost", Int32ul, Unit.NONE, "Frames missing by their sequence numbers."),
+        field("send_dropped", Int32ul, Unit.NONE, "Frames not sent because the line was full."),
+        field("refused", Int32ul, Unit.NONE, "Requests and setpoints refused."),
+    ),
+)
+
+MESSAGES: tuple[Message, ...] = (
+    HELLO,
+    STOP,
+    ESTOP,
+    SET_WHEEL_VELOCITY,
+    SET_DUTY,
+    PING,
+    CLEAR_ESTOP,
+    CLEAR_FAULT,
+    SET_STREAM_RATE,
+    PARAMETER_GET,
+    PARAMETER_SET,
+    PARAMETER_SAVE,
+    PARAMETER_RESET,
+    PARAMETER_LIST,
+    LINK_COUNTERS_GET,
+    DEVICE_HELLO,
+    WHEEL_STATE,
+    REFUSE,
+    ACK,
+    PONG,
+    PARAMETER_VALUE,
+    PARAMETER_ENTRY,
+    EVENT,
+    LINK_COUNTERS,
+)
+
+MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE
+MAX_PAYLOAD = max(message.payload_size for message in MESSAGES)

@@ -1,0 +1,104 @@
+"""Every parameter of the firmware: one table for the chip, the host's drivers and the docs."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from .message import Unit
+
+
+class Kind(enum.Enum):
+    """Which values a parameter takes. On the wire each is a 32-bit float."""
+
+    REAL = "real"
+    WHOLE = "whole"
+    SWITCH = "switch"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of the firmware. Bounds are inclusive."""
+
+    id: int
+    name: str
+    unit: Unit
+    kind: Kind
+    default: float
+    minimum: float
+    maximum: float
+    doc: str
+
+
+def _real(
+    id_: int, name: str, unit: Unit, default: float, low: float, high: float, doc: str
+) -> Parameter:
+    return Parameter(id_, name, unit, Kind.REAL, default, low, high, doc)
+
+
+def _whole(
+    id_: int, name: str, unit: Unit, default: int, low: int, high: int, doc: str
+) -> Parameter:
+    return Parameter(id_, name, unit, Kind.WHOLE, default, low, high, doc)
+
+
+def _switch(id_: int, name: str, default: bool, doc: str) -> Parameter:
+    return Parameter(id_, name, Unit.NONE, Kind.SWITCH, float(default), 0, 1, doc)
+
+
+# A table reads best in rows.
+# fmt: off
+PARAMETERS: tuple[Parameter, ...] = (
+    _real(1, "wheel_radius", Unit.METRE, 0.033, 0.005, 1, "Radius of the driven wheels."),
+    _real(2, "wheel_separation", Unit.METRE, 0.20, 0.02, 5,
+          "Between the contact points of the wheels. Kept here so that it travels with the robot."),
+    _whole(3, "counts_per_revolution", Unit.TICK, 360, 4, 200_000,
+           "Ticks per wheel turn, after x4 decoding and the gearbox."),
+    _whole(4, "control_rate_hz", Unit.HERTZ, 1000, 100, 1000, "Rate of the control loop."),
+    _whole(5, "pwm_frequency_hz", Unit.HERTZ, 20_000, 100, 40_000,
+           "PWM frequency on the bridge's enable inputs. In force after a restart."),
+    _real(6, "max_velocity_mps", Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
+          "Limit of either wheel; beyond it both setpoints are scaled by one factor."),
+    _real(7, "max_acceleration_mps2", Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
+          "Slew limit of the velocity setpoints. A stop bypasses it."),
+    _real(8, "max_duty", Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
+    _real(9, "max_duty_rate_per_s", Unit.DUTY_PER_SECOND, 20, 0.5, 1000,
+          "Slew limit of duty setpoints. A stop bypasses it."),
+    _real(10, "proportional_gain", Unit.DUTY_PER_MPS, 1.0, 0, 50, "Of the velocity loop."),
+    _real(11, "integral_gain", Unit.DUTY_PER_METRE, 16.0, 0, 500, "Of the velocity loop."),
+    _real(12, "velocity_feedforward", Unit.DUTY_PER_MPS, 1.447, 0, 50,
+          "Duty per speed: 1 / no-load speed at the supply less the bridge's drop."),
+    _real(13, "acceleration_feedforward", Unit.DUTY_PER_MPS2, 0.15, 0, 10,
+          "Duty per acceleration: velocity_feedforward x the drive's mechanical time constant."),
+    _real(14, "static_feedforward", Unit.DUTY, 0.04, 0, 0.5,
+          "Dead-band compensation: the duty that just overcomes friction."),
+    _whole(15, "velocity_window_us", Unit.MICROSECOND, 20_000, 1000, 200_000,
+           "Velocity is measured between ticks at least this far apart."),
+    _real(16, "ttl_max_s", Unit.SECOND, 1.0, 0.02, 5,
+          "No setpoint lives longer than this after its arrival."),
+    _whole(17, "stop_mode", Unit.NONE, 2, 1, 2, "1: coast. 2: brake for brake_time_s, then coast."),
+    _real(18, "brake_time_s", Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
+    _real(19, "stall_duty", Unit.DUTY, 0.5, 0.05, 1,
+          "At this duty or more a wheel must count, or NOT_COUNTING trips."),
+    _real(20, "stall_time_s", Unit.SECOND, 0.5, 0.05, 10, "For how long it may not count."),
+    _real(21, "reversal_duty", Unit.DUTY, 0.3, 0.05, 1,
+          "At this duty or more speed must not grow against the drive, or REVERSED trips."),
+    _real(22, "reversal_velocity_mps", Unit.METRE_PER_SECOND, 0.15, 0.01, 5,
+          "By how much it may grow."),
+    _whole(23, "overrun_limit_us", Unit.MICROSECOND, 20_000, 2000, 1_000_000,
+           "A control step this late trips CONTROL_OVERRUN."),
+    _switch(24, "left_motor_inverted", False, "Forward is IN2 high."),
+    _switch(25, "right_motor_inverted", False, "Forward is IN2 high."),
+    _switch(26, "left_encoder_inverted", False, "Forward is B before A."),
+    _switch(27, "right_encoder_inverted", False, "Forward is B before A."),
+    _switch(28, "estop_input_enabled", True,
+            "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop."),
+    _whole(29, "glitch_filter_ns", Unit.NANOSECOND, 1000, 0, 12_787,
+           "Shorter encoder pulses are ignored. In force after a restart."),
+    _whole(30, "stream_rate_hz", Unit.HERTZ, 100, 0, 1000,
+           "Rate of WheelState when a session opens."),
+)
+# fmt: on
+
+PARAMETER_BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
+PARAMETER_BY_ID: dict[int, Parameter] = {p.id: p for p in PARAMETERS}

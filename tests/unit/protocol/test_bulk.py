@@ -1,0 +1,30 @@
+import numpy as np
+import pytest
+
+from wheelwire_protocol import decode_capture, dtype
+from wheelwire_protocol.framing import Decoder, encode_frame
+from wheelwire_protocol.types import Estop, WheelState
+
+FRAME = encode_frame(Estop(session_id=0x1A2B3C4D, request_id=7), 5)
+
+
+def test_columns_are_the_fields() -> None:
+    states = decode_capture(b"", WheelState)
+    assert (states.shape, states.dtype) == ((0,), dtype(WheelState))
+    assert states.dtype.names == WheelState._fields
+    assert states.dtype["left_mps"] == np.dtype("<f4")
+
+
+@pytest.mark.parametrize("buffer", [bytes, bytearray, memoryview])
+def test_any_bytes_like_capture(buffer: type) -> None:
+    assert decode_capture(buffer(FRAME), Estop).tolist() == [(0x1A2B3C4D, 7)]
+
+
+def test_last_code_byte_must_point_to_the_end() -> None:
+    """A code that points beyond leaves the payload and its CRC as they are."""
+    last_code = FRAME.rindex(b"\x05")
+    for code in range(1, 256):
+        capture = FRAME[:last_code] + bytes([code]) + FRAME[last_code + 1 :]
+        streamed = [tuple(message) for message in Decoder().feed(capture)]
+        assert decode_capture(capture, Estop).tolist() == streamed
+        assert bool(streamed) == (code == FRAME[last_code])

@@ -1,0 +1,97 @@
+"""The generator, on a copy of the checkout."""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from wheelwire_protocol.generate import __main__ as generate
+from wheelwire_protocol.generate import cpp, markdown, python
+from wheelwire_protocol.messages import MESSAGES
+
+ROOT = Path(__file__).parents[3]
+INPUTS = [".clang-format", "protocol", "firmware/esp32/core/protocol.hpp", "firmware/esp32/test"]
+OUTPUTS = [
+    "protocol/wheelwire_protocol/types.py",
+    "protocol/MESSAGES.md",
+    "protocol/vectors/generated.json",
+    "firmware/esp32/core/protocol.hpp",
+    "firmware/esp32/test/vectors.hpp",
+]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    for name in INPUTS:
+        source, target = ROOT / name, tmp_path / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, target)
+    return tmp_path
+
+
+def run(checkout: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The copy's own generator, over the copy's own definitions."""
+    return subprocess.run(
+        [sys.executable, "-m", "wheelwire_protocol.generate", *arguments],
+        cwd=checkout / "protocol",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def append(text: str) -> Callable[[Path], object]:
+    return lambda path: path.write_text(path.read_text("utf-8") + text, "utf-8")
+
+
+def test_the_checkout_is_up_to_date() -> None:
+    assert list(generate.stale(ROOT)) == []
+
+
+@pytest.mark.parametrize("spoil", [append("\n"), Path.unlink], ids=["edited", "missing"])
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_check_names_the_file_and_the_remedy(
+    checkout: Path,
+    name: str,
+    spoil: Callable[[Path], object],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    spoil(checkout / name)
+    assert generate.main(["--check", "--root", str(checkout)]) == 1
+    assert capsys.readouterr().err == f"{name} differs from the definitions; run make gen\n"
+    assert generate.main(["--root", str(checkout)]) == 0
+    assert generate.main(["--check", "--root", str(checkout)]) == 0
+
+
+def test_a_new_message_goes_through(checkout: Path) -> None:
+    definitions = checkout / "protocol/wheelwire_protocol/messages.py"
+    text = definitions.read_text("utf-8")
+    new = 'NEW = Message(id=0x7F, name="Brandnew", doc="New.", body=Struct(_session()))'
+    text = text.replace("MESSAGES: tuple", f"{new}\n\nMESSAGES: tuple")
+    text = text.replace("    HELLO,\n", "    HELLO,\n    NEW,\n")
+    definitions.write_text(text, "utf-8")
+
+    check = run(checkout, "--check")
+    assert (check.returncode, check.stderr.count("run make gen")) == (1, len(OUTPUTS))
+    assert run(checkout).returncode == 0
+    assert run(checkout, "--check").returncode == 0
+    assert "struct Brandnew" in (checkout / OUTPUTS[3]).read_text("utf-8")
+
+
+def test_types_that_do_not_parse_are_written_anew(checkout: Path) -> None:
+    (checkout / OUTPUTS[0]).write_text("<<<<<<< a conflict\n", "utf-8")
+    assert run(checkout).stdout == f"{OUTPUTS[0]} written\n"
+    assert run(checkout, "--check").returncode == 0
+
+
+@pytest.mark.parametrize("text", [python.generate(), cpp.generate(), markdown.generate()])
+def test_every_message_and_field_is_there(text: str) -> None:
+    for message in MESSAGES:
+        assert message.name in text
+        assert all(field.name in text for field in message.fields)

@@ -1,0 +1,28 @@
+import subprocess
+import sys
+
+import pytest
+
+import wheelwire_protocol
+
+
+def modules_after(code: str) -> set[str]:
+    script = f"import sys; {code}; print(*sys.modules)"
+    command = [sys.executable, "-c", script]
+    return set(subprocess.run(command, capture_output=True, check=True, text=True).stdout.split())
+
+
+@pytest.mark.parametrize("name", wheelwire_protocol.__all__)
+def test_public_name(name: str) -> None:
+    assert getattr(wheelwire_protocol, name) is not None
+
+
+def test_unknown_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no_such_name"):
+        getattr(wheelwire_protocol, "no_such_name")  # noqa: B009  # mypy knows that it is not there
+
+
+def test_a_decoder_needs_neither_numpy_nor_crcmod() -> None:
+    loaded = modules_after("import wheelwire_protocol; wheelwire_protocol.Decoder().feed(b'')")
+    assert "wheelwire_protocol.framing" in loaded
+    assert not {"numpy", "crcmod", "wheelwire_protocol.bulk"} & loaded

@@ -1,0 +1,71 @@
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from construct import Int16ul, Int32ul, Struct
+
+from wheelwire_protocol import schema
+from wheelwire_protocol.codes import ENUMERATIONS
+from wheelwire_protocol.message import Message, Unit, field
+from wheelwire_protocol.messages import MESSAGES
+from wheelwire_protocol.parameters import PARAMETERS
+
+
+@pytest.fixture(autouse=True)
+def _uncached() -> Iterator[None]:
+    schema.schema_hash.cache_clear()
+    yield
+    schema.schema_hash.cache_clear()
+
+
+def hash_with(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> int:
+    monkeypatch.setattr(schema, name, value)
+    schema.schema_hash.cache_clear()
+    return schema.schema_hash()
+
+
+def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
+    return Message(id=0x7F, name="P", doc=doc, body=Struct(field(name, subcon, unit, doc)))
+
+
+PING = ping(Int32ul, "host_us", Unit.MICROSECOND, "a doc")
+
+
+def test_hash_ignores_prose(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = hash_with(monkeypatch, "MESSAGES", (PING,))
+    again = ping(Int32ul, "host_us", Unit.MICROSECOND, "another doc")
+    assert hash_with(monkeypatch, "MESSAGES", (again,)) == before
+    reworded = tuple(replace(parameter, doc="another doc") for parameter in PARAMETERS)
+    assert hash_with(monkeypatch, "PARAMETERS", reworded) == before
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        ping(Int16ul, "host_us", Unit.MICROSECOND, "a doc"),
+        ping(Int32ul, "host_ms", Unit.MICROSECOND, "a doc"),
+        replace(PING, id=0x7E),
+        replace(PING, name="Q"),
+    ],
+    ids=["type", "field", "id", "message"],
+)
+def test_hash_changes_with_layout(changed: Message, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = hash_with(monkeypatch, "MESSAGES", (PING,))
+    assert hash_with(monkeypatch, "MESSAGES", (changed,)) != before
+
+
+def test_hash_changes_with_a_message_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = schema.schema_hash()
+    assert hash_with(monkeypatch, "MESSAGES", (*MESSAGES, PING)) != before
+
+
+def test_hash_changes_with_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = schema.schema_hash()
+    renamed = (replace(PARAMETERS[0], name="radius"), *PARAMETERS[1:])
+    assert hash_with(monkeypatch, "PARAMETERS", renamed) != before
+
+
+def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = schema.schema_hash()
+    assert hash_with(monkeypatch, "ENUMERATIONS", ENUMERATIONS[1:]) != before
