@@ -1,0 +1,73 @@
+#include "config.hpp"
+
+namespace wheelwire {
+namespace {
+
+using enum ParameterId;
+
+constexpr float kPi = 3.14159265f;
+
+uint32_t to_us(float seconds) { return static_cast<uint32_t>(to_fixed(seconds * 1e6f)); }
+
+/// A gain in duty per m/s as q15 duty per um/s, scaled by 2^fraction_bits.
+int32_t to_gain(float duty_per_mps, int fraction_bits) {
+  return to_fixed(duty_per_mps * (static_cast<float>(kFullDuty) * 1e-6f) *
+                  static_cast<float>(1ull << fraction_bits));
+}
+
+/// A slew limit of 0 would never arrive.
+int32_t to_step(float per_step) {
+  const int32_t step = to_fixed(per_step);
+  return step > 0 ? step : 1;
+}
+
+ControllerGains make_gains(const Parameters& parameters, float period_s) {
+  return {
+      .proportional_q24 = to_gain(parameters.get(kProportionalGain), 24),
+      .integral_q32 = to_gain(parameters.get(kIntegralGain) * period_s, 32),
+      .feedforward_q24 = to_gain(parameters.get(kVelocityFeedforward), 24),
+      .acceleration_q24 = to_gain(parameters.get(kAccelerationFeedforward) / period_s, 24),
+      .delay_steps = to_fixed(parameters.get(kVelocityWindowUs) * 0.5e-6f / period_s),
+      .static_q15 = to_q15(parameters.get(kStaticFeedforward)),
+      .limit_q15 = to_q15(parameters.get(kMaxDuty)),
+  };
+}
+
+FaultThresholds make_thresholds(const Parameters& parameters) {
+  return {
+      .stall_duty_q15 = to_q15(parameters.get(kStallDuty)),
+      .stall_time_us = to_us(parameters.get(kStallTimeS)),
+      .reversal_duty_q15 = to_q15(parameters.get(kReversalDuty)),
+      .reversal_umps = to_umps(parameters.get(kReversalVelocityMps)),
+  };
+}
+
+}  // namespace
+
+ControlConfig make_config(const Parameters& parameters) {
+  const float period_s = 1.0f / parameters.get(kControlRateHz);
+  const float um_per_tick =
+      2e6f * kPi * parameters.get(kWheelRadius) / parameters.get(kCountsPerRevolution);
+  return {
+      .period_us = to_us(period_s),
+      .um_per_tick_q10 = to_fixed(um_per_tick * 1024.0f),
+      .velocity_window_us = static_cast<uint32_t>(parameters.get(kVelocityWindowUs)),
+      .gains = make_gains(parameters, period_s),
+      .faults = make_thresholds(parameters),
+      .max_velocity_umps = to_umps(parameters.get(kMaxVelocityMps)),
+      .velocity_slew_umps = to_step(parameters.get(kMaxAccelerationMps2) * period_s * 1e6f),
+      .duty_slew_q15 =
+          to_step(parameters.get(kMaxDutyRatePerS) * period_s * static_cast<float>(kFullDuty)),
+      .left_motor_inverted = parameters.is_on(kLeftMotorInverted),
+      .right_motor_inverted = parameters.is_on(kRightMotorInverted),
+      .left_encoder_inverted = parameters.is_on(kLeftEncoderInverted),
+      .right_encoder_inverted = parameters.is_on(kRightEncoderInverted),
+      .stop_mode = static_cast<StopMode>(parameters.get(kStopMode)),
+      .brake_time_us = to_us(parameters.get(kBrakeTimeS)),
+      .ttl_max_us = to_us(parameters.get(kTtlMaxS)),
+      .overrun_limit_us = static_cast<uint32_t>(parameters.get(kOverrunLimitUs)),
+      .estop_input_enabled = parameters.is_on(kEstopInputEnabled),
+  };
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,32 @@
+// The parameters as the control loop wants them: integers, scaled once when a parameter changes.
+#pragma once
+
+#include "controller.hpp"
+#include "fault_monitor.hpp"
+#include "parameters.hpp"
+
+namespace wheelwire {
+
+struct ControlConfig {
+  uint32_t period_us;
+  int32_t um_per_tick_q10;
+  uint32_t velocity_window_us;
+  ControllerGains gains;
+  FaultThresholds faults;
+  int32_t max_velocity_umps;
+  int32_t velocity_slew_umps;  ///< Per control step.
+  int32_t duty_slew_q15;       ///< Per control step.
+  bool left_motor_inverted;
+  bool right_motor_inverted;
+  bool left_encoder_inverted;
+  bool right_encoder_inverted;
+  StopMode stop_mode;
+  uint32_t brake_time_us;
+  uint32_t ttl_max_us;
+  uint32_t overrun_limit_us;
+  bool estop_input_enabled;
+};
+
+ControlConfig make_config(const Parameters& parameters);
+
+}  // namespace wheelwire

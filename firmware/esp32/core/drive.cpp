@@ -1,0 +1,86 @@
+#include "drive.hpp"
+
+namespace wheelwire {
+namespace {
+
+/// value * part / whole, for |part| <= |whole|.
+int32_t proportion(int32_t value, int32_t part, int32_t whole) {
+  return static_cast<int32_t>(static_cast<int64_t>(value) * part / whole);
+}
+
+int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
+
+}  // namespace
+
+WheelPair scale_to_limit(WheelPair target, int32_t limit) {
+  const int32_t peak = greater(magnitude(target.left), magnitude(target.right));
+  if (peak <= limit) return target;
+  return {proportion(target.left, limit, peak), proportion(target.right, limit, peak)};
+}
+
+WheelPair approach(WheelPair from, WheelPair to, int32_t max_step) {
+  const int32_t left = saturate32(static_cast<int64_t>(to.left) - from.left);
+  const int32_t right = saturate32(static_cast<int64_t>(to.right) - from.right);
+  const int32_t peak = greater(magnitude(left), magnitude(right));
+  if (peak <= max_step) return to;
+  return {from.left + proportion(left, max_step, peak),
+          from.right + proportion(right, max_step, peak)};
+}
+
+void Drive::start(const EncoderCounts& counts) {
+  left_.start(counts.left);
+  right_.start(counts.right);
+  left_.coast();
+  right_.coast();
+}
+
+uint32_t Drive::latch(const EncoderCounts& counts, const ControlConfig& config) {
+  const WheelFault left =
+      left_.latch(counts.left, counts.t_us, config.left_encoder_inverted, config);
+  const WheelFault right =
+      right_.latch(counts.right, counts.t_us, config.right_encoder_inverted, config);
+  uint32_t flags = 0;
+  if (left == WheelFault::kNotCounting) flags |= fault::kLeftNotCounting;
+  if (left == WheelFault::kReversed) flags |= fault::kLeftReversed;
+  if (right == WheelFault::kNotCounting) flags |= fault::kRightNotCounting;
+  if (right == WheelFault::kReversed) flags |= fault::kRightReversed;
+  return flags;
+}
+
+void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
+  if (!following_ || mode != mode_) {
+    following_ = true;
+    mode_ = mode;
+    slewed_ = mode == ControlMode::kVelocity
+                  ? WheelPair{left_.velocity_umps(), right_.velocity_umps()}
+                  : WheelPair{left_.duty_q15(), right_.duty_q15()};
+  }
+  if (mode == ControlMode::kVelocity) {
+    slewed_ = approach(slewed_, target, config.velocity_slew_umps);
+    left_.drive_velocity(slewed_.left, config.left_motor_inverted, config.gains);
+    right_.drive_velocity(slewed_.right, config.right_motor_inverted, config.gains);
+  } else {
+    slewed_ = approach(slewed_, target, config.duty_slew_q15);
+    left_.drive_duty(slewed_.left, config.left_motor_inverted);
+    right_.drive_duty(slewed_.right, config.right_motor_inverted);
+  }
+}
+
+void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {
+  if (mode == StopMode::kConfigured) mode = config.stop_mode;
+  brake_until_us_ = mode == StopMode::kBrake ? now_us + config.brake_time_us : now_us;
+  following_ = false;
+  keep_stopped(now_us);
+}
+
+void Drive::keep_stopped(uint64_t now_us) {
+  if (now_us < brake_until_us_) {
+    left_.brake();
+    right_.brake();
+  } else {
+    left_.coast();
+    right_.coast();
+  }
+}
+
+}  // namespace wheelwire

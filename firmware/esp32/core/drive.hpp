@@ -1,0 +1,49 @@
+// Both wheels together: setpoints with slew limits that keep the path, and the stop.
+#pragma once
+
+#include "wheel.hpp"
+
+namespace wheelwire {
+
+enum class ControlMode : uint8_t { kVelocity, kDuty };
+
+/// A target for both wheels: um/s in kVelocity, q15 in kDuty.
+struct WheelPair {
+  int32_t left;
+  int32_t right;
+};
+
+/// Both scaled by one factor, so that neither exceeds the limit and the path keeps its curvature.
+WheelPair scale_to_limit(WheelPair target, int32_t limit);
+
+/// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.
+WheelPair approach(WheelPair from, WheelPair to, int32_t max_step);
+
+class Drive {
+ public:
+  Drive(MotorPort& left, MotorPort& right) : left_(left), right_(right) {}
+
+  void start(const EncoderCounts& counts);
+  /// Takes both encoders' readings. Returns fault flags.
+  uint32_t latch(const EncoderCounts& counts, const ControlConfig& config);
+
+  /// One control step towards the target.
+  void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
+  /// Removes the drive at once and begins the stop.
+  void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
+  /// One control step of a stop: brakes for its time, then coasts.
+  void keep_stopped(uint64_t now_us);
+
+  const Wheel& left() const { return left_; }
+  const Wheel& right() const { return right_; }
+
+ private:
+  Wheel left_;
+  Wheel right_;
+  ControlMode mode_ = ControlMode::kVelocity;
+  bool following_ = false;  // else the next setpoint starts from the speed the wheels have
+  WheelPair slewed_{};
+  uint64_t brake_until_us_ = 0;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,71 @@
+// Frames on the wire: 0x00, COBS(id, seq, body, CRC-32), 0x00. See protocol/SPEC.md, "Framing".
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol.hpp"
+
+namespace wheelwire {
+
+constexpr size_t kHeaderSize = 3;
+constexpr size_t kCrcSize = 4;
+constexpr size_t kMaxBody = kMaxPayload - kHeaderSize - kCrcSize;
+constexpr size_t kMaxEncoded = kMaxPayload + 1;
+constexpr size_t kMaxFrame = kMaxEncoded + 2;
+static_assert(kMaxPayload < 254, "COBS would need a second code byte");
+
+/// Bytes on the wire of a message with this body.
+constexpr size_t frame_size(size_t body_size) {
+  return body_size + kHeaderSize + kCrcSize + 3;  // COBS code and two delimiters
+}
+
+/// A good frame. Valid until the next byte is fed.
+struct Frame {
+  uint8_t id;
+  const uint8_t* body;
+};
+
+struct ReceiveCounters {
+  uint32_t frames;
+  uint32_t bad_crc;
+  uint32_t bad_cobs;
+  uint32_t unknown_id;
+  uint32_t wrong_length;
+  uint32_t seq_lost;
+  uint32_t repeated;
+};
+
+/// Bytes in, good frames out. Whatever comes in, it keeps one encoded payload at most.
+class FrameDecoder {
+ public:
+  using BodySize = int (*)(uint8_t id);
+
+  /// `body_size` tells the size of the body of each id that is known here, -1 for any other.
+  explicit FrameDecoder(BodySize body_size) : body_size_(body_size) {}
+
+  /// Returns true when `byte` completed a good frame, which is then in `frame`.
+  bool feed(uint8_t byte, Frame& frame);
+  /// Expect any sequence number next.
+  void restart_sequence() { sequence_known_ = false; }
+
+  const ReceiveCounters& counters() const { return counters_; }
+
+ private:
+  bool finish_chunk(Frame& frame);
+  bool decode_cobs(size_t& payload_size);
+  void check_sequence(uint16_t seq);
+
+  BodySize body_size_;
+  ReceiveCounters counters_{};
+  uint8_t buffer_[kMaxEncoded];
+  size_t size_ = 0;
+  bool overlong_ = false;
+  bool sequence_known_ = false;
+  uint16_t expected_seq_ = 0;
+};
+
+/// Writes the frame of a body to `out`, which holds kMaxFrame bytes. Returns its size.
+size_t encode_frame(uint8_t id, uint16_t seq, const uint8_t* body, size_t body_size, uint8_t* out);
+
+}  // namespace wheelwire

@@ -1,0 +1,94 @@
+// What the core needs from the hardware. A test can put a fault in any of these.
+//
+// All are called from the control task only, never from an interrupt handler: a vtable in flash is
+// unreachable while the cache is off.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace wheelwire {
+
+/// One wheel's power stage.
+class MotorPort {
+ public:
+  virtual void drive(int16_t duty_q15) = 0;  ///< -32767..32767, forward positive.
+  virtual void brake() = 0;                  ///< Windings shorted.
+  virtual void coast() = 0;                  ///< Outputs off; safe at any time.
+
+ protected:
+  ~MotorPort() = default;  // Owned by main(), never deleted through the interface.
+};
+
+/// The pins of one half of an L298N.
+class BridgePort {
+ public:
+  virtual void set_inputs(bool in1, bool in2) = 0;
+  virtual void set_enable(uint16_t duty_q15) = 0;  ///< PWM on EN, 0..32767; 0 is low.
+
+ protected:
+  ~BridgePort() = default;
+};
+
+/// The chip's counters never leave -32766..32766: at +-32767 they return to 0.
+constexpr int32_t kCounterLimit = 32767;
+
+/// Both quadrature counters at one instant.
+struct EncoderCounts {
+  uint64_t t_us;  ///< Device clock at the latch.
+  int16_t left;   ///< Raw counter, x4, modulo kCounterLimit.
+  int16_t right;
+};
+
+class EncoderPort {
+ public:
+  virtual EncoderCounts latch() = 0;
+
+ protected:
+  ~EncoderPort() = default;
+};
+
+/// The line to the host.
+class ByteStream {
+ public:
+  /// Returns how many bytes were read, 0 when none wait.
+  virtual size_t read(uint8_t* out, size_t capacity) = 0;
+  /// Takes all of the bytes, or none and returns false when there is no room.
+  virtual bool write(const uint8_t* data, size_t size) = 0;
+  /// Bytes that the line carries in a second; 0: more than the core can send.
+  virtual uint32_t bytes_per_second() const = 0;
+
+ protected:
+  ~ByteStream() = default;
+};
+
+/// Keeps one block of bytes over a reset. A save is atomic: the old block or the new one.
+class ParameterStore {
+ public:
+  /// Returns the size of the block, 0 when there is none; at most `capacity` bytes are copied.
+  virtual size_t load(uint8_t* out, size_t capacity) = 0;
+  virtual bool save(const uint8_t* data, size_t size) = 0;
+  virtual bool erase() = 0;
+
+ protected:
+  ~ParameterStore() = default;
+};
+
+/// The emergency-stop contact, normally closed.
+class EstopInput {
+ public:
+  virtual bool is_open() = 0;
+
+ protected:
+  ~EstopInput() = default;
+};
+
+class BatterySense {
+ public:
+  virtual uint16_t millivolts() = 0;  ///< 0: not measured.
+
+ protected:
+  ~BatterySense() = default;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,53 @@
+// Messages over the line: framing both ways, and the counts of what was lost.
+#pragma once
+
+#include "framing.hpp"
+#include "hal.hpp"
+
+namespace wheelwire {
+
+class Link {
+ public:
+  explicit Link(ByteStream& line);
+
+  /// Returns true with the next good frame for the device; false when nothing more waits. Reads at
+  /// most kReadBudget bytes between two calls of `new_turn`, so that a babbling line cannot hold up
+  /// the control loop.
+  bool receive(Frame& frame);
+  void new_turn() { budget_ = kReadBudget; }
+  void restart_sequence() { decoder_.restart_sequence(); }
+
+  template <typename Message>
+  void send(const Message& message) {
+    uint8_t body[Message::kSize];
+    message.encode(body);
+    send_body(Message::kId, body, Message::kSize);
+  }
+  void send_body(uint8_t id, const uint8_t* body, size_t size);
+
+  /// True when the line carries `rate_hz` frames of this body and has a fifth to spare.
+  bool carries(uint32_t rate_hz, size_t body_size) const;
+
+  const ReceiveCounters& received() const { return decoder_.counters(); }
+  uint32_t frames_sent() const { return frames_sent_; }
+  uint32_t send_dropped() const { return send_dropped_; }
+
+ private:
+  // Three times what 2 Mbit/s brings in a millisecond.
+  static constexpr size_t kReadBudget = 600;
+  static constexpr size_t kChunk = 64;
+
+  bool refill();
+
+  ByteStream& line_;
+  FrameDecoder decoder_;
+  uint8_t chunk_[kChunk];
+  size_t chunk_size_ = 0;
+  size_t chunk_used_ = 0;
+  size_t budget_ = kReadBudget;
+  uint16_t seq_ = 0;
+  uint32_t frames_sent_ = 0;
+  uint32_t send_dropped_ = 0;
+};
+
+}  // namespace wheelwire

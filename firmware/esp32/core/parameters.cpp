@@ -1,0 +1,86 @@
+#include "parameters.hpp"
+
+#include "crc32.hpp"
+#include "wire.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr bool ids_count_from_one() {
+  for (size_t i = 0; i < kParameterCount; ++i) {
+    if (static_cast<size_t>(kParameters[i].id) != i + 1) return false;
+  }
+  return true;
+}
+static_assert(ids_count_from_one(), "values are found by id - 1");
+
+// The block: magic, count, (id, value) for each, CRC-32. Keyed by id, so that a release with more
+// parameters still reads the block of one with fewer.
+constexpr uint32_t kMagic = 0x31505757;  // "WWP1"
+constexpr size_t kHead = 5;
+constexpr size_t kEntry = 5;
+constexpr size_t kTail = 4;
+constexpr size_t kMaxEntries = 64;
+constexpr size_t kMaxBlock = kHead + kMaxEntries * kEntry + kTail;
+
+}  // namespace
+
+bool Parameters::exists(ParameterId id) {
+  const size_t number = static_cast<size_t>(id);
+  return number >= 1 && number <= kParameterCount;
+}
+
+RefusalCode Parameters::set(ParameterId id, float value) {
+  if (!exists(id)) return RefusalCode::kUnknownParameter;
+  if (!__builtin_isfinite(value)) return RefusalCode::kNotFinite;
+  const ParameterSpec& spec = Parameters::spec(id);
+  if (value < spec.minimum || value > spec.maximum) return RefusalCode::kOutOfRange;
+  if (spec.kind != ParameterKind::kReal && value != static_cast<float>(static_cast<int32_t>(value)))
+    return RefusalCode::kNotIntegral;
+  values_[static_cast<size_t>(id) - 1] = value;
+  return RefusalCode::kNone;
+}
+
+void Parameters::set_defaults() {
+  for (size_t i = 0; i < kParameterCount; ++i) values_[i] = kParameters[i].default_value;
+}
+
+Parameters::Load Parameters::load(ParameterStore& store) {
+  uint8_t block[kMaxBlock];
+  const size_t size = store.load(block, sizeof block);
+  if (size == 0) return Load::kEmpty;
+  if (size < kHead + kTail || size > sizeof block || crc32(block, size) != kCrcResidue)
+    return Load::kCorrupt;
+  const uint8_t* in = block;
+  uint32_t magic;
+  uint8_t count;
+  wire::get(in, magic);
+  wire::get(in, count);
+  if (magic != kMagic || size != kHead + count * kEntry + kTail) return Load::kCorrupt;
+
+  Parameters loaded;
+  for (; count > 0; --count) {
+    ParameterId id;
+    float value;
+    wire::get(in, id);
+    wire::get(in, value);
+    if (exists(id) && loaded.set(id, value) != RefusalCode::kNone) return Load::kCorrupt;
+  }
+  *this = loaded;
+  return Load::kLoaded;
+}
+
+bool Parameters::save(ParameterStore& store) const {
+  uint8_t block[kHead + kParameterCount * kEntry + kTail];
+  uint8_t* out = block;
+  wire::put(out, kMagic);
+  wire::put(out, static_cast<uint8_t>(kParameterCount));
+  for (const ParameterSpec& spec : kParameters) {
+    wire::put(out, spec.id);
+    wire::put(out, get(spec.id));
+  }
+  wire::put(out, crc32(block, static_cast<size_t>(out - block)));
+  return store.save(block, sizeof block);
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,120 @@
+#include "robot.hpp"
+
+namespace wheelwire {
+
+Robot::Robot(const Hal& hal, const Identity& identity)
+    : hal_(hal),
+      identity_(identity),
+      config_(make_config(parameters_)),
+      link_(hal.line),
+      drive_(hal.left_motor, hal.right_motor) {}
+
+void Robot::start(uint64_t now_us) {
+  store_state_ = parameters_.load(hal_.store);
+  apply_parameters();
+  drive_.start(hal_.encoders.latch());
+  last_step_us_ = now_us;
+  apply(SupervisorEvent::kStarted, now_us);
+}
+
+void Robot::step(uint64_t now_us) {
+  const EncoderCounts counts = hal_.encoders.latch();
+  encoder_us_ = counts.t_us;
+  faults_ |= drive_.latch(counts, config_);
+  check_timing(now_us);
+  service_link(now_us);
+  supervise(now_us);
+  actuate(now_us);
+  stream_state(now_us);
+}
+
+void Robot::report_driver_failure() { driver_failed_ = true; }
+
+void Robot::check_timing(uint64_t now_us) {
+  const uint64_t elapsed_us = now_us - last_step_us_;
+  last_step_us_ = now_us;
+  if (elapsed_us > config_.period_us + config_.period_us / 2) ++overruns_;
+  // Standing still, a late step (a flash write, say) hurts nobody.
+  if (supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us)
+    faults_ |= fault::kControlOverrun;
+}
+
+void Robot::supervise(uint64_t now_us) {
+  if (driver_failed_) faults_ |= fault::kDriverFailed;
+  if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
+  if (config_.estop_input_enabled && hal_.estop.is_open()) apply(SupervisorEvent::kEstop, now_us);
+  if (supervisor_.may_drive() && now_us >= setpoint_.deadline_us)
+    apply(SupervisorEvent::kDeadline, now_us);
+}
+
+void Robot::actuate(uint64_t now_us) {
+  if (supervisor_.may_drive()) {
+    drive_.follow(setpoint_.mode, setpoint_.target, config_);
+  } else {
+    drive_.keep_stopped(now_us);
+  }
+}
+
+/// The one place where the supervisor's state changes, and where leaving DRIVING removes the drive.
+void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
+  const SupervisorState before = supervisor_.state();
+  if (!supervisor_.apply(event)) return;
+  if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
+  if (!session_.is_open()) return;
+  link_.send(Event{
+      .boot_id = identity_.boot_id,
+      .t_us = static_cast<uint32_t>(now_us),
+      .code = EventCode::kSupervisor,
+      .cause = event,
+      .before = before,
+      .after = supervisor_.state(),
+      .faults = static_cast<uint16_t>(faults_),
+  });
+}
+
+void Robot::stream_state(uint64_t now_us) {
+  if (state_interval_us_ == 0 || now_us < next_state_us_) return;
+  next_state_us_ += state_interval_us_;
+  // After a gap the missed frames are not sent in a burst.
+  if (next_state_us_ <= now_us) next_state_us_ = now_us + state_interval_us_;
+  const Wheel& left = drive_.left();
+  const Wheel& right = drive_.right();
+  link_.send(WheelState{
+      .boot_id = identity_.boot_id,
+      .t_us = static_cast<uint32_t>(encoder_us_),
+      .left_ticks = left.ticks(),
+      .right_ticks = right.ticks(),
+      .left_mps = to_mps(left.velocity_umps()),
+      .right_mps = to_mps(right.velocity_umps()),
+      .left_duty_q15 = static_cast<int16_t>(left.duty_q15()),
+      .right_duty_q15 = static_cast<int16_t>(right.duty_q15()),
+      .command_seq = setpoint_.command_seq,
+      .supervisor = supervisor_.state(),
+      .faults = static_cast<uint16_t>(faults_),
+      .overruns = overruns_,
+      .battery_mv = hal_.battery.millivolts(),
+  });
+}
+
+void Robot::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
+  state_interval_us_ = rate_hz == 0 ? 0 : 1'000'000 / rate_hz;
+  next_state_us_ = now_us;
+}
+
+void Robot::apply_parameters() { config_ = make_config(parameters_); }
+
+/// A host that connects is told once a session what became of its saved parameters.
+void Robot::announce_store() {
+  if (store_state_ == Parameters::Load::kLoaded) return;
+  link_.send(Event{
+      .boot_id = identity_.boot_id,
+      .t_us = static_cast<uint32_t>(last_step_us_),
+      .code = store_state_ == Parameters::Load::kEmpty ? EventCode::kStoreEmpty
+                                                       : EventCode::kStoreDefaulted,
+      .before = supervisor_.state(),
+      .after = supervisor_.state(),
+      .faults = static_cast<uint16_t>(faults_),
+  });
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,44 @@
+#include "supervisor.hpp"
+
+namespace wheelwire {
+namespace {
+
+using enum SupervisorState;
+
+// Rows: SupervisorState. Columns: SupervisorEvent. A guard outside the table keeps kClearEstop and
+// kClearFault away while their cause lasts.
+constexpr SupervisorState kTable[kStateCount][kEventCount] = {
+    // clang-format off
+    // kStarted   kSession    kSetpoint  kStop      kDeadline   kEstop     kClearEstop kFault     kClearFault
+    {kIdle,       kBoot,      kBoot,     kBoot,     kBoot,      kEstopped, kBoot,      kFault,    kBoot},
+    {kIdle,       kIdle,      kDriving,  kIdle,     kIdle,      kEstopped, kIdle,      kFault,    kIdle},
+    {kDriving,    kIdle,      kDriving,  kIdle,     kTimedOut,  kEstopped, kDriving,   kFault,    kDriving},
+    {kTimedOut,   kIdle,      kDriving,  kIdle,     kTimedOut,  kEstopped, kTimedOut,  kFault,    kTimedOut},
+    {kEstopped,   kEstopped,  kEstopped, kEstopped, kEstopped,  kEstopped, kIdle,      kEstopped, kEstopped},
+    {kFault,      kFault,     kFault,    kFault,    kFault,     kEstopped, kFault,     kFault,    kIdle},
+    // clang-format on
+};
+
+}  // namespace
+
+SupervisorState next_state(SupervisorState state, SupervisorEvent event) {
+  return kTable[static_cast<size_t>(state)][static_cast<size_t>(event)];
+}
+
+RefusalCode setpoint_refusal(SupervisorState state) {
+  switch (state) {
+    case kBoot:
+      return RefusalCode::kBooting;
+    case kEstopped:
+      return RefusalCode::kEstopped;
+    case kFault:
+      return RefusalCode::kFault;
+    case kIdle:
+    case kDriving:
+    case kTimedOut:
+      return RefusalCode::kNone;
+  }
+  return RefusalCode::kBooting;
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,45 @@
+// Numbers on the wire: little-endian and packed, whatever the machine.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+namespace wheelwire::wire {
+
+template <size_t kSize>
+struct UnsignedOf;
+template <>
+struct UnsignedOf<1> {
+  using Type = uint8_t;
+};
+template <>
+struct UnsignedOf<2> {
+  using Type = uint16_t;
+};
+template <>
+struct UnsignedOf<4> {
+  using Type = uint32_t;
+};
+template <>
+struct UnsignedOf<8> {
+  using Type = uint64_t;
+};
+
+template <typename T>
+void put(uint8_t*& out, T value) {
+  typename UnsignedOf<sizeof(T)>::Type bits;
+  memcpy(&bits, &value, sizeof bits);
+  for (size_t i = 0; i < sizeof bits; ++i) *out++ = static_cast<uint8_t>(bits >> (8 * i));
+}
+
+template <typename T>
+void get(const uint8_t*& in, T& value) {
+  typename UnsignedOf<sizeof(T)>::Type bits = 0;
+  for (size_t i = 0; i < sizeof bits; ++i) {
+    bits |= static_cast<decltype(bits)>(static_cast<decltype(bits)>(*in++) << (8 * i));
+  }
+  memcpy(&value, &bits, sizeof bits);
+}
+
+}  // namespace wheelwire::wire

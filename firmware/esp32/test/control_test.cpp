@@ -1,0 +1,93 @@
+#include "check.hpp"
+#include "drive.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+constexpr ControllerGains kGains{
+    .proportional_q24 = 549'739,  // 1 duty per m/s
+    .integral_q32 = 1'125'900,    // 8 duty per m, at 1 kHz
+    .feedforward_q24 = 795'472,   // 1.447 duty per m/s
+    .acceleration_q24 = 0,
+    .delay_steps = 10,
+    .static_q15 = 0,
+    .limit_q15 = 32'767,
+};
+
+}  // namespace
+
+TEST(feed_forward_alone_gives_the_duty_of_the_no_load_line) {
+  Controller controller;
+  controller.reset(400'000);
+  const int32_t duty = controller.update(400'000, 400'000, kGains);
+  CHECK(magnitude(duty - 18'965) <= 2);  // 0.4 m/s x 1.447 = 0.5788
+}
+
+TEST(the_integral_does_not_wind_up_against_the_limit) {
+  Controller controller;
+  for (int i = 0; i < 10'000; ++i) CHECK(controller.update(400'000, 0, kGains) <= 32'767);
+  int steps = 0;
+  while (controller.update(400'000, 500'000, kGains) > 18'965 && steps < 2000) ++steps;
+  CHECK(steps < 1000);
+}
+
+TEST(extreme_inputs_stay_within_the_limit) {
+  Controller controller;
+  for (const int32_t target : {INT32_MAX, -INT32_MAX, 0}) {
+    for (const int32_t measured : {INT32_MAX, -INT32_MAX, 0}) {
+      CHECK(magnitude(controller.update(target, measured, kGains)) <= 32'767);
+    }
+  }
+}
+
+TEST(scaling_keeps_the_ratio) {
+  const WheelPair scaled = scale_to_limit({250'000, 550'000}, 400'000);
+  CHECK(scaled.right == 400'000);
+  CHECK(magnitude(scaled.left - 181'818) <= 1);
+  const WheelPair untouched = scale_to_limit({-400'000, 100}, 400'000);
+  CHECK(untouched.left == -400'000 && untouched.right == 100);
+}
+
+TEST(both_wheels_arrive_together) {
+  WheelPair at{0, 0};
+  const WheelPair to{-100'000, 400'000};
+  int steps = 0;
+  while (at.right != to.right) {
+    at = approach(at, to, 1500);
+    CHECK(magnitude(at.left + at.right / 4) <= 300);  // the path's curvature all the way
+    ++steps;
+  }
+  CHECK(at.left == to.left);
+  CHECK(steps == 267);
+}
+
+TEST(a_wheel_that_counts_nothing_trips_after_its_time_only) {
+  const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
+  FaultMonitor monitor;
+  for (uint64_t t_us = 0; t_us < 500'000; t_us += 1000)
+    CHECK(monitor.update(20'000, 0, 0, t_us, thresholds) == WheelFault::kNone);
+  CHECK(monitor.update(20'000, 1, 0, 500'000, thresholds) == WheelFault::kNotCounting);
+}
+
+TEST(a_wheel_that_counts_slowly_does_not_trip) {
+  const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
+  FaultMonitor monitor;
+  for (uint64_t t_us = 0; t_us < 5'000'000; t_us += 1000) {
+    const auto ticks = static_cast<int32_t>(t_us / 200'000);
+    CHECK(monitor.update(20'000, ticks, 3000, t_us, thresholds) == WheelFault::kNone);
+  }
+}
+
+TEST(speed_that_grows_against_the_drive_trips_and_speed_that_falls_does_not) {
+  const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
+  FaultMonitor monitor;
+  for (int32_t speed = 400'000; speed > 0; speed -= 1000)
+    CHECK(monitor.update(-32'767, 0, speed, 0, thresholds) == WheelFault::kNone);
+  WheelFault seen = WheelFault::kNone;
+  int32_t speed = 0;
+  while (seen == WheelFault::kNone && speed < 400'000)
+    seen = monitor.update(-32'767, 0, speed += 1000, 0, thresholds);
+  CHECK(seen == WheelFault::kReversed);
+  CHECK(speed <= 152'000);
+}

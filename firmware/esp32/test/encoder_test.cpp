@@ -1,0 +1,61 @@
+#include "encoder.hpp"
+
+#include <random>
+
+#include "check.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+/// The chip's register: counts by one and returns to 0 at either limit.
+struct Register {
+  int16_t value = 0;
+  void count(int direction) {
+    value = static_cast<int16_t>(value + direction);
+    if (value == kCounterLimit || value == -kCounterLimit) value = 0;
+  }
+};
+
+}  // namespace
+
+TEST(total_follows_the_register_over_both_limits) {
+  std::mt19937 random(1);
+  Register reg;
+  TickTotal total;
+  int64_t truth = 0;
+  for (int step = 0; step < 2000; ++step) {
+    const int ticks = std::uniform_int_distribution<int>(0, 16'000)(random);
+    const int direction = (step / 100) % 2 == 0 ? 1 : -1;
+    for (int i = 0; i < ticks; ++i) reg.count(direction);
+    truth += direction * ticks;
+    CHECK(total.update(reg.value, false) == direction * ticks);
+    CHECK(total.ticks() == static_cast<int32_t>(truth));
+  }
+}
+
+TEST(hovering_at_a_limit_counts_nothing_twice) {
+  Register reg;
+  TickTotal total;
+  for (int i = 0; i < kCounterLimit - 1; ++i) {
+    reg.count(1);
+    total.update(reg.value, false);
+  }
+  for (int i = 0; i < 1000; ++i) {
+    reg.count(i % 2 == 0 ? 1 : -1);
+    total.update(reg.value, false);
+  }
+  CHECK(total.ticks() == kCounterLimit - 1);
+}
+
+TEST(an_inverted_encoder_counts_the_other_way) {
+  TickTotal total;
+  CHECK(total.update(10, true) == -10);
+  CHECK(total.ticks() == -10);
+}
+
+TEST(the_register_before_the_first_reading_is_no_travel) {
+  TickTotal total(1234);
+  CHECK(total.update(1235, false) == 1);
+  CHECK(total.ticks() == 1);
+}

@@ -1,0 +1,89 @@
+#include "parameters.hpp"
+
+#include <cmath>
+#include <vector>
+
+#include "check.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+
+namespace {
+
+class MemoryStore final : public ParameterStore {
+ public:
+  size_t load(uint8_t* out, size_t capacity) override {
+    for (size_t i = 0; i < block.size() && i < capacity; ++i) out[i] = block[i];
+    return block.size();
+  }
+  bool save(const uint8_t* data, size_t size) override {
+    if (broken) return false;
+    block.assign(data, data + size);
+    return true;
+  }
+  bool erase() override {
+    block.clear();
+    return !broken;
+  }
+
+  std::vector<uint8_t> block;
+  bool broken = false;
+};
+
+}  // namespace
+
+TEST(every_default_is_within_its_bounds) {
+  Parameters parameters;
+  for (const ParameterSpec& spec : kParameters)
+    CHECK(parameters.set(spec.id, spec.default_value) == RefusalCode::kNone);
+}
+
+TEST(values_out_of_bounds_are_refused_and_change_nothing) {
+  Parameters parameters;
+  CHECK(parameters.set(kWheelRadius, 2.0f) == RefusalCode::kOutOfRange);
+  CHECK(parameters.set(kWheelRadius, NAN) == RefusalCode::kNotFinite);
+  CHECK(parameters.set(kWheelRadius, INFINITY) == RefusalCode::kNotFinite);
+  CHECK(parameters.set(kCountsPerRevolution, 360.5f) == RefusalCode::kNotIntegral);
+  CHECK(parameters.set(static_cast<ParameterId>(0), 1) == RefusalCode::kUnknownParameter);
+  CHECK(parameters.set(static_cast<ParameterId>(255), 1) == RefusalCode::kUnknownParameter);
+  CHECK(parameters.get(kWheelRadius) == 0.033f);
+}
+
+TEST(saved_parameters_come_back) {
+  MemoryStore store;
+  Parameters saved;
+  saved.set(kWheelRadius, 0.05f);
+  CHECK(saved.save(store));
+  Parameters loaded;
+  CHECK(loaded.load(store) == Parameters::Load::kLoaded);
+  CHECK(loaded.get(kWheelRadius) == 0.05f);
+}
+
+TEST(an_empty_store_leaves_the_defaults) {
+  MemoryStore store;
+  Parameters parameters;
+  CHECK(parameters.load(store) == Parameters::Load::kEmpty);
+}
+
+TEST(any_flipped_bit_or_cut_of_the_block_is_noticed) {
+  MemoryStore store;
+  Parameters().save(store);
+  const std::vector<uint8_t> good = store.block;
+  for (size_t bit = 0; bit < good.size() * 8; ++bit) {
+    store.block = good;
+    store.block[bit / 8] ^= static_cast<uint8_t>(1u << (bit % 8));
+    CHECK(Parameters().load(store) == Parameters::Load::kCorrupt);
+  }
+  for (size_t size = 1; size < good.size(); ++size) {
+    store.block.assign(good.begin(), good.begin() + static_cast<ptrdiff_t>(size));
+    CHECK(Parameters().load(store) == Parameters::Load::kCorrupt);
+  }
+  store.block.assign(5000, 0x5a);
+  CHECK(Parameters().load(store) == Parameters::Load::kCorrupt);
+}
+
+TEST(a_failed_save_is_reported) {
+  MemoryStore store;
+  store.broken = true;
+  CHECK(!Parameters().save(store));
+}

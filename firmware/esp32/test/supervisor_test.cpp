@@ -1,0 +1,87 @@
+#include "supervisor.hpp"
+
+#include "check.hpp"
+
+using namespace wheelwire;
+using enum SupervisorState;
+
+namespace {
+
+template <typename Visit>
+void for_each_transition(Visit&& visit) {
+  for (size_t s = 0; s < kStateCount; ++s) {
+    for (size_t e = 0; e < kEventCount; ++e) {
+      const auto state = static_cast<SupervisorState>(s);
+      const auto event = static_cast<SupervisorEvent>(e);
+      visit(state, event, next_state(state, event));
+    }
+  }
+}
+
+}  // namespace
+
+TEST(only_a_setpoint_starts_driving) {
+  for_each_transition([](auto before, auto event, auto after) {
+    if (after != kDriving || before == kDriving) return;
+    CHECK(event == SupervisorEvent::kSetpoint);
+    CHECK(before == kIdle || before == kTimedOut);
+  });
+}
+
+TEST(driving_ends_with_each_event_that_must_end_it) {
+  CHECK(next_state(kDriving, SupervisorEvent::kSession) == kIdle);
+  CHECK(next_state(kDriving, SupervisorEvent::kStop) == kIdle);
+  CHECK(next_state(kDriving, SupervisorEvent::kDeadline) == kTimedOut);
+  CHECK(next_state(kDriving, SupervisorEvent::kEstop) == kEstopped);
+  CHECK(next_state(kDriving, SupervisorEvent::kFault) == kFault);
+}
+
+TEST(an_estop_latches_from_everywhere_until_its_own_clear) {
+  for_each_transition([](auto before, auto event, auto after) {
+    if (event == SupervisorEvent::kEstop) CHECK(after == kEstopped);
+    if (before == kEstopped)
+      CHECK(after == (event == SupervisorEvent::kClearEstop ? kIdle : kEstopped));
+  });
+}
+
+TEST(a_fault_latches_until_its_own_clear_or_an_estop) {
+  for_each_transition([](auto before, auto event, auto after) {
+    if (event == SupervisorEvent::kFault && before != kEstopped) CHECK(after == kFault);
+    if (before != kFault) return;
+    if (event == SupervisorEvent::kClearFault) {
+      CHECK(after == kIdle);
+    } else if (event != SupervisorEvent::kEstop) {
+      CHECK(after == kFault);
+    }
+  });
+}
+
+TEST(boot_ends_when_started_and_never_drives) {
+  for_each_transition([](auto before, auto event, auto after) {
+    if (before != kBoot) {
+      CHECK(after != kBoot);
+    } else if (event == SupervisorEvent::kStarted) {
+      CHECK(after == kIdle);
+    } else {
+      CHECK(after == kBoot || after == kEstopped || after == kFault);
+    }
+  });
+}
+
+TEST(a_timed_out_robot_drives_again_with_a_fresh_setpoint_only) {
+  for_each_transition([](auto before, auto event, auto after) {
+    if (before == kTimedOut && after == kDriving) CHECK(event == SupervisorEvent::kSetpoint);
+    if (after == kTimedOut && before != kTimedOut) {
+      CHECK(before == kDriving);
+      CHECK(event == SupervisorEvent::kDeadline);
+    }
+  });
+}
+
+TEST(a_setpoint_is_refused_exactly_where_it_does_not_drive) {
+  for (size_t s = 0; s < kStateCount; ++s) {
+    const auto state = static_cast<SupervisorState>(s);
+    const bool drives = next_state(state, SupervisorEvent::kSetpoint) == kDriving;
+    CHECK(drives == (setpoint_refusal(state) == RefusalCode::kNone));
+  }
+}

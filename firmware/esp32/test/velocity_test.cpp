@@ -1,0 +1,78 @@
+#include "velocity.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "check.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+constexpr uint32_t kWindow_us = 20'000;
+
+/// Feeds a wheel turning at `ticks_per_s` for `seconds`; returns the extremes of the last half.
+struct Extremes {
+  double least = 1e9;
+  double most = -1e9;
+};
+
+Extremes turn(VelocityEstimator& estimator, double ticks_per_s, double seconds) {
+  Extremes seen;
+  int64_t counted = 0;
+  const auto steps = static_cast<int>(seconds * 1000);
+  for (int step = 1; step <= steps; ++step) {
+    const auto position = static_cast<int64_t>(std::floor(ticks_per_s * step / 1000.0));
+    estimator.update(static_cast<int32_t>(position - counted), static_cast<uint64_t>(step) * 1000,
+                     kWindow_us);
+    counted = position;
+    if (step < steps / 2) continue;
+    seen.least = std::min(seen.least, estimator.ticks_per_s_q8() / 256.0);
+    seen.most = std::max(seen.most, estimator.ticks_per_s_q8() / 256.0);
+  }
+  return seen;
+}
+
+void check_steady(double ticks_per_s, double tolerance) {
+  VelocityEstimator estimator;
+  const Extremes seen = turn(estimator, ticks_per_s, 2.0);
+  CHECK(seen.least > ticks_per_s - std::abs(ticks_per_s) * tolerance);
+  CHECK(seen.most < ticks_per_s + std::abs(ticks_per_s) * tolerance);
+}
+
+}  // namespace
+
+TEST(velocity_is_smooth_where_ticks_are_rare) { check_steady(52, 0.03); }
+TEST(velocity_at_walking_pace) { check_steady(700, 0.07); }
+TEST(velocity_with_many_ticks_a_period) { check_steady(250'000, 0.01); }
+TEST(velocity_backwards) { check_steady(-300, 0.07); }
+
+TEST(velocity_falls_while_no_tick_comes) {
+  VelocityEstimator estimator;
+  turn(estimator, 700, 1.0);
+  int32_t before = estimator.ticks_per_s_q8();
+  for (uint64_t t_us = 1'001'000; t_us < 1'400'000; t_us += 1000) {
+    estimator.update(0, t_us, kWindow_us);
+    CHECK(estimator.ticks_per_s_q8() <= before);
+    before = estimator.ticks_per_s_q8();
+  }
+  CHECK(before < 5 * 256);
+  estimator.update(0, 2'000'000, kWindow_us);
+  CHECK(estimator.ticks_per_s_q8() == 0);
+}
+
+TEST(one_tick_to_and_fro_is_no_speed) {
+  VelocityEstimator estimator;
+  for (int i = 0; i < 100; ++i) {
+    estimator.update(i % 2 == 0 ? 1 : -1, static_cast<uint64_t>(i) * 1000, kWindow_us);
+    CHECK(estimator.ticks_per_s_q8() == 0);
+  }
+}
+
+TEST(two_readings_at_one_instant_are_survived) {
+  VelocityEstimator estimator;
+  estimator.update(1, 1000, kWindow_us);
+  estimator.update(1, 1000, kWindow_us);
+  estimator.update(0, 1000, kWindow_us);
+  CHECK(estimator.ticks_per_s_q8() == 0);
+}
