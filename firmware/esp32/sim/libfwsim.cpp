@@ -1,0 +1,125 @@
+#include "libfwsim.h"
+
+#include <exception>
+
+#include "reset_reason.hpp"
+#include "simulator.hpp"
+#include "variables.hpp"
+
+using wheelwire::sim::Simulator;
+using wheelwire::sim::VariableStatus;
+
+struct fwsim {
+  explicit fwsim(uint64_t seed) : simulator(seed) {}
+  Simulator simulator;
+};
+
+namespace {
+
+constexpr wheelwire::sim::Nanoseconds kMicrosecond = 1000;
+constexpr int64_t kLongestAdvanceUs = INT64_MAX / kMicrosecond / 1000;
+
+int status(VariableStatus result) {
+  switch (result) {
+    case VariableStatus::kOk:
+      return FWSIM_OK;
+    case VariableStatus::kUnknownName:
+      return FWSIM_UNKNOWN_NAME;
+    case VariableStatus::kReadOnly:
+      return FWSIM_READ_ONLY;
+    case VariableStatus::kOutOfRange:
+      return FWSIM_OUT_OF_RANGE;
+  }
+  return FWSIM_FAILED;
+}
+
+/// No exception crosses the C interface; only allocation can throw.
+template <typename Action>
+int guarded(Action&& action) {
+  try {
+    return action();
+  } catch (const std::exception&) {
+    return FWSIM_FAILED;
+  }
+}
+
+}  // namespace
+
+fwsim* fwsim_create(uint64_t seed) {
+  try {
+    return new fwsim(seed);
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
+
+void fwsim_destroy(fwsim* sim) { delete sim; }
+
+int fwsim_use_store(fwsim* sim, const char* path) {
+  if (sim == nullptr || path == nullptr) return FWSIM_BAD_ARGUMENT;
+  return guarded([&] {
+    sim->simulator.board.store.use_file(path);
+    return FWSIM_OK;
+  });
+}
+
+int fwsim_set(fwsim* sim, const char* name, double value) {
+  if (sim == nullptr || name == nullptr) return FWSIM_BAD_ARGUMENT;
+  return guarded([&] { return status(wheelwire::sim::set_variable(sim->simulator, name, value)); });
+}
+
+int fwsim_get(const fwsim* sim, const char* name, double* value) {
+  if (sim == nullptr || name == nullptr || value == nullptr) return FWSIM_BAD_ARGUMENT;
+  return guarded(
+      [&] { return status(wheelwire::sim::get_variable(sim->simulator, name, *value)); });
+}
+
+int fwsim_advance_us(fwsim* sim, int64_t duration_us) {
+  if (sim == nullptr || duration_us < 0 || duration_us > kLongestAdvanceUs) {
+    return FWSIM_BAD_ARGUMENT;
+  }
+  return guarded([&] {
+    sim->simulator.advance(duration_us * kMicrosecond);
+    return FWSIM_OK;
+  });
+}
+
+int fwsim_write(fwsim* sim, const uint8_t* data, size_t size) {
+  if (sim == nullptr || (data == nullptr && size > 0)) return FWSIM_BAD_ARGUMENT;
+  return guarded([&] {
+    sim->simulator.board.line.host_write(data, size);
+    return FWSIM_OK;
+  });
+}
+
+int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
+  if (sim == nullptr || size == nullptr || (out == nullptr && capacity > 0)) {
+    return FWSIM_BAD_ARGUMENT;
+  }
+  return guarded([&] {
+    *size = sim->simulator.board.line.host_read(out, capacity);
+    return FWSIM_OK;
+  });
+}
+
+int fwsim_reset(fwsim* sim, int reason) {
+  if (sim == nullptr || !wheelwire::sim::is_reset_reason(reason)) return FWSIM_BAD_ARGUMENT;
+  return guarded([&] {
+    sim->simulator.reset(static_cast<wheelwire::ResetReason>(reason));
+    return FWSIM_OK;
+  });
+}
+
+size_t fwsim_variable_count(void) { return wheelwire::sim::variables().size(); }
+
+int fwsim_describe(size_t index, fwsim_variable* description) {
+  if (description == nullptr || index >= fwsim_variable_count()) return FWSIM_BAD_ARGUMENT;
+  const wheelwire::sim::Variable& variable = wheelwire::sim::variables()[index];
+  *description = {.name = variable.name.c_str(),
+                  .unit = variable.unit,
+                  .doc = variable.doc.c_str(),
+                  .minimum = variable.minimum,
+                  .maximum = variable.maximum,
+                  .settable = variable.set != nullptr};
+  return FWSIM_OK;
+}

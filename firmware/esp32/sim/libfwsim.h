@@ -1,0 +1,68 @@
+/* The simulated device in virtual time, for any language: the firmware's core on a model robot.
+ *
+ * Nothing here blocks, prints or raises. A simulator is used by one thread at a time; two of them
+ * share nothing. The same seed and the same calls give the same run.
+ */
+#ifndef WHEELWIRE_LIBFWSIM_H
+#define WHEELWIRE_LIBFWSIM_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define FWSIM_EXPORT __attribute__((visibility("default")))
+
+typedef struct fwsim fwsim;
+
+/* What every function returns that returns an int. */
+enum fwsim_status {
+  FWSIM_OK = 0,
+  FWSIM_UNKNOWN_NAME = -1, /* No variable of this name. */
+  FWSIM_READ_ONLY = -2,
+  FWSIM_OUT_OF_RANGE = -3, /* Not finite, out of bounds, or at odds with the other variables. */
+  FWSIM_BAD_ARGUMENT = -4, /* A null pointer, a negative time, an unknown reset reason. */
+  FWSIM_FAILED = -5        /* Out of memory. */
+};
+
+/* A settable variable lies between minimum and maximum; both are 0 for a read-only one. */
+typedef struct fwsim_variable {
+  const char* name;
+  const char* unit;
+  const char* doc;
+  double minimum;
+  double maximum;
+  int settable;
+} fwsim_variable;
+
+/* Powers a device on at time 0. NULL when out of memory. */
+FWSIM_EXPORT fwsim* fwsim_create(uint64_t seed);
+FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
+
+/* Keeps the parameters in a file; call it before the first advance. */
+FWSIM_EXPORT int fwsim_use_store(fwsim* sim, const char* path);
+
+FWSIM_EXPORT int fwsim_set(fwsim* sim, const char* name, double value);
+FWSIM_EXPORT int fwsim_get(const fwsim* sim, const char* name, double* value);
+
+/* Runs the device and the world for this long [us]. */
+FWSIM_EXPORT int fwsim_advance_us(fwsim* sim, int64_t duration_us);
+
+/* Bytes from the host onto the line. */
+FWSIM_EXPORT int fwsim_write(fwsim* sim, const uint8_t* data, size_t size);
+/* Bytes that have reached the host; *size is set to how many were read. */
+FWSIM_EXPORT int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size);
+
+/* Starts the device again, for a reason as in DeviceHello's reset_reason. */
+FWSIM_EXPORT int fwsim_reset(fwsim* sim, int reason);
+
+FWSIM_EXPORT size_t fwsim_variable_count(void);
+FWSIM_EXPORT int fwsim_describe(size_t index, fwsim_variable* description);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,95 @@
+#include "commands.hpp"
+
+#include <algorithm>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "json.hpp"
+#include "reset_reason.hpp"
+#include "variables.hpp"
+
+namespace wheelwire::sim {
+
+namespace {
+
+std::vector<std::string> split(const std::string& line) {
+  std::istringstream stream(line);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+JsonLine done(std::string_view command) {
+  JsonLine answer("answer");
+  answer.add("ok", true).add("command", command);
+  return answer;
+}
+
+void require(VariableStatus status, const std::string& name) {
+  switch (status) {
+    case VariableStatus::kOk:
+      return;
+    case VariableStatus::kUnknownName:
+      throw std::invalid_argument("no variable " + name + "; see --help");
+    case VariableStatus::kReadOnly:
+      throw std::invalid_argument(name + " is read-only");
+    case VariableStatus::kOutOfRange:
+      throw std::invalid_argument("out of range; see --help for the bounds of " + name);
+  }
+}
+
+}  // namespace
+
+std::string Commands::run(const std::string& line) {
+  const std::vector<std::string> words = split(line);
+  try {
+    if (words.size() == 3 && words[0] == "set") return set(words[1], words[2]);
+    if (words.size() == 2 && words[0] == "get") return value_of("get", words[1]);
+    if (words.size() == 2 && words[0] == "reset") return reset(words[1]);
+    if (words.size() == 1 && words[0] == "reset") return reset("external");
+    if (words.size() == 1 && words[0] == "plug") return plug();
+    if (words.size() == 1 && words[0] == "unplug") return unplug();
+    if (words.size() == 1 && words[0] == "quit") {
+      quit_ = true;
+      return done("quit").str();
+    }
+    throw std::invalid_argument("not a command; see --help");
+  } catch (const std::exception& error) {
+    return JsonLine("answer").add("ok", false).add("error", error.what()).str();
+  }
+}
+
+std::string Commands::set(const std::string& name, const std::string& value) {
+  require(set_variable(device_.simulator(), name, parse_number(value)), name);
+  return value_of("set", name);
+}
+
+std::string Commands::value_of(const char* command, const std::string& name) const {
+  double value = 0.0;
+  require(get_variable(device_.simulator(), name, value), name);
+  return done(command).add("name", name).add("value", value).str();
+}
+
+std::string Commands::reset(const std::string& reason) {
+  const auto* found = std::find(kResetReasonNames.begin(), kResetReasonNames.end(), reason);
+  if (found == kResetReasonNames.end()) {
+    throw std::invalid_argument("no reset reason " + reason + "; see --help");
+  }
+  device_.simulator().reset(static_cast<ResetReason>(found - kResetReasonNames.begin()));
+  return done("reset").add("boot_id", uint64_t{device_.simulator().boot_id()}).str();
+}
+
+std::string Commands::plug() {
+  if (device_.is_plugged()) throw std::invalid_argument("plugged in already");
+  device_.plug();
+  return done("plug").add("port", device_.port_name()).str();
+}
+
+std::string Commands::unplug() {
+  if (!device_.is_plugged()) throw std::invalid_argument("unplugged already");
+  device_.unplug();
+  return done("unplug").str();
+}
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,29 @@
+// The commands on standard input.
+#pragma once
+
+#include <string>
+
+#include "device.hpp"
+
+namespace wheelwire::sim {
+
+class Commands {
+ public:
+  explicit Commands(Device& device) : device_(device) {}
+
+  /// Carries one line out, or changes nothing and says why; returns the answer.
+  std::string run(const std::string& line);
+  bool quit() const { return quit_; }
+
+ private:
+  std::string set(const std::string& name, const std::string& value);
+  std::string value_of(const char* command, const std::string& name) const;
+  std::string reset(const std::string& reason);
+  std::string plug();
+  std::string unplug();
+
+  Device& device_;
+  bool quit_ = false;
+};
+
+}  // namespace wheelwire::sim

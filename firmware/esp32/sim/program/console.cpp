@@ -1,0 +1,66 @@
+#include "console.hpp"
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+namespace wheelwire::sim {
+
+namespace {
+
+constexpr size_t kMaxInput = 4096;
+constexpr size_t kMaxQueue = 4096;
+
+bool takes_output() {
+  pollfd entry{.fd = STDOUT_FILENO, .events = POLLOUT, .revents = 0};
+  return ::poll(&entry, 1, 0) > 0;
+}
+
+}  // namespace
+
+void Console::receive() {
+  if (ended_) return;
+  char buffer[4096];
+  const ssize_t count = ::read(STDIN_FILENO, buffer, sizeof buffer);
+  if (count < 0 && errno == EINTR) return;
+  if (count <= 0) {
+    ended_ = true;
+    return;
+  }
+  input_.append(buffer, static_cast<size_t>(count));
+}
+
+std::optional<std::string> Console::next_line() {
+  const size_t end = input_.find('\n');
+  if (end == std::string::npos) {
+    // A line without an end is no command.
+    if (input_.size() >= kMaxInput) input_.clear();
+    return std::nullopt;
+  }
+  std::string line = input_.substr(0, end);
+  input_.erase(0, end + 1);
+  return line;
+}
+
+void Console::print(const std::string& line) {
+  if (output_.size() < kMaxQueue) output_.push_back(line);
+  flush();
+}
+
+void Console::print_if_idle(const std::string& line) {
+  flush();
+  if (output_.empty()) print(line);
+}
+
+/// A ready pipe takes a line shorter than PIPE_BUF whole, without blocking; ours all are.
+void Console::flush() {
+  while (!output_.empty() && takes_output()) {
+    const std::string& line = output_.front();
+    const ssize_t written = ::write(STDOUT_FILENO, line.data(), line.size());
+    if (written < 0 && errno == EINTR) continue;
+    output_.pop_front();  // With nobody to read it, a line is lost.
+  }
+}
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,52 @@
+#include "device.hpp"
+
+#include <stdexcept>
+
+#include "variables.hpp"
+
+namespace wheelwire::sim {
+
+namespace {
+
+/// What one end receives of the other's bytes. An end at 0 baud understands any rate.
+Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
+  if (from_baud == 0 || to_baud == 0) return data;
+  return resample(data, from_baud, to_baud);
+}
+
+}  // namespace
+
+Device::Device(const Options& options) : link_(options.link), simulator_(options.seed) {
+  if (!options.store.empty()) simulator_.board.store.use_file(options.store);
+  for (const auto& [name, value] : options.settings) {
+    if (set_variable(simulator_, name, value) != VariableStatus::kOk) {
+      throw std::invalid_argument("cannot set " + name + "; see --help for names and bounds");
+    }
+  }
+  // The constructor has switched the power on already; the settings are to hold from there.
+  simulator_.reset(ResetReason::kPowerOn);
+  plug();
+}
+
+void Device::plug() {
+  port_.reset();
+  port_.emplace(link_);
+}
+
+void Device::receive() {
+  if (!port_) return;
+  const Bytes data = port_->read();
+  Line& line = simulator_.board.line;
+  const Bytes arriving = over_uart(data, port_->host_baud(), line.baud());
+  line.host_write(arriving.data(), arriving.size());
+}
+
+void Device::send() {
+  Line& line = simulator_.board.line;
+  if (line.host_waiting() == 0) return;
+  Bytes data(line.host_waiting());
+  line.host_read(data.data(), data.size());
+  if (port_) port_->write(over_uart(data, line.baud(), port_->host_baud()));
+}
+
+}  // namespace wheelwire::sim

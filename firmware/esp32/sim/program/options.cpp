@@ -1,0 +1,154 @@
+#include "options.hpp"
+
+#include <getopt.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <sstream>
+#include <stdexcept>
+
+#include "variables.hpp"
+
+namespace wheelwire::sim {
+
+namespace {
+
+constexpr double kMaxTruthHz = 1000.0;
+
+enum Option : int { kLink = 1, kSeed, kBaud, kStore, kSet, kTruthHz, kExitWithStdin, kHelp };
+
+constexpr option kOptions[] = {
+    {"link", required_argument, nullptr, kLink},
+    {"seed", required_argument, nullptr, kSeed},
+    {"baud", required_argument, nullptr, kBaud},
+    {"store", required_argument, nullptr, kStore},
+    {"set", required_argument, nullptr, kSet},
+    {"truth-hz", required_argument, nullptr, kTruthHz},
+    {"exit-with-stdin", no_argument, nullptr, kExitWithStdin},
+    {"help", no_argument, nullptr, kHelp},
+    {nullptr, 0, nullptr, 0},
+};
+
+constexpr const char* kUsage =
+    R"(Usage: wheelwire-fwsim [OPTION]...
+
+Runs the firmware's core with a simulated robot, in real time, behind a pseudo-terminal.
+The first line on standard output is JSON and names the port.
+
+  --link PATH        make a symbolic link to the port
+  --baud N           baud rate of the chip; a host at another rate gets and sends garbage
+                     (default: 0, any rate will do, as on USB)
+  --store FILE       keep saved parameters in FILE (default: in memory)
+  --seed N           seed of boot ids and encoder errors (default: random)
+  --set NAME=VALUE   set a variable before power-on; may be repeated
+  --truth-hz N       write the robot's true state N times a second, as lines of JSON, and
+                     at once when the drive is applied or removed
+  --exit-with-stdin  end when standard input ends
+  --help             show this
+
+Commands, a line each on standard input, each answered by a line of JSON:
+  set NAME VALUE     get NAME       quit
+  reset [REASON]     unplug         plug
+REASON is unknown, power_on, external (default), software, panic, task_watchdog,
+interrupt_watchdog or brownout.
+
+Variables:
+)";
+
+std::pair<std::string, double> parse_setting(const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos) throw std::invalid_argument("--set takes NAME=VALUE");
+  return {text.substr(0, equals), parse_number(text.substr(equals + 1))};
+}
+
+uint64_t parse_seed(const std::string& text) {
+  size_t used = 0;
+  const uint64_t seed = std::stoull(text, &used, 0);
+  if (used != text.size() || text[0] == '-') throw std::invalid_argument(text);
+  return seed;
+}
+
+double parse_rate(const std::string& text) {
+  const double rate = parse_number(text);
+  if (!(rate >= 0.0 && rate <= kMaxTruthHz)) {
+    throw std::invalid_argument("--truth-hz takes 0 to 1000");
+  }
+  return rate;
+}
+
+uint64_t random_seed() {
+  std::random_device device;
+  return (static_cast<uint64_t>(device()) << 32) | device();
+}
+
+void apply(Options& options, int option, const std::string& value) {
+  switch (option) {
+    case kLink:
+      options.link = value;
+      break;
+    case kSeed:
+      try {
+        options.seed = parse_seed(value);
+      } catch (const std::logic_error&) {
+        throw std::invalid_argument("--seed takes a whole number");
+      }
+      break;
+    case kBaud:
+      options.settings.emplace_back("baud", parse_number(value));
+      break;
+    case kStore:
+      options.store = value;
+      break;
+    case kSet:
+      options.settings.push_back(parse_setting(value));
+      break;
+    case kTruthHz:
+      options.truth_hz = parse_rate(value);
+      break;
+    case kExitWithStdin:
+      options.exit_with_stdin = true;
+      break;
+    case kHelp:
+      options.help = true;
+      break;
+    default:
+      throw std::invalid_argument("see --help");
+  }
+}
+
+}  // namespace
+
+double parse_number(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0') throw std::invalid_argument("not a number: " + text);
+  return value;
+}
+
+Options parse_options(int argc, char** argv) {
+  Options options;
+  options.seed = random_seed();
+  int option = 0;
+  while ((option = ::getopt_long(argc, argv, "", kOptions, nullptr)) != -1) {
+    apply(options, option, optarg == nullptr ? "" : optarg);
+  }
+  if (optind < argc) throw std::invalid_argument(std::string("not an option: ") + argv[optind]);
+  return options;
+}
+
+std::string help_text() {
+  std::ostringstream text;
+  text << kUsage;
+  for (const Variable& variable : variables()) {
+    char line[160];
+    std::snprintf(line, sizeof line, "  %-26s %-10s %s", variable.name.c_str(), variable.unit,
+                  variable.set == nullptr ? "read-only" : "");
+    text << line;
+    if (variable.set != nullptr) text << variable.minimum << " to " << variable.maximum;
+    text << (variable.doc.empty() ? "" : ". ") << variable.doc << '\n';
+  }
+  return text.str();
+}
+
+}  // namespace wheelwire::sim

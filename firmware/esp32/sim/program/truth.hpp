@@ -1,0 +1,24 @@
+// The robot's true state as lines of JSON: at a rate, and whenever the drive changes.
+#pragma once
+
+#include "console.hpp"
+#include "simulator.hpp"
+
+namespace wheelwire::sim {
+
+class TruthStream {
+ public:
+  /// 0 Hz: nothing.
+  explicit TruthStream(double rate_hz)
+      : interval_(rate_hz > 0.0 ? static_cast<Nanoseconds>(1e9 / rate_hz) : 0) {}
+
+  /// To be called after every advance.
+  void report(const Simulator& simulator, Console& console);
+
+ private:
+  Nanoseconds interval_;
+  Nanoseconds next_ = 0;
+  uint64_t drive_changes_ = 0;
+};
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,69 @@
+// A wheel's quadrature encoder: rotation in, levels of A and B out, with the faults that occur.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+#include "random.hpp"
+
+namespace wheelwire::sim {
+
+struct EncoderModel {
+  bool dead = false;      ///< The levels are stuck.
+  bool reversed = false;  ///< A and B swapped.
+  /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
+  /// order of the edges is kept.
+  double edge_error_ticks = 0.0;
+};
+
+class Quadrature {
+ public:
+  explicit Quadrature(uint64_t seed) : seed_(seed) {}
+
+  EncoderModel model;
+
+  bool a() const { return a_; }
+  bool b() const { return b_; }
+  /// True position [tick], forward positive.
+  int64_t ticks() const { return static_cast<int64_t>(std::floor(position_)); }
+
+  /// Turns the wheel; `sink(a, b)` is called at each change of a level.
+  template <typename Sink>
+  void turn(double angle_rad, int counts_per_revolution, Sink&& sink) {
+    if (angle_rad == 0.0) return;
+    position_ += angle_rad * counts_per_revolution / (2.0 * std::numbers::pi);
+    while (position_ >= edge(interval_ + 1, counts_per_revolution)) enter(interval_ + 1, sink);
+    while (position_ < edge(interval_, counts_per_revolution)) enter(interval_ - 1, sink);
+  }
+
+ private:
+  /// Where the edge below interval `index` lies [tick].
+  double edge(int64_t index, int counts_per_revolution) const {
+    const double nominal = static_cast<double>(index);
+    if (model.edge_error_ticks == 0.0) return nominal;
+    const int64_t turn = index % counts_per_revolution;
+    const int64_t mark = turn < 0 ? turn + counts_per_revolution : turn;
+    return nominal + model.edge_error_ticks * symmetric(mix(seed_ ^ static_cast<uint64_t>(mark)));
+  }
+
+  template <typename Sink>
+  void enter(int64_t interval, Sink&& sink) {
+    interval_ = interval;
+    if (model.dead) return;
+    // Forward, A leads B by a quarter of a cycle: 00 10 11 01.
+    const bool leading = (interval & 3) == 1 || (interval & 3) == 2;
+    const bool trailing = (interval & 3) >= 2;
+    a_ = model.reversed ? trailing : leading;
+    b_ = model.reversed ? leading : trailing;
+    sink(a_, b_);
+  }
+
+  uint64_t seed_;
+  double position_ = 0.5;  // Between two edges: neither direction is a tick ahead.
+  int64_t interval_ = 0;   ///< Between edge(interval_) and edge(interval_ + 1).
+  bool a_ = false;
+  bool b_ = false;
+};
+
+}  // namespace wheelwire::sim

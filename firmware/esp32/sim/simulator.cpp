@@ -1,0 +1,113 @@
+#include "simulator.hpp"
+
+#include <string>
+
+namespace wheelwire::sim {
+
+namespace {
+
+Identity power_on_identity(uint64_t board_id) {
+  return {
+      .boot_id = 0,
+      .reset_reason = ResetReason::kPowerOn,
+      .board = Board::kSimulated,
+      .board_id = board_id,
+      .capabilities = capability::kBattery | capability::kEstopInput | capability::kSimulatedPlant,
+      .version_major = WHEELWIRE_VERSION_MAJOR,
+      .version_minor = WHEELWIRE_VERSION_MINOR,
+      .version_patch = WHEELWIRE_VERSION_PATCH,
+      .git_hash = WHEELWIRE_GIT_HASH};
+}
+
+/// In the manner of the ESP32's ROM.
+Bytes rom_text(ResetReason reason) {
+  const std::string text = "\r\nrst:0x" + std::to_string(static_cast<int>(reason)) +
+                           ",boot:0x13 (SPI_FAST_FLASH_BOOT)\r\nentry 0x400805e4\r\n";
+  return Bytes(text.begin(), text.end());
+}
+
+}  // namespace
+
+Simulator::Simulator(uint64_t seed)
+    : board(mix(seed)), random_(seed), identity_(power_on_identity(random_.next() >> 16)) {
+  reset(ResetReason::kPowerOn);
+}
+
+void Simulator::advance(Nanoseconds duration) {
+  const Nanoseconds end = board.now() + duration;
+  for (;;) {
+    const Nanoseconds event = board.clock.when(next_event_us());
+    if (event > end) break;
+    run_until(event);
+    if (robot_) {
+      control_step();
+    } else {
+      boot();
+    }
+  }
+  run_until(end);
+}
+
+uint64_t Simulator::next_event_us() const { return robot_ ? next_step_us_ : boot_time_us; }
+
+void Simulator::run_until(Nanoseconds end) {
+  if (end <= board.now()) return;
+  board.run_until(end, robot_.has_value());
+  observe();
+}
+
+void Simulator::boot() {
+  robot_.emplace(board.hal(), identity_);
+  const uint64_t now_us = board.device_us();
+  if (driver_failed_) robot_->report_driver_failure();
+  robot_->start(now_us);
+  next_step_us_ = now_us + robot_->control_period_us();
+  observe();
+}
+
+void Simulator::control_step() {
+  robot_->step(board.device_us());
+  next_step_us_ += robot_->control_period_us();
+  observe();
+}
+
+void Simulator::service_link() {
+  if (!robot_) return;
+  board.line.carry(0.0, true);
+  robot_->service_link(board.device_us());
+  board.line.carry(0.0, true);
+  observe();
+}
+
+void Simulator::reset(ResetReason reason) {
+  robot_.reset();
+  board.reset();
+  identity_.boot_id = static_cast<uint32_t>(random_.next());
+  identity_.reset_reason = reason;
+  record_.deadline_us = 0;
+  record_.drive_removed_us = 0;
+  record_.standstill_us = 0;
+  if (boot_text) board.line.emit_from_rom(rom_text(reason));
+  observe();
+}
+
+void Simulator::set_driver_failed(bool failed) {
+  driver_failed_ = failed;
+  if (failed && robot_) robot_->report_driver_failure();
+}
+
+void Simulator::observe() {
+  const uint64_t now_us = board.device_us();
+  if (robot_ && robot_->deadline_us() != 0) record_.deadline_us = robot_->deadline_us();
+  if (board.drives() != record_.drive_on) {
+    record_.drive_on = !record_.drive_on;
+    ++record_.drive_changes;
+    if (!record_.drive_on) record_.drive_removed_us = now_us;
+  }
+  if (board.plant.stands_still() != record_.stands_still) {
+    record_.stands_still = !record_.stands_still;
+    if (record_.stands_still) record_.standstill_us = now_us;
+  }
+}
+
+}  // namespace wheelwire::sim

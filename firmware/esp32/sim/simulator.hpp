@@ -1,0 +1,65 @@
+// The whole device in virtual time: the firmware's core on the simulated board.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "board.hpp"
+#include "random.hpp"
+#include "robot.hpp"
+
+namespace wheelwire::sim {
+
+/// What tests measure. Times are on the device's clock, since its last reset [us].
+struct Record {
+  bool drive_on = false;          ///< A bridge has EN high and its inputs unequal.
+  uint64_t drive_changes = 0;     ///< Since the simulator was created.
+  uint64_t drive_removed_us = 0;  ///< When drive_on last ended.
+  uint64_t deadline_us = 0;       ///< Of the last setpoint that had one.
+  bool stands_still = true;       ///< Both wheels.
+  uint64_t standstill_us = 0;     ///< When they last came to it, to the control period.
+};
+
+class Simulator {
+ public:
+  /// Powers the device on at time 0. The same seed and the same calls give the same run.
+  explicit Simulator(uint64_t seed);
+
+  /// Runs the device and the world for `duration`.
+  void advance(Nanoseconds duration);
+  /// Lets the firmware read and answer what has arrived, as its UART event does between steps.
+  void service_link();
+  /// The device starts again, with a new boot id and its outputs off for boot_time_us.
+  void reset(ResetReason reason);
+
+  /// The next control step comes this much too late.
+  void delay_control(uint64_t us) { next_step_us_ += us; }
+  /// A motor or encoder peripheral does not start. Mended, it starts at the next reset.
+  void set_driver_failed(bool failed);
+  bool driver_failed() const { return driver_failed_; }
+
+  uint32_t boot_id() const { return identity_.boot_id; }
+  SupervisorState state() const { return robot_ ? robot_->state() : SupervisorState::kBoot; }
+  uint32_t faults() const { return robot_ ? robot_->faults() : 0; }
+  const Record& record() const { return record_; }
+
+  SimulatedBoard board;
+  uint64_t boot_time_us = 50'000;  ///< From reset to the first control step.
+  bool boot_text = false;          ///< The ROM prints at each reset.
+
+ private:
+  uint64_t next_event_us() const;
+  void run_until(Nanoseconds end);
+  void boot();
+  void control_step();
+  void observe();
+
+  Random random_;
+  Identity identity_;
+  std::optional<Robot> robot_;  // None while the chip boots.
+  uint64_t next_step_us_ = 0;
+  bool driver_failed_ = false;
+  Record record_;
+};
+
+}  // namespace wheelwire::sim

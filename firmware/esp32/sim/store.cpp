@@ -1,0 +1,65 @@
+#include "store.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+
+namespace wheelwire::sim {
+
+namespace {
+
+Bytes read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return Bytes(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+}
+
+bool write_all(int fd, const uint8_t* data, size_t size) {
+  while (size > 0) {
+    const ssize_t written = ::write(fd, data, size);
+    if (written < 0 && errno != EINTR) return false;
+    if (written < 0) continue;
+    data += written;
+    size -= static_cast<size_t>(written);
+  }
+  return true;
+}
+
+/// The file holds the old block or the new one, whenever the program dies.
+bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
+  const std::string fresh = path + ".new";
+  const int fd = ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) return false;
+  const bool written = write_all(fd, data, size) && ::fsync(fd) == 0;
+  const bool closed = ::close(fd) == 0;
+  if (written && closed && std::rename(fresh.c_str(), path.c_str()) == 0) return true;
+  ::unlink(fresh.c_str());
+  return false;
+}
+
+}  // namespace
+
+size_t Store::load(uint8_t* out, size_t capacity) {
+  const Bytes block = path_ ? read_file(*path_) : block_;
+  std::copy_n(block.begin(), std::min(capacity, block.size()), out);
+  return block.size();
+}
+
+bool Store::save(const uint8_t* data, size_t size) {
+  if (failing) return false;
+  if (path_) return replace_file(*path_, data, size);
+  block_.assign(data, data + size);
+  return true;
+}
+
+bool Store::erase() {
+  if (failing) return false;
+  block_.clear();
+  return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;
+}
+
+}  // namespace wheelwire::sim

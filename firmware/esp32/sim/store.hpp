@@ -1,0 +1,28 @@
+// The parameter store: one block in memory, or in a file that outlives the program.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "hal.hpp"
+#include "uart.hpp"
+
+namespace wheelwire::sim {
+
+class Store final : public ParameterStore {
+ public:
+  bool failing = false;  ///< Saves and erasures fail, and change nothing.
+
+  /// From now on the block is this file's contents.
+  void use_file(const std::string& path) { path_ = path; }
+
+  size_t load(uint8_t* out, size_t capacity) override;
+  bool save(const uint8_t* data, size_t size) override;
+  bool erase() override;
+
+ private:
+  std::optional<std::string> path_;
+  Bytes block_;  ///< Used when there is no file.
+};
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,58 @@
+#include "line.hpp"
+
+#include "check.hpp"
+
+using wheelwire::sim::Bytes;
+using wheelwire::sim::Line;
+
+namespace {
+
+size_t read_all(Line& line) {
+  uint8_t buffer[2 * Line::kReceiveCapacity];
+  return line.read(buffer, sizeof buffer);
+}
+
+}  // namespace
+
+TEST(line_carries_no_faster_than_its_baud_rate) {
+  Line line;
+  line.set_baud(115200);
+  CHECK(line.bytes_per_second() == 11520);
+  const Bytes data(1000, 0x55);
+  line.host_write(data.data(), data.size());
+  line.carry(0.01, true);
+  CHECK(read_all(line) == 115);
+  line.carry(1.0, true);
+  CHECK(read_all(line) == 885);
+}
+
+TEST(line_without_a_baud_rate_carries_at_once) {
+  Line line;
+  const Bytes data(1000, 0x55);
+  line.host_write(data.data(), data.size());
+  line.carry(0.0, true);
+  CHECK(read_all(line) == 1000);
+}
+
+TEST(line_loses_and_counts_what_the_device_cannot_take) {
+  Line line;
+  const Bytes data(Line::kReceiveCapacity + 10, 0x55);
+  line.host_write(data.data(), data.size());
+  line.carry(0.0, true);
+  CHECK(line.lost_to_device() == 10);
+  CHECK(read_all(line) == Line::kReceiveCapacity);
+  line.host_write(data.data(), 5);
+  line.carry(0.0, false);
+  CHECK(line.lost_to_device() == 15 && read_all(line) == 0);
+}
+
+TEST(line_takes_all_of_a_write_or_nothing) {
+  Line line;
+  line.set_baud(115200);
+  const Bytes data(Line::kSendCapacity, 0x55);
+  CHECK(line.write(data.data(), data.size() - 1));
+  CHECK(!line.write(data.data(), 2));
+  CHECK(line.write(data.data(), 1));
+  line.carry(1.0, true);
+  CHECK(line.host_waiting() == Line::kSendCapacity);
+}

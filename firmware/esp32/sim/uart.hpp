@@ -1,0 +1,15 @@
+// What a UART receives when its baud rate is not the sender's.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace wheelwire::sim {
+
+using Bytes = std::vector<uint8_t>;
+
+/// `sent` back to back at `from_baud` (8N1), sampled in mid-bit at `to_baud`. Bytes with a framing
+/// error are delivered, as the chip's driver does. At equal rates nothing changes.
+Bytes resample(const Bytes& sent, uint32_t from_baud, uint32_t to_baud);
+
+}  // namespace wheelwire::sim

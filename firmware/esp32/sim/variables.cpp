@@ -1,0 +1,287 @@
+#include "variables.hpp"
+
+#include <cmath>
+#include <type_traits>
+#include <unordered_map>
+
+namespace wheelwire::sim {
+
+namespace {
+
+/// A variable of the simulation as it is described, before it can be read or set.
+Variable real(std::string name, const char* unit, double minimum, double maximum, std::string doc) {
+  return {.name = std::move(name),
+          .unit = unit,
+          .doc = std::move(doc),
+          .minimum = minimum,
+          .maximum = maximum,
+          .whole = false,
+          .get = nullptr,
+          .set = nullptr};
+}
+
+Variable whole(std::string name, const char* unit, double minimum, double maximum,
+               std::string doc) {
+  Variable variable = real(std::move(name), unit, minimum, maximum, std::move(doc));
+  variable.whole = true;
+  return variable;
+}
+
+Variable toggle(std::string name, std::string doc) {
+  return whole(std::move(name), "0 or 1", 0, 1, std::move(doc));
+}
+
+Variable reading(std::string name, const char* unit, std::string doc,
+                 double (*get)(const Simulator&)) {
+  Variable variable = real(std::move(name), unit, 0, 0, std::move(doc));
+  variable.get = get;
+  return variable;
+}
+
+/// Converts without a warning whatever the field's type; the table's bounds keep it exact.
+template <typename Field>
+void assign(Field& field, double value) {
+  if constexpr (std::is_same_v<Field, bool>) {
+    field = value != 0.0;
+  } else {
+    field = static_cast<Field>(value);
+  }
+}
+
+/// Binds a variable to the field that `kField(simulator)` refers to.
+template <auto kField>
+Variable with_field(Variable variable) {
+  variable.get = [](const Simulator& simulator) { return static_cast<double>(kField(simulator)); };
+  variable.set = [](Simulator& simulator, double value) {
+    assign(kField(simulator), value);
+    return true;
+  };
+  return variable;
+}
+
+/// Binds a variable to the field of the plant's model that `kField(model)` refers to.
+template <auto kField>
+Variable with_model(Variable variable) {
+  variable.get = [](const Simulator& simulator) {
+    return static_cast<double>(kField(simulator.board.plant.model()));
+  };
+  variable.set = [](Simulator& simulator, double value) {
+    PlantModel model = simulator.board.plant.model();
+    assign(kField(model), value);
+    if (!is_physical(model)) return false;
+    simulator.board.plant.configure(model);
+    return true;
+  };
+  return variable;
+}
+
+void add_world(std::vector<Variable>& table) {
+  table.insert(table.end(),
+               {
+                   with_model<[](auto& m) -> auto& { return m.bridge.supply_v; }>(
+                       real("supply_v", "V", 0, 60, "Motor supply, ahead of the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.bridge.drop_v; }>(
+                       real("bridge.drop_v", "V", 0, 5, "The L298N's drop at no current.")),
+                   with_model<[](auto& m) -> auto& { return m.bridge.drop_ohm; }>(real(
+                       "bridge.drop_ohm", "V/A", 0, 5, "How its drop grows with the current.")),
+                   with_model<[](auto& m) -> auto& { return m.bridge.chopped; }>(toggle(
+                       "bridge.chopped",
+                       "The winding's current dies out in the PWM's off time, as at a low PWM "
+                       "frequency.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.supply_v; }>(real(
+                       "motor.supply_v", "V", 1, 60, "Supply at which the motor's ratings hold.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.no_load_rpm; }>(real(
+                       "motor.no_load_rpm", "1/min", 10, 2000, "Of the wheel, behind the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.stall_current_a; }>(
+                       real("motor.stall_current_a", "A", 0.1, 50, "Behind the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.stall_torque_nm; }>(
+                       real("motor.stall_torque_nm", "N m", 0.005, 10, "At the wheel.")),
+                   with_model<[](auto& m) -> auto& { return m.friction.coulomb_nm; }>(real(
+                       "friction.coulomb_nm", "N m", 0, 1, "Of a turning wheel with its gearbox.")),
+                   with_model<[](auto& m) -> auto& { return m.friction.static_nm; }>(
+                       real("friction.static_nm", "N m", 0, 1, "To break a standing wheel away.")),
+                   with_model<[](auto& m) -> auto& { return m.friction.viscous_nms; }>(
+                       real("friction.viscous_nms", "N m s/rad", 0, 0.1, "Grows with the speed.")),
+                   with_model<[](auto& m) -> auto& { return m.mass_kg; }>(
+                       real("mass_kg", "kg", 0.05, 100, "Of the robot.")),
+                   with_model<[](auto& m) -> auto& { return m.rotor_inertia_kgm2; }>(real(
+                       "rotor_inertia_kgm2", "kg m^2", 0, 1, "Of one motor, seen at the wheel.")),
+                   with_model<[](auto& m) -> auto& { return m.wheel_radius_m; }>(
+                       real("wheel_radius_m", "m", 0.005, 1, "")),
+                   with_model<[](auto& m) -> auto& { return m.wheel_separation_m; }>(
+                       real("wheel_separation_m", "m", 0.02, 5, "")),
+                   with_model<[](auto& m) -> auto& { return m.slope_rad; }>(
+                       real("slope_rad", "rad", -1, 1, "The plane rises along +x.")),
+               });
+}
+
+template <Side kSide>
+void add_wheel(std::vector<Variable>& table, const std::string& side) {
+  table.insert(
+      table.end(),
+      {
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_scale; }>(
+              real(side + ".motor_scale", "", 0.2, 3, "No-load speed, relative to the rating.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_reversed; }>(
+              toggle(side + ".motor_reversed", "The motor's wires are swapped.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].load_nm; }>(
+              real(side + ".load_nm", "N m", -10, 10, "Pulls against forward.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].blocked; }>(
+              toggle(side + ".blocked", "The wheel is held fast.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.dead; }>(
+              toggle(side + ".encoder_dead", "A and B are stuck.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.reversed; }>(
+              toggle(side + ".encoder_reversed", "A and B are swapped.")),
+          with_field<[](auto& s) -> auto& {
+            return s.board.encoders[kSide].model.edge_error_ticks;
+          }>(real(side + ".encoder_error_ticks", "tick", 0, 0.45,
+                  "Each edge is off by up to this, the same at every turn.")),
+          reading(side + ".duty", "", "On the bridge, forward positive; 0 when not driving.",
+                  [](const Simulator& s) { return s.board.pins()[kSide].signed_duty(); }),
+          reading(side + ".current_a", "A", "Through the winding.",
+                  [](const Simulator& s) { return s.board.plant.current_a(kSide); }),
+          reading("true." + side + "_mps", "m/s", "Speed at the rim.",
+                  [](const Simulator& s) { return s.board.plant.speed_mps(kSide); }),
+          reading("true." + side + "_ticks", "tick", "What a faultless encoder would have counted.",
+                  [](const Simulator& s) {
+                    return static_cast<double>(s.board.encoders[kSide].ticks());
+                  }),
+      });
+}
+
+void add_device(std::vector<Variable>& table) {
+  table.insert(table.end(),
+               {
+                   with_field<[](auto& s) -> auto& { return s.board.counts_per_revolution; }>(
+                       whole("counts_per_revolution", "tick", 4, 200'000, "Of the encoders, x4.")),
+                   with_field<[](auto& s) -> auto& { return s.board.estop.open; }>(
+                       toggle("estop_open", "The normally-closed e-stop contact is open.")),
+                   with_field<[](auto& s) -> auto& { return s.board.battery.volts; }>(real(
+                       "battery_v", "V", 0, 60, "What the battery input senses; 0: not measured.")),
+                   with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
+                       toggle("store_failing", "The parameter store cannot be written.")),
+                   with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(whole(
+                       "boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
+                   with_field<[](auto& s) -> auto& { return s.boot_text; }>(
+                       toggle("boot_text", "The ROM prints at each reset, at 115200 baud.")),
+               });
+  Variable clock = real("clock_ppm", "ppm", -10'000, 10'000, "How fast the device's clock runs.");
+  clock.get = [](const Simulator& s) { return s.board.clock.ppm(); };
+  clock.set = [](Simulator& s, double value) {
+    s.board.clock.set_ppm(value, s.board.now());
+    return true;
+  };
+  Variable baud = whole("baud", "1/s", 0, 12e6, "Of the chip's UART; 0: no limit, as on USB.");
+  baud.get = [](const Simulator& s) { return static_cast<double>(s.board.line.baud()); };
+  baud.set = [](Simulator& s, double value) {
+    s.board.line.set_baud(static_cast<uint32_t>(value));
+    return true;
+  };
+  Variable failed = toggle("driver_failed",
+                           "A motor or encoder peripheral does not start; mended, it starts at "
+                           "the next reset.");
+  failed.get = [](const Simulator& s) { return s.driver_failed() ? 1.0 : 0.0; };
+  failed.set = [](Simulator& s, double value) {
+    s.set_driver_failed(value != 0.0);
+    return true;
+  };
+  Variable delay = whole("control_delay_us", "us", 0, 60e6,
+                         "Setting it delays the next control step, once; reads as 0.");
+  delay.get = [](const Simulator&) { return 0.0; };
+  delay.set = [](Simulator& s, double value) {
+    s.delay_control(static_cast<uint64_t>(value));
+    return true;
+  };
+  table.insert(table.end(), {clock, baud, failed, delay});
+}
+
+void add_readings(std::vector<Variable>& table) {
+  table.insert(
+      table.end(),
+      {
+          reading("true.x_m", "m", "", [](const Simulator& s) { return s.board.plant.pose().x_m; }),
+          reading("true.y_m", "m", "", [](const Simulator& s) { return s.board.plant.pose().y_m; }),
+          reading("true.heading_rad", "rad", "Counter-clockwise positive, not wrapped.",
+                  [](const Simulator& s) { return s.board.plant.pose().heading_rad; }),
+          reading("true.distance_m", "m", "Length of the centre's path.",
+                  [](const Simulator& s) { return s.board.plant.distance_m(); }),
+          reading("true.kinetic_energy_j", "J", "",
+                  [](const Simulator& s) { return s.board.plant.kinetic_energy_j(); }),
+          reading("t_us", "us", "Simulated time.",
+                  [](const Simulator& s) { return static_cast<double>(s.board.now()) * 1e-3; }),
+          reading("device_us", "us", "The device's clock, from its reset.",
+                  [](const Simulator& s) { return static_cast<double>(s.board.device_us()); }),
+          reading("boot_id", "", "",
+                  [](const Simulator& s) { return static_cast<double>(s.boot_id()); }),
+          reading("state", "", "The supervisor's, as on the wire.",
+                  [](const Simulator& s) { return static_cast<double>(s.state()); }),
+          reading("faults", "", "Latched fault flags, as on the wire.",
+                  [](const Simulator& s) { return static_cast<double>(s.faults()); }),
+          reading("drive_on", "0 or 1", "A bridge has EN high and its inputs unequal.",
+                  [](const Simulator& s) { return s.record().drive_on ? 1.0 : 0.0; }),
+          reading(
+              "drive_removed_us", "us", "Device clock when drive_on last ended.",
+              [](const Simulator& s) { return static_cast<double>(s.record().drive_removed_us); }),
+          reading("deadline_us", "us", "Device clock; of the last setpoint that was accepted.",
+                  [](const Simulator& s) { return static_cast<double>(s.record().deadline_us); }),
+          reading("stands_still", "0 or 1", "Both wheels.",
+                  [](const Simulator& s) { return s.record().stands_still ? 1.0 : 0.0; }),
+          reading("standstill_us", "us", "Device clock when stands_still last began.",
+                  [](const Simulator& s) { return static_cast<double>(s.record().standstill_us); }),
+          reading("lost_to_device", "byte", "Lost on the way to the firmware: overrun, booting.",
+                  [](const Simulator& s) {
+                    return static_cast<double>(s.board.line.lost_to_device());
+                  }),
+          reading(
+              "lost_to_host", "byte", "Lost because the host did not read.",
+              [](const Simulator& s) { return static_cast<double>(s.board.line.lost_to_host()); }),
+      });
+}
+
+std::vector<Variable> make_table() {
+  std::vector<Variable> table;
+  add_world(table);
+  add_wheel<kLeft>(table, "left");
+  add_wheel<kRight>(table, "right");
+  add_device(table);
+  add_readings(table);
+  return table;
+}
+
+const Variable* find(const std::string& name) {
+  static const auto index = [] {
+    std::unordered_map<std::string, const Variable*> by_name;
+    for (const Variable& variable : variables()) by_name[variable.name] = &variable;
+    return by_name;
+  }();
+  const auto found = index.find(name);
+  return found == index.end() ? nullptr : found->second;
+}
+
+}  // namespace
+
+const std::vector<Variable>& variables() {
+  static const std::vector<Variable> table = make_table();
+  return table;
+}
+
+VariableStatus set_variable(Simulator& simulator, const std::string& name, double value) {
+  const Variable* variable = find(name);
+  if (variable == nullptr) return VariableStatus::kUnknownName;
+  if (variable->set == nullptr) return VariableStatus::kReadOnly;
+  // Written so that NaN fails.
+  const bool within = value >= variable->minimum && value <= variable->maximum;
+  if (!within || (variable->whole && value != std::floor(value))) {
+    return VariableStatus::kOutOfRange;
+  }
+  return variable->set(simulator, value) ? VariableStatus::kOk : VariableStatus::kOutOfRange;
+}
+
+VariableStatus get_variable(const Simulator& simulator, const std::string& name, double& value) {
+  const Variable* variable = find(name);
+  if (variable == nullptr) return VariableStatus::kUnknownName;
+  value = variable->get(simulator);
+  return VariableStatus::kOk;
+}
+
+}  // namespace wheelwire::sim

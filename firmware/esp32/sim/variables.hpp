@@ -1,0 +1,33 @@
+// Everything in the simulation that can be set or read, by name: one table for the C interface, the
+// command line and the help text.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "simulator.hpp"
+
+namespace wheelwire::sim {
+
+struct Variable {
+  std::string name;
+  const char* unit;
+  std::string doc;
+  double minimum;
+  double maximum;
+  bool whole;  ///< Takes whole numbers only.
+  double (*get)(const Simulator& simulator);
+  /// Null when read-only. Returns false when the value does not go with the others.
+  bool (*set)(Simulator& simulator, double value);
+};
+
+enum class VariableStatus { kOk, kUnknownName, kReadOnly, kOutOfRange };
+
+/// In the order of the help text.
+const std::vector<Variable>& variables();
+
+/// Changes nothing unless it returns kOk.
+VariableStatus set_variable(Simulator& simulator, const std::string& name, double value);
+VariableStatus get_variable(const Simulator& simulator, const std::string& name, double& value);
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,55 @@
+"""Control quality of the firmware on the simulated robot, in virtual time: `make bench`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support import control_quality as quality
+
+
+def rows() -> list[tuple[str, str, str]]:
+    """(measure, value, aim) triples."""
+    step = quality.velocity_step()
+    dip, recovery_s = quality.load_step()
+    rough = quality.CRAWL_EDGE_ERROR_TICKS
+    return [
+        (
+            "0 to 0.3 m/s: settled within 5 %",
+            f"{step.settling_s:.3f} s (the acceleration limit alone: {step.slew_s:.3f} s)",
+            "",
+        ),
+        ("0 to 0.3 m/s: overshoot", f"{step.overshoot:.1%}", ""),
+        ("ripple at 0.03 m/s, even edges", f"{quality.crawl_ripple():.1%}", "< 5 %"),
+        (
+            f"ripple at 0.03 m/s, edges off by {rough} ticks",
+            f"{quality.crawl_ripple(edge_error_ticks=rough):.1%}",
+            "< 5 %",
+        ),
+        ("load of 0.02 N m at 0.2 m/s: dip", f"{dip:.1%}", ""),
+        ("load of 0.02 N m at 0.2 m/s: recovered after", f"{recovery_s:.3f} s", ""),
+        (
+            "5 s straight with one motor 15 % weaker",
+            f"{math.degrees(quality.straightness()):.2f} deg off",
+            "",
+        ),
+    ]
+
+
+def main() -> None:
+    """Print the table."""
+    table = Table(title="Control quality (virtual time)", title_justify="left")
+    for column in ("measure", "value", "aim"):
+        table.add_column(column)
+    for row in rows():
+        table.add_row(*row)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

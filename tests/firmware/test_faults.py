@@ -1,0 +1,214 @@
+"""Faults: each real one trips with its reason, and ordinary driving trips nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+
+import pytest
+
+from support.virtual import VirtualRobot
+from wheelwire.errors import DeviceRefused
+from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.types import ClearEstop, ClearFault
+
+SIDES = ("left", "right")
+
+
+def settle(robot: VirtualRobot, left: float, right: float, patience_s: float = 5.0) -> Fault:
+    """Drive until a fault trips or the patience ends; returns the faults."""
+    end_us = robot.now_us + patience_s * 1e6
+    with suppress(DeviceRefused):
+        while robot.now_us < end_us and robot.state() is not SupervisorState.FAULT:
+            robot.drive(left, right, 0.02)
+    robot.run(0.05)
+    return robot.sample.faults
+
+
+def check_stopped(robot: VirtualRobot) -> None:
+    assert robot.state() is SupervisorState.FAULT
+    assert not robot.sim.get("drive_on")
+    robot.run(2.0)
+    assert robot.sim.get("true.left_mps") == 0
+    assert robot.sim.get("true.right_mps") == 0
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("speed", [0.1, 0.3, -0.3])
+def test_a_dead_encoder_trips_and_stops_both_wheels(side: str, speed: float) -> None:
+    robot = VirtualRobot(1, **{f"{side}.encoder_dead": 1}).open()
+    assert settle(robot, speed, speed) == Fault[f"{side.upper()}_NOT_COUNTING"]
+    check_stopped(robot)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_an_encoder_that_dies_while_driving_trips(side: str) -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.2, 0.2, 1.0)
+    robot.sim.set(f"{side}.encoder_dead", 1)
+    assert settle(robot, 0.2, 0.2) == Fault[f"{side.upper()}_NOT_COUNTING"]
+    check_stopped(robot)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_a_blocked_wheel_trips(side: str) -> None:
+    robot = VirtualRobot(1, **{f"{side}.blocked": 1}).open()
+    assert settle(robot, 0.2, 0.2) == Fault[f"{side.upper()}_NOT_COUNTING"]
+    check_stopped(robot)
+
+
+@pytest.mark.parametrize("what", ["encoder_reversed", "motor_reversed"])
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("speed", [0.05, 0.3, -0.3])
+def test_a_reversed_wheel_trips_before_it_has_run_far(what: str, side: str, speed: float) -> None:
+    robot = VirtualRobot(1, **{f"{side}.{what}": 1}).open()
+    assert settle(robot, speed, speed) == Fault[f"{side.upper()}_REVERSED"]
+    metres = 2 * math.pi * 0.033 * abs(robot.sim.get(f"true.{side}_ticks")) / 360
+    assert metres < 0.15
+    check_stopped(robot)
+
+
+@pytest.mark.parametrize("what", ["encoder_reversed", "motor_reversed"])
+def test_a_reversed_wheel_trips_in_open_loop_too(what: str) -> None:
+    robot = VirtualRobot(1, **{f"left.{what}": 1}).open()
+    with pytest.raises(DeviceRefused):
+        robot.drive_duty(0.5, 0.5, 5.0)
+    assert robot.sample.faults == Fault.LEFT_REVERSED
+    check_stopped(robot)
+
+
+def test_a_late_control_step_trips_while_driving_and_not_while_standing() -> None:
+    robot = VirtualRobot().open()
+    robot.sim.set("control_delay_us", 30_000)
+    robot.run(0.1)
+    assert robot.state() is SupervisorState.IDLE
+    assert robot.sample.overruns == 1
+    robot.drive(0.2, 0.2, 0.5)
+    robot.sim.set("control_delay_us", 30_000)
+    assert settle(robot, 0.2, 0.2) == Fault.CONTROL_OVERRUN
+    check_stopped(robot)
+
+
+def test_a_driver_that_does_not_start_is_a_fault_that_cannot_be_cleared() -> None:
+    robot = VirtualRobot(1, driver_failed=1).open()
+    assert robot.sample.faults == Fault.DRIVER_FAILED
+    with pytest.raises(DeviceRefused) as refused:
+        robot.request(ClearFault(0, 0))
+    assert refused.value.code == RefusalCode.CAUSE_PRESENT
+
+
+def test_a_fault_is_cleared_and_driving_goes_on() -> None:
+    robot = VirtualRobot(1, **{"left.encoder_dead": 1}).open()
+    settle(robot, 0.2, 0.2)
+    with pytest.raises(DeviceRefused) as refused:
+        robot.set_velocity(0.2, 0.2)
+    assert refused.value.code == RefusalCode.FAULT
+    robot.sim.set("left.encoder_dead", 0)
+    robot.request(ClearFault(0, 0))
+    robot.run(0.05)
+    assert robot.state() is SupervisorState.IDLE
+    robot.drive(0.2, 0.2, 1.0)
+    assert robot.sim.get("true.left_mps") == pytest.approx(0.2, abs=0.02)
+
+
+def test_an_open_estop_contact_stops_and_cannot_be_cleared_while_open() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.3, 0.3, 0.5)
+    robot.sim.set("estop_open", 1)
+    robot.run(0.05)
+    assert robot.state() is SupervisorState.ESTOPPED
+    assert not robot.sim.get("drive_on")
+    with pytest.raises(DeviceRefused) as refused:
+        robot.request(ClearEstop(0, 0))
+    assert refused.value.code == RefusalCode.CAUSE_PRESENT
+    robot.sim.set("estop_open", 0)
+    robot.run(0.05)
+    assert robot.state() is SupervisorState.ESTOPPED
+    robot.request(ClearEstop(0, 0))
+    robot.run(0.05)
+    assert robot.state() is SupervisorState.IDLE
+
+
+def test_a_fault_survives_an_estop() -> None:
+    robot = VirtualRobot(1, **{"left.encoder_dead": 1}).open()
+    settle(robot, 0.2, 0.2)
+    robot.estop()
+    robot.request(ClearEstop(0, 0))
+    robot.run(0.05)
+    assert robot.state() is SupervisorState.FAULT
+    assert robot.sample.faults == Fault.LEFT_NOT_COUNTING
+
+
+# --- what must not trip ------------------------------------------------------------------------
+
+
+def full_reversals(robot: VirtualRobot) -> None:
+    for _ in range(5):
+        robot.drive(0.4, 0.4, 0.7)
+        robot.drive(-0.4, -0.4, 0.7)
+
+
+def spins(robot: VirtualRobot) -> None:
+    for _ in range(5):
+        robot.drive(0.4, -0.4, 0.7)
+        robot.drive(-0.4, 0.4, 0.7)
+
+
+def uphill(robot: VirtualRobot) -> None:
+    robot.sim.set("slope_rad", math.radians(12))
+    robot.drive(0.2, 0.2, 2.0)
+    robot.drive(-0.2, -0.2, 2.0)
+
+
+def rolling_back_on_a_slope(robot: VirtualRobot) -> None:
+    robot.sim.set("slope_rad", math.radians(15))
+    for _ in range(3):
+        robot.run(1.0)  # coasts, and may roll back
+        robot.drive(0.2, 0.2, 1.5)
+
+
+def wall_touched(robot: VirtualRobot) -> None:
+    robot.drive(0.3, 0.3, 1.0)
+    robot.sim.set("left.blocked", 1)
+    robot.sim.set("right.blocked", 1)
+    robot.drive(0.3, 0.3, 0.4)
+    robot.sim.set("left.blocked", 0)
+    robot.sim.set("right.blocked", 0)
+    robot.drive(-0.2, -0.2, 1.0)
+
+
+def crawling(robot: VirtualRobot) -> None:
+    robot.drive(0.02, 0.02, 5.0)
+    robot.drive(-0.02, -0.02, 5.0)
+
+
+def duty_reversals(robot: VirtualRobot) -> None:
+    for _ in range(5):
+        robot.drive_duty(1.0, 1.0, 0.7)
+        robot.drive_duty(-1.0, -1.0, 0.7)
+
+
+@pytest.mark.parametrize("edge_error", [0.0, 0.3])
+@pytest.mark.parametrize(
+    "ordinary",
+    [
+        full_reversals,
+        spins,
+        uphill,
+        rolling_back_on_a_slope,
+        wall_touched,
+        crawling,
+        duty_reversals,
+    ],
+)
+def test_ordinary_driving_trips_nothing(
+    ordinary: Callable[[VirtualRobot], None], edge_error: float
+) -> None:
+    robot = VirtualRobot().open()
+    for side in SIDES:
+        robot.sim.set(f"{side}.encoder_error_ticks", edge_error)
+    ordinary(robot)
+    assert not any(sample.faults for sample in robot.samples)
+    assert robot.state() is SupervisorState.DRIVING
+    assert robot.sample.overruns == 0

@@ -1,0 +1,67 @@
+"""Bytes that are no good frame move nothing, and every one of them is accounted for."""
+
+from __future__ import annotations
+
+from random import Random
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from support.raw import RawHost
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.types import LinkCounters, LinkCountersGet, SetWheelVelocity
+
+
+def counters(host: RawHost) -> LinkCounters:
+    return host.ask(LinkCountersGet(host.session_id, 1), LinkCounters)
+
+
+def check_alive_and_still(host: RawHost) -> LinkCounters:
+    """The device answers, and never drove."""
+    host.sim.write(b"\0")  # ends what garbage began
+    host.run_ms(50)
+    host.received.clear()
+    found = counters(host)
+    assert not host.sim.get("drive_on")
+    assert host.sim.get("drive_removed_us") == 0
+    assert host.sim.get("state") == SupervisorState.IDLE
+    return found
+
+
+@settings(deadline=None)
+@given(st.binary(max_size=2000))
+def test_random_bytes(data: bytes) -> None:
+    host = RawHost().open()
+    host.sim.write(data)
+    host.run_ms(20)
+    found = check_alive_and_still(host)
+    chunks = sum(1 for chunk in data.split(b"\0") if chunk)
+    bad = found.bad_cobs + found.bad_crc + found.unknown_id + found.wrong_length
+    assert bad == chunks
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.data())
+def test_a_setpoint_with_any_change_is_not_obeyed(data: st.DataObject) -> None:
+    host = RawHost().open()
+    message = SetWheelVelocity(host.session_id, 1, host.device_us + 500_000, 0.3, 0.3)
+    frame = bytearray(host.encoder.encode(message))
+    position = data.draw(st.integers(1, len(frame) - 2))
+    frame[position] ^= data.draw(st.integers(1, 255))
+    host.sim.write(bytes(frame))
+    host.run_ms(20)
+    check_alive_and_still(host)
+
+
+def test_a_babbling_line_does_not_hold_up_the_control_loop() -> None:
+    host = RawHost().open()
+    random = Random(3)
+    host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 300_000, 0.3, 0.3))
+    host.run_ms(1)
+    expiry_us = host.sim.get("deadline_us")
+    for _ in range(600):
+        host.sim.write(random.randbytes(500))
+        host.run_ms(1)
+    assert not host.sim.get("drive_on")
+    assert host.sim.get("drive_removed_us") <= expiry_us + 1000
+    assert host.state().overruns == 0

@@ -1,0 +1,147 @@
+"""The simulated board: names, clock, resets, and the same run for the same seed."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from support.fwsim import FwSim, FwSimError, Status
+from support.virtual import VirtualRobot
+from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
+
+
+def run_of(seed: int) -> tuple[list[tuple[int, int, float]], float, float]:
+    robot = VirtualRobot(seed, **{"left.encoder_error_ticks": 0.3}).open()
+    robot.drive(0.2, 0.3, 2.0)
+    samples = [(s.t_us, s.left_ticks, s.left_mps) for s in robot.samples]
+    return samples, robot.sim.get("true.x_m"), robot.sim.get("boot_id")
+
+
+def test_a_seed_gives_the_same_run_and_another_one_another() -> None:
+    assert run_of(1) == run_of(1)
+    assert run_of(1) != run_of(2)
+
+
+@pytest.mark.parametrize("ppm", [-200.0, 0.0, 150.0])
+def test_the_devices_clock_drifts(ppm: float) -> None:
+    sim = FwSim()
+    sim.set("clock_ppm", ppm)
+    sim.advance(1000.0)
+    assert sim.get("device_us") == pytest.approx(1e9 * (1 + ppm * 1e-6), abs=1)
+    assert sim.get("t_us") == 1e9
+
+
+def test_the_devices_clock_does_not_jump_when_its_drift_changes() -> None:
+    sim = FwSim()
+    sim.set("clock_ppm", 1000)
+    sim.advance(1.0)
+    before = sim.get("device_us")
+    sim.set("clock_ppm", -1000)
+    assert sim.get("device_us") == before
+    sim.advance(1.0)
+    assert sim.get("device_us") - before == pytest.approx(999_000, abs=1)
+
+
+def test_a_reset_cuts_the_drive_and_starts_anew() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.3, 0.3, 1.0)
+    boot_id = robot.sim.get("boot_id")
+    robot.sim.reset(ResetReason.BROWNOUT)
+    assert not robot.sim.get("drive_on")
+    assert robot.sim.get("device_us") == 0
+    assert robot.sim.get("boot_id") != boot_id
+    assert robot.sim.get("state") == SupervisorState.BOOT
+    robot.sim.advance_us(int(robot.sim.get("boot_time_us")) - 1)
+    assert robot.sim.get("state") == SupervisorState.BOOT
+    robot.sim.advance_us(1)
+    assert robot.sim.get("state") == SupervisorState.IDLE
+    assert robot.sim.get("true.left_mps") > 0.0  # it rolls on
+
+
+def test_the_host_can_name_the_reset_reason() -> None:
+    robot = VirtualRobot()
+    robot.sim.reset(ResetReason.PANIC)
+    robot.open()
+    assert robot.session.device is not None
+    assert robot.session.device.reset_reason == ResetReason.PANIC
+
+
+def test_a_hung_control_task_is_a_late_step() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.2, 0.2, 0.5)
+    robot.sim.set("control_delay_us", 50_000)
+    robot.run(0.1)
+    assert robot.sim.get("faults") == Fault.CONTROL_OVERRUN
+    assert not robot.sim.get("drive_on")
+
+
+def test_a_peripheral_that_does_not_start_is_a_fault_until_the_next_reset() -> None:
+    sim = FwSim()
+    sim.set("driver_failed", 1)
+    sim.advance(0.1)
+    assert sim.get("faults") == Fault.DRIVER_FAILED
+    sim.set("driver_failed", 0)
+    sim.advance(0.1)
+    assert sim.get("faults") == Fault.DRIVER_FAILED
+    sim.reset()
+    sim.advance(0.1)
+    assert sim.get("faults") == 0
+
+
+def test_boot_text_comes_with_each_reset_when_asked_for() -> None:
+    sim = FwSim()
+    sim.set("boot_text", 1)
+    assert sim.read() == b""
+    sim.reset()
+    assert b"rst:" in sim.read()
+
+
+def test_the_device_hears_nothing_while_it_boots() -> None:
+    sim = FwSim()
+    sim.write(bytes(100))
+    sim.advance(0.01)
+    assert sim.get("lost_to_device") == 100
+
+
+def test_every_variable_can_be_read_and_set_to_what_it_is() -> None:
+    sim = FwSim()
+    for variable in sim.variables():
+        value = sim.get(variable.name)
+        if variable.settable:
+            assert variable.minimum <= value <= variable.maximum
+            sim.set(variable.name, value)
+            assert sim.get(variable.name) == value
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "status"),
+    [
+        ("left.color", 1.0, Status.UNKNOWN_NAME),
+        ("true.x_m", 1.0, Status.READ_ONLY),
+        ("mass_kg", math.nan, Status.OUT_OF_RANGE),
+        ("mass_kg", math.inf, Status.OUT_OF_RANGE),
+        ("mass_kg", -1.0, Status.OUT_OF_RANGE),
+        ("counts_per_revolution", 360.5, Status.OUT_OF_RANGE),
+        ("motor.supply_v", 1.0, Status.OUT_OF_RANGE),  # less than the bridge's drop
+    ],
+)
+def test_a_bad_setting_is_refused_and_changes_nothing(
+    name: str, value: float, status: Status
+) -> None:
+    sim = FwSim()
+    before = [sim.get(variable.name) for variable in sim.variables()]
+    with pytest.raises(FwSimError) as refused:
+        sim.set(name, value)
+    assert refused.value.status is status
+    assert [sim.get(variable.name) for variable in sim.variables()] == before
+
+
+def test_an_unknown_name_cannot_be_read() -> None:
+    with pytest.raises(FwSimError, match="UNKNOWN_NAME"):
+        FwSim().get("nothing")
+
+
+def test_time_does_not_run_backwards() -> None:
+    with pytest.raises(FwSimError, match="BAD_ARGUMENT"):
+        FwSim().advance_us(-1)

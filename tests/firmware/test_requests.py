@@ -1,0 +1,207 @@
+"""Requests: answered, done once, refused with a reason; parameters kept; the stream's rate."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from support.raw import RawHost
+from wheelwire_protocol.codes import EventCode, RefusalCode, SupervisorState
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    ClearEstop,
+    Event,
+    LinkCounters,
+    LinkCountersGet,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterReset,
+    ParameterSave,
+    ParameterSet,
+    ParameterValue,
+    Refuse,
+    SetStreamRate,
+    SetWheelVelocity,
+    WheelState,
+)
+
+RADIUS = PARAMETER_BY_NAME["wheel_radius"].id
+STOP_MODE = PARAMETER_BY_NAME["stop_mode"].id
+
+
+@pytest.fixture
+def host() -> RawHost:
+    return RawHost().open()
+
+
+def refusal(host: RawHost, message: AnyMessage) -> RefusalCode:
+    return RefusalCode(host.ask(message, Refuse).code)
+
+
+def get(host: RawHost, request_id: int, parameter: int = RADIUS) -> float:
+    return host.ask(ParameterGet(host.session_id, request_id, parameter), ParameterValue).value
+
+
+def set_radius(host: RawHost, request_id: int, value: float) -> ParameterSet:
+    return ParameterSet(host.session_id, request_id, RADIUS, value)
+
+
+def test_a_repeat_is_answered_again_and_not_done_again(host: RawHost) -> None:
+    first = set_radius(host, 1, 0.04)
+    answer = host.ask(first, ParameterValue)
+    host.ask(set_radius(host, 2, 0.05), ParameterValue)
+    assert host.ask(first, ParameterValue) == answer
+    assert get(host, 3) == pytest.approx(0.05)
+
+
+def test_a_refusal_is_repeated_too(host: RawHost) -> None:
+    message = set_radius(host, 1, 99)
+    assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
+    assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
+    counters = host.ask(LinkCountersGet(host.session_id, 2), LinkCounters)
+    assert counters.refused == 1
+
+
+def test_a_repeat_older_than_the_cache_is_dropped(host: RawHost) -> None:
+    for request_id in range(1, 8):
+        host.ask(set_radius(host, request_id, 0.04 + request_id / 1000), ParameterValue)
+    host.received.clear()
+    host.send(set_radius(host, 1, 0.041))
+    host.run_ms(20)
+    assert not host.of(ParameterValue)
+    assert get(host, 8) == pytest.approx(0.047)
+
+
+def test_of_another_session(host: RawHost) -> None:
+    message = set_radius(host, 1, 0.05)._replace(session_id=host.session_id ^ 1)
+    assert refusal(host, message) is RefusalCode.NO_SESSION
+    assert get(host, 2) == pytest.approx(0.033)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "code"),
+    [
+        (RADIUS, math.nan, RefusalCode.NOT_FINITE),
+        (RADIUS, math.inf, RefusalCode.NOT_FINITE),
+        (RADIUS, 5.0, RefusalCode.OUT_OF_RANGE),
+        (RADIUS, -0.1, RefusalCode.OUT_OF_RANGE),
+        (STOP_MODE, 1.5, RefusalCode.NOT_INTEGRAL),
+        (0, 1.0, RefusalCode.UNKNOWN_PARAMETER),
+        (200, 1.0, RefusalCode.UNKNOWN_PARAMETER),
+    ],
+)
+def test_bad_values_are_refused(
+    host: RawHost, parameter: int, value: float, code: RefusalCode
+) -> None:
+    assert refusal(host, ParameterSet(host.session_id, 1, parameter, value)) is code
+    assert get(host, 2) == pytest.approx(0.033)
+
+
+def test_the_list_is_the_table(host: RawHost) -> None:
+    for index, parameter in enumerate(PARAMETERS):
+        entry = host.ask(ParameterList(host.session_id, index + 1, index), ParameterEntry)
+        assert entry.parameter_count == len(PARAMETERS)
+        assert entry.parameter == parameter.id
+        assert entry.value == pytest.approx(parameter.default)
+        assert (entry.minimum, entry.maximum) == pytest.approx(
+            (parameter.minimum, parameter.maximum)
+        )
+    message = ParameterList(host.session_id, 100, len(PARAMETERS))
+    assert refusal(host, message) is RefusalCode.OUT_OF_RANGE
+
+
+def test_saved_values_survive_a_reset_and_others_do_not(host: RawHost) -> None:
+    host.ask(set_radius(host, 1, 0.05), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 2), Ack)
+    host.ask(set_radius(host, 3, 0.06), ParameterValue)
+    host.sim.reset()
+    host.run_ms(100)
+    host.open()
+    assert get(host, 1) == pytest.approx(0.05)
+    host.ask(ParameterReset(host.session_id, 2), Ack)
+    assert get(host, 3) == pytest.approx(0.033)
+    host.sim.reset()
+    host.run_ms(100)
+    host.open()
+    assert get(host, 1) == pytest.approx(0.033)
+
+
+@pytest.mark.parametrize("kind", [ParameterSave, ParameterReset])
+def test_the_store_is_not_touched_while_driving(
+    host: RawHost, kind: type[ParameterSave] | type[ParameterReset]
+) -> None:
+    host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 500_000, 0.2, 0.2))
+    host.run_ms(50)
+    assert refusal(host, kind(host.session_id, 1)) is RefusalCode.NOT_STOPPED
+    assert host.state().supervisor == SupervisorState.DRIVING
+
+
+def test_a_store_that_fails_is_told(host: RawHost) -> None:
+    host.sim.set("store_failing", 1)
+    assert refusal(host, ParameterSave(host.session_id, 1)) is RefusalCode.STORE_FAILED
+
+
+def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    host = RawHost(store=store).open()
+    assert [event.code for event in host.of(Event)] == [EventCode.STORE_EMPTY]
+    host.ask(set_radius(host, 1, 0.05), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 2), Ack)
+    block = bytearray(store.read_bytes())
+    block[10] ^= 0x40
+    store.write_bytes(block)
+    host = RawHost(store=store).open()
+    assert [event.code for event in host.of(Event)] == [EventCode.STORE_DEFAULTED]
+    assert get(host, 1) == pytest.approx(0.033)
+
+
+@pytest.mark.parametrize("rate_hz", [1000, 333, 100, 10])
+def test_the_rate_asked_is_the_rate_had(host: RawHost, rate_hz: int) -> None:
+    host.ask(SetStreamRate(host.session_id, 1, rate_hz), Ack)
+    host.run_ms(100)
+    host.received.clear()
+    host.run_ms(2000)
+    assert len(host.of(WheelState)) == pytest.approx(2 * rate_hz, abs=1)
+
+
+def test_a_stream_can_be_switched_off(host: RawHost) -> None:
+    host.ask(SetStreamRate(host.session_id, 1, 0), Ack)
+    host.received.clear()
+    host.run_ms(500)
+    assert not host.of(WheelState)
+
+
+def test_more_than_the_loop_or_the_line_carries_is_refused(host: RawHost) -> None:
+    message = SetStreamRate(host.session_id, 1, 1001)
+    assert refusal(host, message) is RefusalCode.RATE_TOO_HIGH
+    host.sim.set("baud", 115_200)
+    host.received.clear()
+    host.send(SetStreamRate(host.session_id, 2, 300))
+    host.run_ms(100)
+    assert [refuse.code for refuse in host.of(Refuse)] == [RefusalCode.RATE_TOO_HIGH]
+    host.send(SetStreamRate(host.session_id, 3, 180))
+    host.run_ms(100)
+    host.received.clear()
+    host.run_ms(2000)
+    assert len(host.of(WheelState)) == pytest.approx(360, abs=1)
+
+
+def test_clearing_what_is_not_latched_is_no_error(host: RawHost) -> None:
+    host.ask(ClearEstop(host.session_id, 1), Ack)
+    assert host.state().supervisor == SupervisorState.IDLE
+
+
+def test_transitions_are_told_as_events(host: RawHost) -> None:
+    host.received.clear()
+    host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 100_000, 0.2, 0.2))
+    host.run_ms(200)
+    told = [(event.before, event.after) for event in host.of(Event)]
+    assert told == [
+        (SupervisorState.IDLE, SupervisorState.DRIVING),
+        (SupervisorState.DRIVING, SupervisorState.TIMED_OUT),
+    ]

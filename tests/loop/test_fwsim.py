@@ -1,0 +1,244 @@
+"""The simulator's program: its port, its commands, its end."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from wheelwire.errors import SimulatorNotFound, WheelwireError
+from wheelwire.sim import Simulator, TrueState, find_simulator
+from wheelwire_protocol.codes import ResetReason, SupervisorState
+from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import DeviceHello, Hello, WheelState
+
+PATIENCE_S = 10.0
+SILENCE_S = 0.5
+HELLO = Hello(1, PROTOCOL_VERSION, schema_hash())
+
+
+@contextmanager
+def opened(port: str, speed: int = termios.B115200) -> Iterator[int]:
+    fd = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        tty.setraw(fd, termios.TCSANOW)
+        settings = termios.tcgetattr(fd)
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(fd, termios.TCSANOW, settings)
+        yield fd
+    finally:
+        os.close(fd)
+
+
+def say_hello(fd: int, patience_s: float = PATIENCE_S) -> DeviceHello | None:
+    """The answer to a hello, repeated as a host does; None when none comes."""
+    encoder, decoder = Encoder(), Decoder()
+    end = time.monotonic() + patience_s
+    while time.monotonic() < end:
+        os.write(fd, encoder.encode(HELLO))
+        if select.select([fd], [], [], 0.1)[0]:
+            for message in decoder.feed(os.read(fd, 4096)):
+                if isinstance(message, DeviceHello):
+                    return message
+    return None
+
+
+def wait_for_end(pid: int) -> None:
+    """Wait until a process that is not our child is gone."""
+    end = time.monotonic() + PATIENCE_S
+    while Path(f"/proc/{pid}").exists():
+        assert time.monotonic() < end, "the process lives on"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / "robot"
+
+
+def test_hello_is_answered_at_the_link(link: Path) -> None:
+    with Simulator(link=link, seed=5) as simulator, opened(simulator.port) as fd:
+        answer = say_hello(fd)
+        assert answer is not None
+        assert answer.boot_id == simulator.get("boot_id")
+    assert not link.is_symlink()
+
+
+def test_a_host_may_close_and_reopen_the_port(link: Path) -> None:
+    with Simulator(link=link) as simulator:
+        for _ in range(3):
+            with opened(simulator.port) as fd:
+                assert say_hello(fd) is not None
+
+
+def test_a_port_that_nobody_reads_keeps_nothing_old() -> None:
+    with Simulator() as simulator:
+        with opened(simulator.port) as fd:
+            assert say_hello(fd) is not None
+        closed_us = simulator.get("device_us")
+        end = time.monotonic() + PATIENCE_S
+        while simulator.get("device_us") < closed_us + 2e6:
+            assert time.monotonic() < end, "simulated time stands still"
+            time.sleep(0.01)
+        with opened(simulator.port) as fd:
+            now_us = simulator.get("device_us")
+            states = [m for m in Decoder().feed(os.read(fd, 4096)) if isinstance(m, WheelState)]
+        assert states
+        assert now_us - states[0].t_us < 100_000
+
+
+def test_unplugging_hangs_the_host_up_and_plugging_brings_the_same_device_back(link: Path) -> None:
+    with Simulator(link=link) as simulator:
+        with opened(simulator.port) as fd:
+            before = say_hello(fd)
+            simulator.unplug()
+            assert not link.is_symlink()
+            with pytest.raises(OSError, match="Input/output error"):
+                os.write(fd, b"x")
+        simulator.plug()
+        with opened(simulator.port) as fd:
+            after = say_hello(fd)
+    assert before is not None
+    assert after is not None
+    assert before.boot_id == after.boot_id
+
+
+def test_an_equal_baud_rate_works_and_another_garbles(link: Path) -> None:
+    with Simulator(link=link, baud=921600) as simulator:
+        with opened(simulator.port, termios.B115200) as fd:
+            assert say_hello(fd, SILENCE_S) is None
+        with opened(simulator.port, termios.B921600) as fd:
+            assert say_hello(fd) is not None
+
+
+def test_reset_gives_a_new_boot_id_and_its_reason(link: Path) -> None:
+    with Simulator(link=link) as simulator, opened(simulator.port) as fd:
+        before = say_hello(fd)
+        boot_id = simulator.reset(ResetReason.TASK_WATCHDOG)
+        after = None
+        while after is None or after.boot_id != boot_id:
+            after = say_hello(fd)
+        assert before is not None
+        assert before.boot_id != boot_id
+        assert after.reset_reason == ResetReason.TASK_WATCHDOG
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["", "dance", "set mass_kg", "set mass_kg heavy", "set mass_kg nan", "set colour 1",
+     "set true.x_m 1", "get colour", "reset because", "plug", 'get "\\\x01'],
+)  # fmt: skip
+def test_a_bad_command_is_refused_with_a_reason(line: str) -> None:
+    with Simulator() as simulator:
+        mass = simulator.get("mass_kg")
+        with pytest.raises(WheelwireError, match="refuses"):
+            simulator.command(line)
+        assert simulator.get("mass_kg") == mass
+
+
+def test_settings_hold_from_power_on() -> None:
+    with Simulator(settings={"mass_kg": 1.5, "boot_time_us": 0}) as simulator:
+        simulator.set("slope_rad", 0.25)
+        assert simulator.get("mass_kg") == 1.5
+        assert simulator.get("slope_rad") == 0.25
+
+
+@pytest.mark.parametrize("settings", [{"colour": 1.0}, {"mass_kg": -1.0}])
+def test_a_bad_setting_is_named_at_the_start(settings: dict[str, float]) -> None:
+    with pytest.raises(WheelwireError, match=next(iter(settings))):
+        Simulator(settings=settings).start()
+
+
+def test_a_file_in_the_links_place_is_left_alone(link: Path) -> None:
+    link.write_text("mine")
+    with pytest.raises(WheelwireError, match="no link"):
+        Simulator(link=link).start()
+    assert link.read_text() == "mine"
+
+
+def test_a_stale_link_is_replaced_and_a_strangers_link_stays(link: Path) -> None:
+    link.symlink_to("/nowhere")
+    with Simulator(link=link) as simulator:
+        with opened(simulator.port) as fd:
+            assert say_hello(fd) is not None
+        link.unlink()
+        link.symlink_to("/somebody/elses")
+    assert link.is_symlink()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_cleanly(link: Path, number: signal.Signals) -> None:
+    process = subprocess.Popen(
+        [find_simulator(), f"--link={link}"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+    )
+    with process:
+        assert process.stdout
+        ready = json.loads(process.stdout.readline())
+        assert ready["event"] == "ready"
+        assert str(link.readlink()) == ready["port"]
+        process.send_signal(number)
+        assert process.wait(PATIENCE_S) == 0
+    assert not link.is_symlink()
+
+
+def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
+    script = (
+        "import sys, time\n"
+        "from pathlib import Path\n"
+        "from wheelwire.sim import Simulator\n"
+        "simulator = Simulator(link=Path(sys.argv[1]))\n"
+        "simulator.start()\n"
+        "print(simulator.pid, flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", script, link], stdout=subprocess.PIPE)
+    with parent:
+        assert parent.stdout
+        pid = int(parent.stdout.readline())
+        parent.kill()
+    wait_for_end(pid)
+    assert not link.is_symlink()
+
+
+def test_true_states_come_at_their_rate() -> None:
+    states: list[TrueState] = []
+    with Simulator(truth_hz=100, on_state=states.append) as simulator:
+        end = time.monotonic() + PATIENCE_S
+        while len(states) < 50:
+            assert time.monotonic() < end, "too few states"
+            time.sleep(0.01)
+        assert simulator.take_states()[:50] == states[:50]
+    intervals = [b.t_us - a.t_us for a, b in pairwise(states)]
+    assert sorted(intervals)[len(intervals) // 2] == pytest.approx(10_000, abs=1000)
+    assert states[-1].state is SupervisorState.IDLE
+    assert not any(state.drive_on for state in states)
+
+
+def test_simulated_time_keeps_pace_with_the_wall_clock() -> None:
+    with Simulator() as simulator:
+        wall_us, begin_us = time.monotonic() * 1e6, simulator.get("t_us")
+        while time.monotonic() * 1e6 - wall_us < 500_000:
+            simulator.get("t_us")
+        elapsed_us = simulator.get("t_us") - begin_us
+        assert elapsed_us == pytest.approx(time.monotonic() * 1e6 - wall_us, abs=50_000)
+
+
+def test_a_named_simulator_that_is_none_is_an_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("WHEELWIRE_FWSIM", str(tmp_path / "missing"))
+    with pytest.raises(SimulatorNotFound, match="WHEELWIRE_FWSIM"):
+        find_simulator()
