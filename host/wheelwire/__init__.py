@@ -1,0 +1,80 @@
+"""Wheelwire: drive a wheeled robot whose real-time half runs on an ESP32.
+
+with wheelwire.open_driver("serial", port="/dev/ttyUSB0") as robot:
+    robot.set_velocity(0.2, 0.0)
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .drivers.base import BaseDriver as BaseDriver
+    from .errors import DeviceRefused as DeviceRefused
+    from .errors import DeviceSilent as DeviceSilent
+    from .errors import DriverUnavailable as DriverUnavailable
+    from .errors import ForeignDevice as ForeignDevice
+    from .errors import InvalidCommand as InvalidCommand
+    from .errors import LinkLost as LinkLost
+    from .errors import ParameterOutOfRange as ParameterOutOfRange
+    from .errors import PortUnavailable as PortUnavailable
+    from .errors import ProtocolMismatch as ProtocolMismatch
+    from .errors import RequestTimeout as RequestTimeout
+    from .errors import SimulatorNotFound as SimulatorNotFound
+    from .errors import UnknownParameter as UnknownParameter
+    from .errors import WheelwireError as WheelwireError
+    from .factory import driver_names as driver_names
+    from .factory import open_driver as open_driver
+    from .kinematics import DifferentialDrive as DifferentialDrive
+    from .kinematics import Twist as Twist
+    from .kinematics import WheelVelocities as WheelVelocities
+    from .odometry import Odometry as Odometry
+    from .odometry import Pose as Pose
+    from .samples import Travel as Travel
+    from .samples import WheelSample as WheelSample
+    from .statistics import LinkStatistics as LinkStatistics
+
+_MODULES = {
+    "drivers.base": ("BaseDriver",),
+    "errors": (
+        "DeviceRefused",
+        "DeviceSilent",
+        "DriverUnavailable",
+        "ForeignDevice",
+        "InvalidCommand",
+        "LinkLost",
+        "ParameterOutOfRange",
+        "PortUnavailable",
+        "ProtocolMismatch",
+        "RequestTimeout",
+        "SimulatorNotFound",
+        "UnknownParameter",
+        "WheelwireError",
+    ),
+    "factory": ("driver_names", "open_driver"),
+    "kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
+    "odometry": ("Odometry", "Pose"),
+    "samples": ("Travel", "WheelSample"),
+    "statistics": ("LinkStatistics",),
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+__all__ = [  # loaded when first used, so that the import stays quick
+    *_MODULE_OF,
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from .device import library_version
+
+        return library_version()
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,5 @@
+"""`python -m wheelwire` is the command `wheelwire`."""
+
+from wheelwire.cli import main
+
+main()

@@ -1,0 +1,59 @@
+"""Commands that need no robot: sim, ports, demo."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from wheelwire.ports import list_serial_ports
+from wheelwire.sim import find_simulator
+
+from .output import JsonFlag, console, print_facts, print_json, print_table
+
+DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
+
+
+def sim(
+    link: Annotated[Path, typer.Option(help="Where the robot's port is to appear.")] = DEFAULT_LINK,
+    arguments: Annotated[
+        list[str] | None, typer.Argument(help="For wheelwire-fwsim; see `wheelwire sim -- --help`.")
+    ] = None,
+) -> None:
+    """Run a simulated robot, with the real firmware's core, until Ctrl-C."""
+    program = str(find_simulator())
+    # In our place: whatever signal ends this command ends the simulator, and takes its port away.
+    os.execv(program, [program, "--link", str(link), *(arguments or [])])  # noqa: S606
+
+
+def ports(as_json: JsonFlag = False) -> None:
+    """List serial ports, likely robots first. None is opened."""
+    found = list_serial_ports()
+    if as_json:
+        print_json(found)
+        return
+    if not found:
+        console.print("no serial port: plug the board in, or run `wheelwire sim`")
+        return
+    used = {True: "yes", False: "no", None: "unknown"}
+    print_table(
+        "Serial ports",
+        ("port", "by path", "in use", "what it may be"),
+        [(p.device, p.by_path or "", used[p.in_use], p.note or p.description) for p in found],
+    )
+
+
+def demo(
+    output: Annotated[Path, typer.Option(help="Folder for the picture.")] = Path("build/demo"),
+    as_json: JsonFlag = False,
+) -> None:
+    """Drive a simulated robot through a figure eight, then hang on purpose."""
+    from wheelwire.demo import run  # here, for the live display and the plot are slow to import
+
+    if as_json:
+        print_json(run(output, Console(stderr=True)))
+    else:
+        print_facts("What was measured", run(output, console).rows())

@@ -1,0 +1,186 @@
+"""The device's clock seen from the host's: offset, drift, and an honest bound. Sans-IO.
+
+Four timestamps an exchange, as in NTP (RFC 5905): t1 host sends, t2 device receives, t3 device
+sends, t4 host receives. The true offset lies within half the round trip of the estimate, however
+unequal the two ways are. For clocks that drift apart evenly, a least-squares line through such
+offsets at time h is a weighted sum of them with weights w_i(h), so its error is at most
+sum |w_i| r_i / 2, and by Cauchy-Schwarz at most sqrt(sum w_i^2) sqrt(sum r_i^2) / 2.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from .samples import tick_difference
+
+WINDOW = 64
+"""Exchanges remembered: half a minute at two a second."""
+MAX_DRIFT = 500e-6
+"""Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
+WANDER = 2e-6
+"""How far drift departs from the fitted one since the last exchange, by temperature."""
+HORIZON_US = 500_000
+"""The estimate must serve until the next exchange: the one with the best bound then is taken."""
+RESOLUTION_US = 1.0
+"""Timestamps are whole microseconds."""
+
+
+def host_clock_us() -> int:
+    """`time.monotonic()` in whole microseconds: the host's clock of the whole library."""
+    return time.monotonic_ns() // 1000
+
+
+class Exchange(NamedTuple):
+    """One ping and its answer, in microseconds."""
+
+    host_sent_us: int
+    device_received_us: int
+    device_sent_us: int
+    host_received_us: int
+
+    @property
+    def round_trip_us(self) -> int:
+        """Time on the way, both ways, without the device's own time."""
+        on_host = self.host_received_us - self.host_sent_us
+        return max(0, on_host - (self.device_sent_us - self.device_received_us))
+
+    @property
+    def host_us(self) -> int:
+        """The host's clock in the middle of the exchange."""
+        return (self.host_sent_us + self.host_received_us) // 2
+
+    @property
+    def device_us(self) -> int:
+        """The device's clock in the middle of the exchange."""
+        return (self.device_sent_us + self.device_received_us) // 2
+
+
+class _Line(NamedTuple):
+    """offset(h) = base + a + b (h - origin), the device's clock less the host's."""
+
+    origin_us: int
+    base_us: int
+    a_us: float
+    b: float
+    mean_us: float
+    """Where the line is best known, after `origin_us`."""
+    error_us: float
+    error_slope: float
+    """error(h)^2 = error_us^2 + (error_slope (h - mean))^2 for a fit."""
+    last_us: int
+    growth: float
+    """Error per microsecond after `last_us`."""
+
+    def offset_us(self, host_us: float) -> float:
+        return self.a_us + self.b * (host_us - self.origin_us)
+
+    def bound_us(self, host_us: float) -> float:
+        slope = self.error_slope * (host_us - self.origin_us - self.mean_us)
+        growth = self.growth * abs(host_us - self.last_us)
+        return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
+
+
+class ClockEstimator:
+    """Keeps the exchanges of one session and converts times between the two clocks."""
+
+    def __init__(self) -> None:
+        self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
+        self._line: _Line | None = None
+
+    @property
+    def synchronised(self) -> bool:
+        """True once there was an exchange; the conversions need one."""
+        return self._line is not None
+
+    def add(self, exchange: Exchange) -> None:
+        """Take one exchange into the estimate."""
+        if self._line is not None and self._contradicts(self._line, exchange):
+            self._exchanges.clear()  # a clock was stepped (the host slept?): the past is void
+        self._exchanges.append(exchange)
+        now = exchange.host_received_us
+        candidates = [_through_best(self._exchanges, now)]
+        if len(self._exchanges) >= 8:
+            candidates.append(_fit(self._exchanges))
+        self._line = min(candidates, key=lambda line: line.bound_us(now + HORIZON_US))
+
+    def host_to_device(self, host_us: int) -> int:
+        """The device's clock, in us, at the host's `host_us`."""
+        line = self._known()
+        return host_us + line.base_us + round(line.offset_us(host_us))
+
+    def device_to_host(self, device_us: int) -> tuple[int, float]:
+        """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
+        line = self._known()
+        elapsed = device_us - line.base_us - line.origin_us - line.a_us
+        host_us = line.origin_us + round(elapsed / (1 + line.b))
+        return host_us, line.bound_us(host_us)
+
+    def error_us(self, host_us: int) -> float:
+        """Bound of the conversions' error, in us, at the host's `host_us`."""
+        return self._known().bound_us(host_us)
+
+    def unwrap(self, t_us: int, host_us: int) -> int:
+        """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
+        near = self.host_to_device(host_us)
+        return near + tick_difference(t_us, near)
+
+    def _known(self) -> _Line:
+        if self._line is None:
+            raise RuntimeError("the clock is not synchronised")
+        return self._line
+
+    @staticmethod
+    def _contradicts(line: _Line, exchange: Exchange) -> bool:
+        offset = exchange.device_us - exchange.host_us - line.base_us
+        error = abs(offset - line.offset_us(exchange.host_us))
+        return error > line.bound_us(exchange.host_us) + exchange.round_trip_us / 2
+
+
+def _through_best(exchanges: Sequence[Exchange], now_us: int) -> _Line:
+    """No drift assumed, nor excluded: through the exchange that bounds the present best."""
+
+    def bound(e: Exchange) -> float:
+        return e.round_trip_us / 2 + MAX_DRIFT * (now_us - e.host_us)
+
+    best = min(exchanges, key=bound)
+    return _Line(
+        origin_us=best.host_us,
+        base_us=best.device_us - best.host_us,
+        a_us=0.0,
+        b=0.0,
+        mean_us=0.0,
+        error_us=best.round_trip_us / 2,
+        error_slope=0.0,
+        last_us=best.host_us,
+        growth=MAX_DRIFT,
+    )
+
+
+def _fit(exchanges: Sequence[Exchange]) -> _Line:
+    """Least squares through the quarter with the shortest round trips."""
+    shortest = sorted(exchanges, key=lambda e: e.round_trip_us)
+    chosen = shortest[: max(4, len(shortest) // 4)]
+    n = len(chosen)
+    origin, base = chosen[0].host_us, chosen[0].device_us - chosen[0].host_us
+    times = [e.host_us - origin for e in chosen]
+    offsets = [e.device_us - e.host_us - base for e in chosen]
+    mean_time, mean_offset = sum(times) / n, sum(offsets) / n
+    spread = sum((t - mean_time) ** 2 for t in times) or 1.0
+    products = zip(times, offsets, strict=True)
+    b = sum((t - mean_time) * (o - mean_offset) for t, o in products) / spread
+    length = math.sqrt(sum(e.round_trip_us**2 for e in chosen))
+    return _Line(
+        origin_us=origin,
+        base_us=base,
+        a_us=mean_offset - b * mean_time,
+        b=b,
+        mean_us=mean_time,
+        error_us=length / 2 / math.sqrt(n),
+        error_slope=length / 2 / math.sqrt(spread),
+        last_us=exchanges[-1].host_us,
+        growth=WANDER,
+    )

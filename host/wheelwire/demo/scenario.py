@@ -1,0 +1,117 @@
+"""The run itself: a figure eight through the public API, then a program that hangs."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import WheelwireError
+from wheelwire.odometry import Odometry, Pose
+from wheelwire.sim import Simulator, TrueState
+
+from .display import Display, View, open_display
+from .figure import DURATION_S, commanded_path, twist_at
+from .plot import save_trajectory
+from .report import Report
+
+COMMAND_PERIOD_S = 0.02
+TTL_S = 0.3
+STRAIGHT_S = 1.0
+"""Driven after the figure, so that the hang meets a robot at speed."""
+PATIENCE_S = 10.0
+
+
+def run(folder: Path, console: Console) -> Report:
+    """Drive a simulated robot; takes about 25 s.
+
+    Args:
+        folder: Where `trajectory.png` is written.
+        console: Where progress is shown.
+
+    Raises:
+        SimulatorNotFound: The simulator is not built.
+        WheelwireError: The link failed, or the robot did not stop.
+    """
+    with (
+        Simulator(truth_hz=50) as simulator,
+        SerialDriver(simulator.port) as robot,
+        open_display(console) as display,
+    ):
+        return _Demonstration(simulator, robot, display).run(folder)
+
+
+class _Demonstration:
+    def __init__(self, simulator: Simulator, robot: SerialDriver, display: Display) -> None:
+        self._simulator = simulator
+        self._robot = robot
+        self._display = display
+        self._odometry = Odometry(robot.geometry)
+        self._odometry.update(robot.read())
+        self._began_s = time.monotonic()
+        self._path = [self._odometry.pose]
+        self._true: list[TrueState] = []
+
+    def run(self, folder: Path) -> Report:
+        self._drive("figure eight", DURATION_S + STRAIGHT_S)
+        self._hang()
+        return self._report(folder)
+
+    def _drive(self, phase: str, seconds: float) -> None:
+        """Command the figure, a setpoint every COMMAND_PERIOD_S."""
+        begin = time.monotonic()
+        next_command = begin
+        while (now := time.monotonic()) < begin + seconds:
+            if now >= next_command:
+                self._robot.set_velocity(*twist_at(now - begin), ttl=TTL_S)
+                next_command += COMMAND_PERIOD_S
+            self._watch(phase)
+
+    def _hang(self) -> None:
+        """Command no more, as a program that hangs: the firmware must stop the robot."""
+        end = time.monotonic() + PATIENCE_S
+        while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
+            if time.monotonic() > end:
+                raise WheelwireError(
+                    f"the robot still moves {PATIENCE_S:g} s after the last command"
+                )
+            self._watch("hanging")
+
+    def _watch(self, phase: str) -> None:
+        sample = self._robot.read()
+        pose = self._odometry.update(sample).pose
+        self._path.append(pose)
+        self._true += self._simulator.take_states()
+        seconds = time.monotonic() - self._began_s
+        self._display.show(View(phase, seconds, pose, sample, self._robot.statistics))
+
+    def _report(self, folder: Path) -> Report:
+        picture = folder / "trajectory.png"
+        true_path = [Pose(state.x_m, state.y_m, state.heading_rad) for state in self._true]
+        save_trajectory(picture, commanded_path(DURATION_S + STRAIGHT_S), self._path, true_path)
+        last, removed = self._true[-1], _drive_removed(self._true)
+        pose, statistics = self._path[-1], self._robot.statistics
+        return Report(
+            distance_m=last.distance_m,
+            position_error_m=math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m),
+            heading_error_rad=pose.heading_rad - last.heading_rad,
+            frames_sent=statistics.frames_sent,
+            frames_received=statistics.frames_received,
+            frames_lost=statistics.frames_lost,
+            crc_errors=statistics.bad_crc,
+            round_trip_p50_us=statistics.round_trip_p50_us,
+            round_trip_p99_us=statistics.round_trip_p99_us,
+            command_age_us=last.drive_removed_us - last.deadline_us + round(TTL_S * 1e6),
+            drive_removed_after_deadline_us=last.drive_removed_us - last.deadline_us,
+            standstill_after_deadline_us=last.standstill_us - last.deadline_us,
+            stopping_distance_m=last.distance_m - removed.distance_m,
+            picture=str(picture),
+        )
+
+
+def _drive_removed(states: list[TrueState]) -> TrueState:
+    """The state at which the drive was last removed."""
+    return next(s for s in reversed(states) if s.drive_changed and not s.drive_on)

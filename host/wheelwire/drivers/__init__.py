@@ -1,0 +1,1 @@
+"""Drivers: one class per way to reach the motors and encoders, all behind `BaseDriver`."""

@@ -1,0 +1,170 @@
+"""What every driver offers, and what all of them share."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import TypeVar
+
+from ..errors import InvalidCommand, RequestTimeout
+from ..inbox import SampleInbox
+from ..kinematics import DifferentialDrive, Twist, WheelVelocities
+from ..parameters import Parameters
+from ..samples import WheelSample
+from ..statistics import LinkStatistics
+
+DEFAULT_TTL_S = 0.5
+LONGEST_TTL_S = 3600.0
+"""Any device shortens it further, to its ttl_max_s."""
+FIRST_SAMPLE_S = 1.0
+
+Self = TypeVar("Self", bound="BaseDriver")
+
+
+class BaseDriver(ABC):
+    """A robot with two driven wheels.
+
+    A setpoint lives for its `ttl` and no longer; the library never renews one. The methods may be
+    called from any thread. As a context manager a driver stops the robot at the exit.
+
+    All methods that reach the robot raise `LinkLost` while it is out of reach.
+    """
+
+    def __init__(self) -> None:
+        self._inbox = SampleInbox()
+
+    # --- driving -------------------------------------------------------------------------------
+
+    def set_velocity(self, linear: float, angular: float, ttl: float = DEFAULT_TTL_S) -> None:
+        """Drive at a body velocity. Does not wait for the robot.
+
+        Beyond the wheels' limit both are slowed by one factor, so the path keeps its curvature.
+
+        Args:
+            linear: Forward positive. [m/s]
+            angular: Counter-clockwise positive. [rad/s]
+            ttl: For how long, from now. [s]
+
+        Raises:
+            InvalidCommand: NaN, infinity, or a ttl that is not above zero. Nothing was sent.
+            DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused.
+            LinkLost: The robot is out of reach.
+        """
+        _check_finite(linear=linear, angular=angular)
+        wheels = self.geometry.wheel_velocities(Twist(linear, angular))
+        self.set_wheel_velocity(*wheels, ttl)
+
+    def set_wheel_velocity(self, left: float, right: float, ttl: float = DEFAULT_TTL_S) -> None:
+        """Drive each wheel at its own velocity, in m/s at the rim; otherwise as `set_velocity`."""
+        _check_finite(left=left, right=right)
+        wheels = self.geometry.saturate(WheelVelocities(left, right))
+        self._drive_velocity(wheels, _checked_ttl(ttl))
+
+    def set_duty(self, left: float, right: float, ttl: float = DEFAULT_TTL_S) -> None:
+        """Drive each wheel at a duty, -1..1, open loop; otherwise as `set_velocity`."""
+        _check_finite(left=left, right=right)
+        if max(abs(left), abs(right)) > 1:
+            raise InvalidCommand(f"duty ({left:g}, {right:g}): give numbers from -1 to 1")
+        self._drive_duty(left, right, _checked_ttl(ttl))
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop both wheels and wait until the robot has acknowledged it."""
+
+    @abstractmethod
+    def estop(self) -> None:
+        """Stop both wheels, and refuse to move until `clear_estop`."""
+
+    @abstractmethod
+    def clear_estop(self) -> None:
+        """End the emergency stop; `DeviceRefused` while its cause lasts."""
+
+    @abstractmethod
+    def clear_fault(self) -> None:
+        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
+
+    @abstractmethod
+    def shutdown(self) -> None:
+        """Stop the robot and give back all that the driver holds. Harmless when repeated."""
+
+    # --- measuring -----------------------------------------------------------------------------
+
+    def read(self, timeout: float = 1.0) -> WheelSample:
+        """The newest sample that was not returned before; waits for one if need be.
+
+        A wait outlasts a reconnection, if `timeout` [s] does.
+
+        Raises:
+            LinkLost: The robot was still out of reach after `timeout`, or for ever.
+            RequestTimeout: It is in reach, but measured nothing new.
+        """
+        try:
+            return self._inbox.take(timeout)
+        except RequestTimeout:
+            self._check_link()
+            raise
+
+    def get_encoder_ticks(self) -> tuple[int, int]:
+        """(left, right) ticks of the newest sample, forward positive, without bounds.
+
+        They go on across wraps of the device's counters and across its resets.
+
+        Raises:
+            LinkLost: The robot is out of reach.
+            RequestTimeout: It is in reach, but measures nothing.
+        """
+        self._check_link()
+        return self._inbox.ticks(FIRST_SAMPLE_S)
+
+    @property
+    @abstractmethod
+    def geometry(self) -> DifferentialDrive:
+        """The robot's numbers, as they are now."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> Parameters:
+        """The robot's parameters, by name."""
+
+    @property
+    @abstractmethod
+    def statistics(self) -> LinkStatistics:
+        """How the link to the robot is doing."""
+
+    # --- for the drivers -----------------------------------------------------------------------
+
+    @abstractmethod
+    def _drive_velocity(self, wheels: WheelVelocities, ttl_s: float) -> None:
+        """Hand over a finite setpoint within the limits, without waiting."""
+
+    @abstractmethod
+    def _drive_duty(self, left: float, right: float, ttl_s: float) -> None:
+        """Hand over a setpoint, each -1..1, without waiting."""
+
+    @abstractmethod
+    def _check_link(self) -> None:
+        """Raise `LinkLost` if the robot is out of reach."""
+
+    def __enter__(self: Self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.shutdown()
+
+
+def _check_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise InvalidCommand(f"{name} = {value}: give a finite number")
+
+
+def _checked_ttl(ttl: float) -> float:
+    if not (math.isfinite(ttl) and ttl > 0):
+        raise InvalidCommand(f"ttl = {ttl}: give the setpoint a time to live above 0 s")
+    return min(ttl, LONGEST_TTL_S)

@@ -1,0 +1,156 @@
+"""Everything that can go wrong, by name. Each message is one line: what happened, what to do.
+
+`exit_code` is what the command line ends with; 2 is left to wrong usage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from wheelwire_protocol.codes import RefusalCode
+
+from .coded import member
+
+
+class WheelwireError(Exception):
+    """Base of every error that Wheelwire raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class PortUnavailable(WheelwireError):  # noqa: N818 - the design's names say the state, not "Error"
+    """The port cannot be opened: not there, in use, or not permitted."""
+
+    exit_code = 3
+
+    def __init__(self, port: str, reason: str) -> None:
+        super().__init__(f"cannot open {port}: {reason}")
+        self.port = port
+
+
+class DeviceSilent(WheelwireError):  # noqa: N818
+    """Not one byte came from the device."""
+
+    exit_code = 4
+
+    def __init__(self, port: str, baud_rates: Sequence[int]) -> None:
+        super().__init__(
+            f"{port} is silent{_tried(baud_rates)}: check power, cable and port, "
+            "and that the firmware is flashed"
+        )
+        self.baud_rates = tuple(baud_rates)
+
+
+class ForeignDevice(WheelwireError):  # noqa: N818
+    """Bytes come, but no frame of ours."""
+
+    exit_code = 5
+
+    def __init__(self, port: str, baud_rates: Sequence[int], bytes_received: int) -> None:
+        super().__init__(
+            f"{port} sent {bytes_received} bytes but no Wheelwire frame{_tried(baud_rates)}: "
+            "choose another port (`wheelwire ports`), give its baud rate, or flash the firmware"
+        )
+        self.baud_rates = tuple(baud_rates)
+
+
+@dataclass(frozen=True)
+class Release:
+    """What one side of the link says that it is."""
+
+    protocol_version: int
+    schema_hash: int
+    release: str
+    """Of the firmware or the host library, such as `0.1.0`."""
+
+    def __str__(self) -> str:
+        return f"{self.release} (protocol {self.protocol_version}, schema {self.schema_hash:08x})"
+
+
+class ProtocolMismatch(WheelwireError):  # noqa: N818
+    """Host and firmware are of different releases; the device does not move for this host."""
+
+    exit_code = 6
+
+    def __init__(self, host: Release, device: Release) -> None:
+        super().__init__(
+            f"host library {host} and firmware {device} do not match: install both from one release"
+        )
+        self.host = host
+        self.device = device
+
+
+class DeviceRefused(WheelwireError):  # noqa: N818
+    """The device refused a request or a setpoint; nothing moved or changed because of it."""
+
+    exit_code = 7
+
+    def __init__(self, code: int, subject: str) -> None:
+        self.code: int = code
+        try:
+            text = member(RefusalCode, code).doc
+        except ValueError:
+            text = f"Code {code}, which this host library does not know."
+        super().__init__(f"the device refused {subject}: {text}")
+
+
+class LinkLost(WheelwireError):  # noqa: N818
+    """The link is down. It is restored by itself; wait, or look at the cable."""
+
+    exit_code = 8
+
+
+class RequestTimeout(WheelwireError):  # noqa: N818
+    """No answer came, though it was asked for again: whether it was done is not known."""
+
+    exit_code = 9
+
+
+class InvalidCommand(WheelwireError, ValueError):  # noqa: N818
+    """A command that means nothing: NaN, infinity, no time to live. Nothing was sent."""
+
+    exit_code = 10
+
+
+class UnknownParameter(WheelwireError):  # noqa: N818
+    """No parameter has this name."""
+
+    exit_code = 11
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        from difflib import get_close_matches  # here, for it is slow to import
+
+        near = get_close_matches(name, list(known), n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}?" if near else "list the parameters to see the names"
+        super().__init__(f"no parameter is called {name!r}: {hint}")
+        self.name = name
+
+
+class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
+    """A parameter's value is outside its bounds, or no number of its kind."""
+
+    exit_code = 12
+
+    def __init__(self, key: str, value: float, bound: str) -> None:
+        super().__init__(f"{key} = {value!r} is not possible: it must be {bound}")
+        self.key = key
+        self.value = value
+        self.bound = bound
+
+
+class DriverUnavailable(WheelwireError):  # noqa: N818
+    """No driver has this name, or what it needs is not installed."""
+
+    exit_code = 13
+
+
+class SimulatorNotFound(WheelwireError):  # noqa: N818
+    """The simulated device is not built, or not where it is looked for."""
+
+    exit_code = 14
+
+
+def _tried(baud_rates: Sequence[int]) -> str:
+    return f" at {', '.join(map(str, baud_rates))} baud" if baud_rates else ""

@@ -1,0 +1,59 @@
+"""Drivers by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .errors import DriverUnavailable
+
+if TYPE_CHECKING:
+    from .drivers.base import BaseDriver
+
+ENTRY_POINT_GROUP = "wheelwire.drivers"
+
+_BUILT_IN = {
+    "serial": "wheelwire.drivers.serial:SerialDriver",
+}
+
+
+def open_driver(name: str, **options: Any) -> BaseDriver:
+    """Open a robot by the name of its driver.
+
+    Args:
+        name: A built-in driver, or one that an installed package offers as an entry point in the
+            group `wheelwire.drivers`.
+        **options: The driver's own arguments; see its class.
+
+    Raises:
+        DriverUnavailable: No driver has this name, or what it needs is not installed.
+        WheelwireError: What the driver itself raises.
+    """
+    driver: BaseDriver = _driver_class(name)(**options)
+    return driver
+
+
+def driver_names() -> list[str]:
+    """The names that `open_driver` knows on this machine."""
+    return sorted({**_plug_ins(), **_BUILT_IN})
+
+
+def _driver_class(name: str) -> Any:
+    target = _BUILT_IN.get(name) or _plug_ins().get(name)
+    if target is None:
+        known = ", ".join(driver_names())
+        raise DriverUnavailable(f"no driver is called {name!r}; there are: {known}")
+    module, _, attribute = target.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except ImportError as error:
+        raise DriverUnavailable(
+            f"driver {name!r} needs the module {error.name!r}: "
+            f"install it (`pip install wheelwire[{name}]` where there is such an extra)"
+        ) from error
+
+
+def _plug_ins() -> dict[str, str]:
+    from importlib.metadata import entry_points  # here, for it is slow to import
+
+    return {point.name: point.value for point in entry_points(group=ENTRY_POINT_GROUP)}

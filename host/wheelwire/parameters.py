@@ -1,0 +1,102 @@
+"""The parameters of a driver by name: values, bounds, and a check before anything is sent."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
+
+from .errors import ParameterOutOfRange, UnknownParameter
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """One parameter as the device has it. Bounds are inclusive."""
+
+    name: str
+    value: float
+    default: float
+    minimum: float
+    maximum: float
+    unit: str
+    kind: Kind
+    doc: str
+
+
+class Parameters(ABC):
+    """The parameters of one robot. Like a mapping from name to value; each access asks the robot.
+
+    Raises, in every method that takes a name: `UnknownParameter`; in every method: `LinkLost`,
+    `RequestTimeout`, `DeviceRefused`.
+    """
+
+    def get(self, name: str) -> float:
+        """The value in force, in the parameter's unit."""
+        return self._read(_definition(name))
+
+    def set(self, name: str, value: float) -> float:
+        """Change a value until the next reset of the device; returns the value in force.
+
+        Raises:
+            ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
+        """
+        definition = _definition(name)
+        if not math.isfinite(value):
+            raise ParameterOutOfRange(name, value, "a finite number")
+        low, high = self._bounds(definition)
+        if value < low:
+            raise ParameterOutOfRange(name, value, f"at least {low:g}")
+        if value > high:
+            raise ParameterOutOfRange(name, value, f"at most {high:g}")
+        if definition.kind is not Kind.REAL and value != int(value):
+            raise ParameterOutOfRange(name, value, "a whole number")
+        return self._write(definition, float(value))
+
+    def __getitem__(self, name: str) -> float:
+        return self.get(name)
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self.set(name, value)
+
+    def __iter__(self) -> Iterator[str]:
+        return (info.name for info in self.list())
+
+    def items(self) -> Iterator[tuple[str, float]]:
+        """Pairs of name and value."""
+        return ((info.name, info.value) for info in self.list())
+
+    @abstractmethod
+    def list(self) -> tuple[ParameterInfo, ...]:
+        """All parameters, with the bounds that the device holds them to."""
+
+    @abstractmethod
+    def save(self) -> None:
+        """Keep the values across resets. Only while stopped."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Go back to the defaults, and forget what was saved. Only while stopped."""
+
+    @abstractmethod
+    def _read(self, definition: Parameter) -> float: ...
+
+    @abstractmethod
+    def _write(self, definition: Parameter, value: float) -> float: ...
+
+    @abstractmethod
+    def _bounds(self, definition: Parameter) -> tuple[float, float]: ...
+
+
+def decimal_of_float32(value: float) -> float:
+    """The decimal number that was meant by a 32-bit float: 0.033, not 0.03299999982118607."""
+    return float(f"{value:.7g}")
+
+
+def _definition(name: str) -> Parameter:
+    definition = PARAMETER_BY_NAME.get(name)
+    if definition is None:
+        raise UnknownParameter(name, PARAMETER_BY_NAME)
+    return definition

@@ -1,0 +1,228 @@
+"""The loop that owns a port: it alone reads, writes, opens again and closes."""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+import threading
+
+from wheelwire_protocol.codes import StopMode
+
+from .baud import BaudSearch
+from .clock import host_clock_us
+from .errors import LinkLost, PortUnavailable, WheelwireError
+from .inbox import SampleInbox
+from .requests import Answer
+from .session import Phase, Session
+from .transport import Transport, hung_up, open_transport
+
+REOPEN_PERIOD_S = 0.1
+FAREWELL_US = 500_000
+"""How long the end waits for the device to acknowledge the stop."""
+OUTPUT_LIMIT = 4096
+"""Bytes that wait for the port at most: older ones are worth nothing to a robot."""
+_BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
+
+_log = logging.getLogger("wheelwire")
+
+
+class PortLoop:
+    """Serves a session on a port, through every loss of the port, until `finish`.
+
+    Args:
+        port: Device path or URL, by which it is opened again.
+        transport: The open port; the loop closes it.
+        session: Not connected yet. Only used under `changed`.
+        changed: Guards the session; notified when it opens, ends or fails to open.
+        inbox: Takes the samples.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        transport: Transport,
+        session: Session,
+        changed: threading.Condition,
+        inbox: SampleInbox,
+    ) -> None:
+        self.reconnects = 0
+        self.end: WheelwireError | None = None
+        """Why the loop ended, once it has."""
+        self.search = BaudSearch(transport.baud_rate, host_clock_us())
+        self.low_latency = transport.low_latency
+        self.baud_rate = transport.baud_rate
+        self._port = port
+        self._first_transport = transport
+        self._session = session
+        self._changed = changed
+        self._inbox = inbox
+        self._was_open = False
+        self._output = b""
+        self._finishing = False
+        self._farewell_until_us: int | None = None
+        self._farewell_done = False
+        self._wake_read, self._wake_write = socket.socketpair()
+        self._wake_read.setblocking(False)
+        self._wake_write.setblocking(False)
+
+    def wake(self) -> None:
+        """Make the loop look at the session; from any thread."""
+        try:
+            self._wake_write.send(b"\0")
+        except OSError:  # full: it is awake already; closed: it has ended
+            return
+
+    def finish(self) -> None:
+        """Stop the robot, close the port and end; from any thread, even from a finaliser.
+
+        Takes no lock: the garbage collector may call it in a thread that holds one.
+        """
+        self._finishing = True
+        self.wake()
+
+    def run(self) -> None:
+        """The thread's whole life."""
+        end: WheelwireError = LinkLost("the link is closed; open it again")
+        try:
+            transport: Transport | None = self._first_transport
+            while transport is not None:
+                with self._changed:
+                    self._session.connect(host_clock_us())
+                lost = self._serve(transport)
+                transport = self._reopen() if lost else None
+        except BaseException as error:
+            _log.exception("the link's thread failed")
+            end = LinkLost(f"the link's thread failed ({error!r}); close the link, open it again")
+            end.__cause__ = error
+        finally:
+            self._die(end)
+
+    # --- the port ------------------------------------------------------------------------------
+
+    def _serve(self, transport: Transport) -> bool:
+        """Serve until the port is lost: True; or until the end: False. Closes the port."""
+        try:
+            while not (self._finishing and self._farewell_over()):
+                self._turn(transport)
+        except LinkLost as error:
+            self._lose(error)
+            return True
+        finally:
+            transport.close()
+        return False
+
+    def _turn(self, transport: Transport) -> None:
+        """Do what is due, write, wait, read."""
+        with self._changed:
+            now_us = host_clock_us()
+            self._search_baud_rate(transport, now_us)
+            self._session.advance(now_us)
+            self._output += self._session.take_output()
+            due_us = self._session.next_deadline_us
+            self._tell_changes()
+        if self._output:
+            self._output = self._output[transport.write(self._output) :]
+            if len(self._output) > OUTPUT_LIMIT:
+                self._output = b""
+        events = self._wait_for_port(transport, due_us)
+        got_data = bool(events & select.POLLIN) and self._read(transport)
+        # An unplugged port is readable for ever, and nothing comes.
+        if events & _BROKEN and not got_data:
+            raise hung_up()
+
+    def _read(self, transport: Transport) -> bool:
+        data = transport.read()
+        arrived_us = host_clock_us()
+        with self._changed:
+            samples = self._session.receive(data, arrived_us)
+            self._tell_changes()
+        for sample in samples:
+            self._inbox.put(sample)
+        return bool(data)
+
+    def _wait_for_port(self, transport: Transport, due_us: int | None) -> int:
+        """Wait until a deadline, a wake-up or the port; returns the port's poll events."""
+        poller = select.poll()
+        poller.register(self._wake_read, select.POLLIN)
+        wanted = select.POLLIN | (select.POLLOUT if self._output else 0)
+        poller.register(transport.fileno(), wanted)
+        timeout_ms = None if due_us is None else max(0.0, (due_us - host_clock_us()) / 1000)
+        events = dict(poller.poll(timeout_ms))
+        if self._wake_read.fileno() in events:
+            self._drain_wake_ups()
+        return events.get(transport.fileno(), 0)
+
+    def _drain_wake_ups(self) -> None:
+        try:
+            self._wake_read.recv(4096)
+        except BlockingIOError:
+            return
+
+    def _search_baud_rate(self, transport: Transport, now_us: int) -> None:
+        if self._session.answered:
+            self.search.end()
+        rate = self.search.next(now_us)
+        if rate is not None:
+            transport.set_baud_rate(rate)
+            self.baud_rate = transport.baud_rate
+
+    def _lose(self, error: LinkLost) -> None:
+        with self._changed:
+            self._session.disconnect(error)
+            self._tell_changes()
+        self._output = b""
+
+    def _reopen(self) -> Transport | None:
+        """Try again and again, until the port is there; None when the end has come."""
+        poller = select.poll()
+        poller.register(self._wake_read, select.POLLIN)
+        while not self._finishing:
+            try:
+                transport = open_transport(self._port, self.baud_rate or 0)
+            except PortUnavailable:
+                poller.poll(REOPEN_PERIOD_S * 1000)
+                self._drain_wake_ups()
+                continue
+            self.low_latency = transport.low_latency
+            self.reconnects += 1
+            return transport
+        return None
+
+    # --- news and the end ----------------------------------------------------------------------
+
+    def _tell_changes(self) -> None:
+        """Notify who waits. Called with the lock held."""
+        is_open = self._session.phase is Phase.OPEN
+        if is_open != self._was_open:
+            self._was_open = is_open
+            if is_open:
+                _log.info("%s: link open", self._port)
+            else:
+                self._inbox.interrupt()
+                _log.warning("%s: %s", self._port, self._session.error)
+        self._changed.notify_all()
+
+    def _farewell_over(self) -> bool:
+        """Stop the robot before the end; True when that is done, or in vain."""
+        now_us = host_clock_us()
+        if self._farewell_until_us is None:
+            self._farewell_until_us = now_us + FAREWELL_US
+            with self._changed:
+                self._session.stop(StopMode.CONFIGURED, self._on_farewell, now_us)
+            self.wake()  # one more turn, to write it
+            return False
+        done = self._farewell_done and not self._output
+        return done or now_us >= self._farewell_until_us
+
+    def _on_farewell(self, _result: Answer | WheelwireError) -> None:
+        self._farewell_done = True
+
+    def _die(self, end: WheelwireError) -> None:
+        with self._changed:
+            self.end = end
+            self._session.disconnect(end)
+            self._changed.notify_all()
+        self._inbox.fail(end)
+        self._wake_read.close()
+        self._wake_write.close()

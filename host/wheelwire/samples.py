@@ -1,0 +1,79 @@
+"""What the wheels did: one measured instant, and the travel between two of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from wheelwire_protocol.codes import Fault, SupervisorState
+
+TICK_MODULUS = 1 << 32
+
+
+def tick_difference(later: int, earlier: int) -> int:
+    """Signed difference of two 32-bit counters, exact while it is below 2^31."""
+    half = TICK_MODULUS // 2
+    return (later - earlier + half) % TICK_MODULUS - half
+
+
+class Travel(NamedTuple):
+    """From one sample to a later one."""
+
+    left: int
+    """Ticks, forward positive."""
+    right: int
+    """Ticks, forward positive."""
+    dt_s: float
+    """On the device's clock."""
+    rebased: bool
+    """The device was reset in between: what it travelled meanwhile is unknown, and given as 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSample:
+    """Both encoders, latched by the device at one instant.
+
+    Attributes:
+        boot_id: The device's, random at each reset.
+        t_us: The device's clock at the latch, 64 bits. [us]
+        left_ticks: Cumulative, as on the wire: wraps at 2^32.
+        right_ticks: Cumulative, as on the wire: wraps at 2^32.
+        left_mps: Measured at the rim. [m/s]
+        right_mps: Measured at the rim. [m/s]
+        left_duty: On the output, -1..1; 0 when not driving.
+        right_duty: On the output, -1..1; 0 when not driving.
+        command_seq: Number of the setpoint obeyed, or last obeyed.
+        state: The safety supervisor's.
+        faults: Latched faults.
+        overruns: Control steps that came late since the reset. Wraps at 2^16.
+        battery_v: None when the device does not measure it. [V]
+        stamp: The latch on this host's `time.monotonic()`. [s]
+        stamp_error_s: Bound of the stamp's error. [s]
+    """
+
+    boot_id: int
+    t_us: int
+    left_ticks: int
+    right_ticks: int
+    left_mps: float
+    right_mps: float
+    left_duty: float
+    right_duty: float
+    command_seq: int
+    state: SupervisorState
+    faults: Fault
+    overruns: int
+    battery_v: float | None
+    stamp: float
+    stamp_error_s: float
+
+    def since(self, earlier: WheelSample) -> Travel:
+        """The travel from `earlier` to this sample, right across counter wraps."""
+        if self.boot_id != earlier.boot_id:
+            return Travel(0, 0, 0.0, rebased=True)
+        return Travel(
+            tick_difference(self.left_ticks, earlier.left_ticks),
+            tick_difference(self.right_ticks, earlier.right_ticks),
+            (self.t_us - earlier.t_us) / 1e6,
+            rebased=False,
+        )

@@ -1,0 +1,179 @@
+"""The command, as a person and a script use it, against the simulated robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wheelwire import errors
+from wheelwire.sim import Simulator
+
+PROGRAM = [sys.executable, "-m", "wheelwire"]
+PATIENCE_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with Simulator() as simulator:
+        yield simulator
+
+
+def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*PROGRAM, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+        env={**os.environ, "COLUMNS": "100", **environment},
+    )
+
+
+def run_json(*arguments: str) -> Any:
+    result = run(*arguments, "--json")
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def check_error(
+    result: subprocess.CompletedProcess[str], error: type[errors.WheelwireError]
+) -> str:
+    assert result.returncode == error.exit_code
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("wheelwire: ")
+    return line
+
+
+def test_info(simulator: Simulator) -> None:
+    text = run("info", simulator.port).stdout
+    assert "SIMULATED" in text
+    assert "IDLE" in text
+    told = run_json("info", simulator.port)
+    assert told["link"]["port"] == simulator.port
+    assert told["faults"] == []
+    assert told["device_counters"]["frames_received"] > 0
+
+
+def test_drive_drives_and_stops(simulator: Simulator) -> None:
+    before = simulator.get("true.distance_m")
+    pose = run_json("drive", simulator.port, "--linear", "0.2", "--seconds", "1")
+    driven = simulator.get("true.distance_m") - before
+    assert pose["x_m"] == pytest.approx(driven, abs=0.01)
+    assert 0.1 < driven < 0.3
+    assert simulator.get("stands_still")
+
+
+def test_monitor_lines_are_json(simulator: Simulator) -> None:
+    lines = run("monitor", simulator.port, "--seconds", "0.3", "--json").stdout.splitlines()
+    times = [json.loads(line)["t_us"] for line in lines]
+    assert len(times) > 5
+    assert times == sorted(set(times))
+
+
+def test_parameters_are_listed_set_saved_and_reset(simulator: Simulator) -> None:
+    names = [p["name"] for p in run_json("params", "list", simulator.port)]
+    assert "wheel_radius" in names
+    assert run_json("params", "set", simulator.port, "wheel_radius", "0.04", "--save") == {
+        "wheel_radius": 0.04,
+        "saved": True,
+    }
+    simulator.reset()
+    assert run("params", "get", simulator.port, "wheel_radius").stdout == "0.04\n"
+    assert run("params", "reset", simulator.port).returncode == 0
+    assert run_json("params", "get", simulator.port, "wheel_radius") == {"wheel_radius": 0.033}
+
+
+def test_ports_is_json_without_a_robot() -> None:
+    assert isinstance(run_json("ports"), list)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "hint"),
+    [
+        (("drive", "{port}", "--linear", "nan"), errors.InvalidCommand, "finite"),
+        (("drive", "{port}", "--angular", "inf"), errors.InvalidCommand, "finite"),
+        (("params", "set", "{port}", "wheel_radius", "3"), errors.ParameterOutOfRange, "at most 1"),
+        (("params", "set", "{port}", "stop_mode", "1.5"), errors.ParameterOutOfRange, "whole"),
+        (("params", "get", "{port}", "wheel_radus"), errors.UnknownParameter, "wheel_radius"),
+        (("info", "/dev/no-such-port"), errors.PortUnavailable, "wheelwire ports"),
+        (("info", "/dev/null"), errors.PortUnavailable, "wheelwire ports"),
+        (("info", "socket://127.0.0.1:1"), errors.PortUnavailable, "nobody listens"),
+    ],
+)
+def test_errors_are_one_line_that_helps(
+    simulator: Simulator,
+    arguments: tuple[str, ...],
+    error: type[errors.WheelwireError],
+    hint: str,
+) -> None:
+    result = run(*(argument.format(port=simulator.port) for argument in arguments))
+    assert hint in check_error(result, error)
+    assert simulator.get("drive_on") == 0
+
+
+def test_wrong_usage_is_exit_code_2() -> None:
+    assert run("drive").returncode == 2
+    assert run("nonsense").returncode == 2
+
+
+def test_no_simulator_says_how_to_build_it(tmp_path: Path) -> None:
+    result = run("sim", WHEELWIRE_FWSIM=str(tmp_path / "missing"))
+    assert str(tmp_path) in check_error(result, errors.SimulatorNotFound)
+
+
+def test_sim_is_there_until_it_is_ended(tmp_path: Path) -> None:
+    link = tmp_path / "robot"
+    process = subprocess.Popen([*PROGRAM, "sim", "--link", str(link)], stdout=subprocess.PIPE)
+    try:
+        assert process.stdout
+        process.stdout.readline()
+        assert run("info", str(link)).returncode == 0
+    finally:
+        process.terminate()
+        process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0
+    assert not link.is_symlink()
+
+
+# --- the demonstration -------------------------------------------------------------------------
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
+    report = run_json("demo", "--output", str(tmp_path))
+    assert (tmp_path / "trajectory.png").stat().st_size > 10_000
+    assert report["distance_m"] == pytest.approx(5.3, abs=0.3)
+    assert report["position_error_m"] < 0.02
+    assert report["frames_lost"] == 0
+    assert 0 <= report["drive_removed_after_deadline_us"] <= 1000
+    assert report["stopping_distance_m"] > 0.01
+
+
+def test_demo_interrupted_leaves_nothing_behind(tmp_path: Path) -> None:
+    demo = subprocess.Popen(
+        [*PROGRAM, "demo", "--output", str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert demo.stdout
+    while "DRIVING" not in demo.stdout.readline():
+        assert demo.poll() is None
+    (simulator,) = children(demo.pid)
+    demo.send_signal(signal.SIGINT)
+    demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 130
+    end = time.monotonic() + PATIENCE_S
+    while Path(f"/proc/{simulator}").exists():
+        assert time.monotonic() < end
+        time.sleep(0.01)

@@ -1,0 +1,108 @@
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from support.fake_device import FakeDevice
+from support.virtual_line import Faults, VirtualLine
+from wheelwire.errors import WheelwireError
+from wheelwire.session import Session
+from wheelwire_protocol.codec import BY_ID
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.types import AnyMessage, ParameterSet, SetWheelVelocity
+
+_RANGES = {
+    "B": st.integers(0, 2**8 - 1),
+    "H": st.integers(0, 2**16 - 1),
+    "h": st.integers(-(2**15), 2**15 - 1),
+    "L": st.integers(0, 2**32 - 1),
+    "l": st.integers(-(2**31), 2**31 - 1),
+    "I": st.integers(0, 2**32 - 1),
+    "i": st.integers(-(2**31), 2**31 - 1),
+    "Q": st.integers(0, 2**64 - 1),
+    "f": st.floats(width=32),
+}
+
+
+@st.composite
+def any_message(draw: st.DrawFn) -> AnyMessage:
+    """A well-formed message of any kind, with any values in it."""
+    codec = BY_ID[draw(st.sampled_from(sorted(BY_ID)))]
+    values = [draw(_RANGES[field.format]) for field in codec.definition.fields]
+    message: AnyMessage = codec.type(*values)
+    return message
+
+
+@given(chunks=st.lists(st.binary(max_size=200), max_size=20))
+def test_random_bytes_never_raise_and_are_never_a_sample(chunks: list[bytes]) -> None:
+    session = Session(lambda: 7)
+    session.connect(0)
+    for now, chunk in enumerate(chunks):
+        assert session.receive(chunk, now * 1000) == []
+        session.advance(now * 1000)
+
+
+@settings(max_examples=60, deadline=None)
+@given(messages=st.lists(any_message(), max_size=20), mine=st.booleans())
+def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: bool) -> None:
+    line = VirtualLine(watched=(1,)).open()
+    encoder = Encoder()
+    for message in messages:
+        if mine:  # as if the device itself had gone mad
+            ids = {"session_id": line.device.session_id, "boot_id": line.device.boot_id}
+            known = {name: ids[name] for name in ids if name in message._fields}
+            message = message._replace(**known)
+        line.now_us += 700
+        line.session.receive(encoder.encode(message), line.now_us)
+        line.session.advance(line.now_us)
+        try:
+            line.drive()
+        except WheelwireError:
+            continue
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**16),
+    loss=st.floats(0, 0.2),
+    repeat=st.floats(0, 0.3),
+    corrupt=st.floats(0, 0.2),
+    jitter_us=st.integers(0, 60_000),
+)
+def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
+    seed: int, loss: float, repeat: float, corrupt: float, jitter_us: int
+) -> None:
+    faults = Faults(loss, repeat, corrupt, jitter_us=jitter_us)
+    device = FakeDevice(drift=100e-6)
+    line = VirtualLine(seed, to_device=faults, to_host=faults, device=device)
+    line.session.connect(line.now_us)
+    asked: list[float] = []
+    for number in range(120):
+        line.run(0.02)
+        if number == 70:
+            device.reset()
+        try:
+            line.drive(ttl_s=0.3)
+            if number % 10 == 0:
+                value = 0.1 + number / 1000
+                message = ParameterSet(0, 0, 6, value)
+                line.session.request(message, lambda _: None, line.now_us)
+                asked.append(value)
+        except WheelwireError:
+            continue
+    line.run(1.5)
+
+    expiries: dict[tuple[int, int], int] = {}
+    copies: dict[tuple[int, int], int] = {}
+    for m in line.sent:
+        if isinstance(m, SetWheelVelocity):
+            key = (m.session_id, m.command_seq)
+            assert expiries.setdefault(key, m.expiry_us) == m.expiry_us
+            copies[key] = copies.get(key, 0) + 1
+    assert max(copies.values(), default=0) <= 2
+
+    done = [m for m in device.done if isinstance(m, ParameterSet)]
+    assert len({(m.session_id, m.request_id) for m in done}) == len(done) <= len(asked)
+    latches = [(s.boot_id, s.t_us) for s in line.samples]
+    assert len(set(latches)) == len(latches)
+    assert device.obeyed
+    assert device.supervisor is not SupervisorState.DRIVING

@@ -1,0 +1,314 @@
+"""A device made of the protocol alone: no motors, no control, every rule of a session. Sans-IO."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from random import Random
+
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    ClearEstop,
+    ClearFault,
+    DeviceHello,
+    Estop,
+    Event,
+    Hello,
+    LinkCounters,
+    LinkCountersGet,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterReset,
+    ParameterSave,
+    ParameterSet,
+    ParameterValue,
+    Ping,
+    Pong,
+    Refuse,
+    SetDuty,
+    SetStreamRate,
+    SetWheelVelocity,
+    Stop,
+    WheelState,
+)
+
+CACHE = 4
+MASK_32 = (1 << 32) - 1
+Request = (
+    ClearEstop
+    | ClearFault
+    | SetStreamRate
+    | ParameterGet
+    | ParameterSet
+    | ParameterSave
+    | ParameterReset
+    | ParameterList
+    | LinkCountersGet
+)
+
+
+@dataclass
+class FakeDevice:
+    """Answers a host as SPEC.md says.
+
+    `received` holds every message that arrived whole, `done` every request that was carried out,
+    `obeyed` every setpoint that was.
+    """
+
+    random: Random = field(default_factory=lambda: Random(1))
+    clock_offset_us: int = 5_000_000
+    drift: float = 0.0
+    rate_hz: int = 100
+    protocol_version: int = PROTOCOL_VERSION
+    schema_hash: int = field(default_factory=schema_hash)
+    mute: bool = False
+    booting: bool = False
+    ticks_per_state: tuple[int, int] = (3, 2)
+
+    def __post_init__(self) -> None:
+        self.received: list[AnyMessage] = []
+        self.done: list[AnyMessage] = []
+        self.obeyed: list[SetWheelVelocity | SetDuty] = []
+        self.supervisor = SupervisorState.IDLE
+        self.parameters = {p.id: float(p.default) for p in PARAMETERS}
+        self._next_state_us = 0
+        self._start()
+
+    def _start(self) -> None:
+        self.boot_id = self.random.getrandbits(32)
+        self.left_ticks = self.right_ticks = 0
+        self.supervisor = SupervisorState.IDLE
+        self._decoder = Decoder()
+        self._encoder = Encoder()
+        self._output = bytearray()
+        self._nonce: int | None = None
+        self._newest_request = 0
+        self._cache: OrderedDict[int, AnyMessage] = OrderedDict()
+        self._synchronised = False
+        self._command_seq = 0
+        self._deadline_us = 0
+
+    def reset(self) -> None:
+        """A reset of the chip: a new boot, all else forgotten."""
+        self._start()
+
+    @property
+    def session_id(self) -> int:
+        return -1 if self._nonce is None else self._nonce ^ self.boot_id
+
+    @property
+    def own_session_id(self) -> int:
+        """What its answers carry: 0 without a session."""
+        return max(0, self.session_id)
+
+    @property
+    def next_us(self) -> int:
+        """When `advance` may have something to do next."""
+        return self._next_state_us
+
+    def clock(self, now_us: int) -> int:
+        return round(now_us * (1 + self.drift)) + self.clock_offset_us
+
+    def feed(self, data: bytes, now_us: int) -> None:
+        """Take bytes from the line."""
+        for message in self._decoder.feed(data):
+            self.received.append(message)
+            if not self.mute:
+                self._handle(message, now_us)
+
+    def take_output(self) -> bytes:
+        output = bytes(self._output)
+        self._output.clear()
+        return output
+
+    def advance(self, now_us: int) -> None:
+        """Send a state frame when one is due; let the setpoint's deadline act."""
+        if self.supervisor is SupervisorState.DRIVING and self.clock(now_us) >= self._deadline_us:
+            self.move_to(SupervisorState.TIMED_OUT, SupervisorEvent.DEADLINE, now_us)
+        if self._nonce is None or self.mute or not self.rate_hz or now_us < self._next_state_us:
+            return
+        self._next_state_us = now_us + 1_000_000 // self.rate_hz
+        self.left_ticks += self.ticks_per_state[0]
+        self.right_ticks += self.ticks_per_state[1]
+        self.send(self.state(now_us))
+
+    def state(self, now_us: int) -> WheelState:
+        return WheelState(
+            boot_id=self.boot_id,
+            t_us=self.clock(now_us) & MASK_32,
+            left_ticks=_signed(self.left_ticks),
+            right_ticks=_signed(self.right_ticks),
+            left_mps=0.1,
+            right_mps=0.1,
+            left_duty_q15=16384,
+            right_duty_q15=-16384,
+            command_seq=self._command_seq,
+            supervisor=self.supervisor,
+            faults=0,
+            overruns=0,
+            battery_mv=0,
+        )
+
+    def move_to(self, state: SupervisorState, cause: SupervisorEvent, now_us: int) -> None:
+        """A transition of the supervisor, with its event."""
+        before, self.supervisor = self.supervisor, state
+        t_us = self.clock(now_us) & MASK_32
+        if self._nonce is not None:
+            self.send(Event(self.boot_id, t_us, 0, cause, before, state, 0))
+
+    def send(self, message: AnyMessage) -> None:
+        self._output += self._encoder.encode(message)
+
+    # --- messages ------------------------------------------------------------------------------
+
+    def _handle(self, message: AnyMessage, now_us: int) -> None:
+        if isinstance(message, Hello):
+            self._greet(message, now_us)
+        elif isinstance(message, Stop):
+            self._command_seq = max(self._command_seq, message.command_seq)
+            if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
+                self.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, now_us)
+            self.send(Ack(self.own_session_id, message.request_id, message_id(Stop)))
+        elif isinstance(message, Estop):
+            self.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, now_us)
+            self.send(Ack(self.own_session_id, message.request_id, message_id(Estop)))
+        elif isinstance(message, (SetWheelVelocity, SetDuty)):
+            self._on_setpoint(message, now_us)
+        elif isinstance(message, Ping):
+            self._on_ping(message, now_us)
+        elif isinstance(message, Request):
+            self._on_request(message)
+
+    def _greet(self, hello: Hello, now_us: int) -> None:
+        refusal = RefusalCode.NONE
+        if hello.protocol_version != self.protocol_version:
+            refusal = RefusalCode.PROTOCOL_VERSION
+        elif hello.schema_hash != self.schema_hash:
+            refusal = RefusalCode.SCHEMA
+        elif self.booting:
+            refusal = RefusalCode.BOOTING
+        elif hello.nonce != self._nonce:
+            self._nonce = hello.nonce
+            self._newest_request = self._command_seq = 0
+            self._cache.clear()
+            self._synchronised = False
+            if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
+                self.supervisor = SupervisorState.IDLE
+        self.send(
+            DeviceHello(
+                nonce=hello.nonce,
+                protocol_version=self.protocol_version,
+                schema_hash=self.schema_hash,
+                refusal=refusal,
+                boot_id=self.boot_id,
+                device_us=self.clock(now_us),
+                reset_reason=1,
+                board=0,
+                board_id=0x240AC4123456,
+                capabilities=4,
+                version_major=9,
+                version_minor=8,
+                version_patch=7,
+                git_hash=0xDEADBEEF,
+            )
+        )
+
+    def _on_ping(self, ping: Ping, now_us: int) -> None:
+        if ping.session_id != self.session_id:
+            self._refuse(ping, RefusalCode.NO_SESSION, ping.request_id)
+            return
+        self._synchronised = True
+        device_us = self.clock(now_us)
+        self.send(Pong(ping.session_id, ping.request_id, ping.host_us, device_us, device_us))
+
+    def _on_setpoint(self, setpoint: SetWheelVelocity | SetDuty, now_us: int) -> None:
+        if setpoint.session_id != self.session_id:
+            self._refuse(setpoint, RefusalCode.NO_SESSION, setpoint.command_seq)
+        elif setpoint.command_seq > self._command_seq:
+            refusal = self._setpoint_refusal(setpoint, now_us)
+            if refusal is not None:
+                self._refuse(setpoint, refusal, setpoint.command_seq)
+                return
+            self._command_seq = setpoint.command_seq
+            self._deadline_us = setpoint.expiry_us
+            self.obeyed.append(setpoint)
+            if self.supervisor is not SupervisorState.DRIVING:
+                self.move_to(SupervisorState.DRIVING, SupervisorEvent.SETPOINT, now_us)
+
+    def _setpoint_refusal(
+        self, setpoint: SetWheelVelocity | SetDuty, now_us: int
+    ) -> RefusalCode | None:
+        if not self._synchronised:
+            return RefusalCode.CLOCK_UNSYNCHRONISED
+        if setpoint.expiry_us <= self.clock(now_us):
+            return RefusalCode.EXPIRED
+        latched = {
+            SupervisorState.ESTOPPED: RefusalCode.ESTOPPED,
+            SupervisorState.FAULT: RefusalCode.FAULT,
+        }
+        return latched.get(self.supervisor)
+
+    def _on_request(self, request: Request) -> None:
+        if request.session_id != self.session_id:
+            self._refuse(request, RefusalCode.NO_SESSION, request.request_id)
+            return
+        cached = self._cache.get(request.request_id)
+        if cached is not None:
+            self.send(cached)
+            return
+        if request.request_id <= self._newest_request:
+            return
+        self._newest_request = request.request_id
+        answer = self._do(request)
+        self._cache[request.request_id] = answer
+        while len(self._cache) > CACHE:
+            self._cache.popitem(last=False)
+        self.send(answer)
+
+    def _do(self, request: Request) -> AnyMessage:
+        self.done.append(request)
+        head = (request.session_id, request.request_id)
+        if isinstance(request, ParameterSet):
+            if not self._in_range(request):
+                code = RefusalCode.OUT_OF_RANGE
+                return Refuse(head[0], message_id(ParameterSet), code, head[1])
+            self.parameters[request.parameter] = request.value
+        if isinstance(request, (ParameterGet, ParameterSet)):
+            return ParameterValue(*head, request.parameter, self.parameters[request.parameter])
+        if isinstance(request, ParameterList):
+            p = PARAMETERS[request.parameter_index]
+            bounds = (p.default, p.minimum, p.maximum)
+            count = len(PARAMETERS)
+            return ParameterEntry(
+                *head, request.parameter_index, count, p.id, self.parameters[p.id], *bounds
+            )
+        if isinstance(request, LinkCountersGet):
+            c = self._decoder.counters
+            damage = (c.bad_crc, c.bad_cobs, c.unknown_id, c.wrong_length, c.seq_lost)
+            return LinkCounters(*head, c.frames, 0, *damage, 0, 0)
+        if isinstance(request, ParameterReset):
+            self.parameters = {p.id: float(p.default) for p in PARAMETERS}
+        elif isinstance(request, SetStreamRate):
+            self.rate_hz = request.rate_hz
+        elif isinstance(request, (ClearEstop, ClearFault)):
+            self.supervisor = SupervisorState.IDLE
+        return Ack(*head, message_id(type(request)))
+
+    def _in_range(self, request: ParameterSet) -> bool:
+        parameter = PARAMETER_BY_ID[request.parameter]
+        return parameter.minimum - 1e-6 <= request.value <= parameter.maximum + 1e-6
+
+    def _refuse(self, message: AnyMessage, code: RefusalCode, reference: int) -> None:
+        self.send(Refuse(self.own_session_id, message_id(type(message)), code, reference))
+
+
+def _signed(value: int) -> int:
+    half = 1 << 31
+    return (value + half) % (1 << 32) - half

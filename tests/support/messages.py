@@ -1,0 +1,53 @@
+"""Hypothesis strategies: messages with any values, captures with anything wrong in them."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+from hypothesis import strategies as st
+
+from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.framing import encode_frame
+from wheelwire_protocol.message import Field, Message
+from wheelwire_protocol.messages import MESSAGES
+from wheelwire_protocol.types import AnyMessage
+
+definitions = st.sampled_from(MESSAGES)
+seqs = st.integers(0, 0xFFFF)
+
+
+def values_of(field: Field) -> st.SearchStrategy[Any]:
+    """Any value that a field holds. No NaN: it is not equal to itself."""
+    if field.format == "f":
+        return st.floats(width=32, allow_nan=False)
+    bits = 8 * struct.calcsize("<" + field.format)
+    low = 0 if field.format.isupper() else -(2 ** (bits - 1))
+    return st.integers(low, low + 2**bits - 1)
+
+
+def bodies(definition: Message) -> st.SearchStrategy[dict[str, Any]]:
+    """Field names to values, for a message's definition."""
+    return st.fixed_dictionaries({field.name: values_of(field) for field in definition.fields})
+
+
+def messages_of(message_type: type[AnyMessage]) -> st.SearchStrategy[Any]:
+    """Any message of one class."""
+    return bodies(BY_TYPE[message_type].definition).map(lambda body: message_type(**body))
+
+
+any_message: st.SearchStrategy[AnyMessage] = st.sampled_from(list(BY_TYPE)).flatmap(messages_of)
+
+
+@st.composite
+def corrupted_captures(
+    draw: st.DrawFn, messages: st.SearchStrategy[AnyMessage] = any_message
+) -> bytes:
+    """Frames in a row, then bytes changed, lost, doubled and inserted anywhere."""
+    sent = draw(st.lists(messages, max_size=12))
+    data = bytearray().join(encode_frame(message, seq) for seq, message in enumerate(sent))
+    for _ in range(draw(st.integers(0, 6))):
+        at = draw(st.integers(0, len(data)))
+        kept = draw(st.integers(0, 3))
+        data[at : at + kept] = draw(st.binary(max_size=4))
+    return bytes(data)

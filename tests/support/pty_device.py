@@ -1,0 +1,71 @@
+"""The fake device behind a pseudo-terminal, in real time, reached through a symlink."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+from .fake_device import FakeDevice
+
+
+def wait_until(condition: Callable[[], bool], patience_s: float = 10.0) -> None:
+    """Return as soon as `condition()` holds; fail when it does not in time."""
+    end = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        time.sleep(0.002)
+
+
+class PtyDevice:
+    """Serves a fake device at `path`; `unplug` and `plug` as with a USB cable."""
+
+    def __init__(self, path: Path, device: FakeDevice | None = None) -> None:
+        self.path = path
+        self.device = device or FakeDevice()
+        self._end = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.plug()
+
+    def plug(self) -> None:
+        """A new pseudo-terminal behind the old name."""
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(slave))
+        self._end.clear()
+        self._thread = threading.Thread(target=self._serve, args=(master, slave))
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """The port vanishes under whoever has it open."""
+        self._end.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        self.path.unlink(missing_ok=True)
+
+    def __enter__(self) -> PtyDevice:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.unplug()
+
+    def _serve(self, master: int, slave: int) -> None:
+        poller = select.poll()
+        poller.register(master, select.POLLIN)
+        while not self._end.is_set():
+            events = poller.poll(1)
+            now_us = time.monotonic_ns() // 1000
+            if events:
+                self.device.feed(os.read(master, 4096), now_us)
+            self.device.advance(now_us)
+            output = self.device.take_output()
+            if output:
+                os.write(master, output)
+        os.close(slave)
+        os.close(master)

@@ -1,0 +1,150 @@
+"""A session and a fake device on a bad line, in virtual time, all of it seeded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from wheelwire.errors import WheelwireError
+from wheelwire.requests import Answer, RequestMessage
+from wheelwire.samples import WheelSample
+from wheelwire.session import Phase, Session
+from wheelwire_protocol.framing import Decoder
+from wheelwire_protocol.types import AnyMessage
+
+from .fake_device import FakeDevice
+
+STEP_US = 2_000
+"""The longest jump of time."""
+
+
+@dataclass
+class Faults:
+    """What happens to each frame, in either direction."""
+
+    loss: float = 0.0
+    repeat: float = 0.0
+    corrupt: float = 0.0
+    delay_us: int = 200
+    jitter_us: int = 0
+
+
+class Direction:
+    """One direction of the line. Frames keep their order, as on a wire."""
+
+    def __init__(self, faults: Faults, random: Random) -> None:
+        self.faults = faults
+        self._random = random
+        self._under_way: list[tuple[int, bytes]] = []
+        self._last_us = 0
+
+    def send(self, data: bytes, now_us: int) -> None:
+        for chunk in filter(None, data.split(b"\0")):
+            if self._random.random() < self.faults.loss:
+                continue
+            frame = bytearray(b"\0" + chunk + b"\0")
+            if self._random.random() < self.faults.corrupt:
+                frame[self._random.randrange(len(frame))] ^= 1 << self._random.randrange(8)
+            copies = 2 if self._random.random() < self.faults.repeat else 1
+            jitter_us = round(self._random.random() ** 3 * self.faults.jitter_us)
+            self._last_us = max(self._last_us, now_us + self.faults.delay_us + jitter_us)
+            self._under_way += [(self._last_us, bytes(frame))] * copies
+
+    def receive(self, now_us: int) -> bytes:
+        arrived = b"".join(frame for due, frame in self._under_way if due <= now_us)
+        self._under_way = [item for item in self._under_way if item[0] > now_us]
+        return arrived
+
+    @property
+    def due_us(self) -> list[int]:
+        return [due for due, _ in self._under_way[:1]]
+
+
+class VirtualLine:
+    """Host and device; nothing happens but in `run`.
+
+    `sent` holds every message that the session put on the line.
+    """
+
+    def __init__(
+        self,
+        seed: int = 1,
+        *,
+        to_device: Faults | None = None,
+        to_host: Faults | None = None,
+        device: FakeDevice | None = None,
+        stream_rate_hz: int | None = None,
+        watched: tuple[int, ...] = (),
+    ) -> None:
+        self.random = Random(seed)
+        self.device = device or FakeDevice(random=Random(seed + 1))
+        self.session = Session(lambda: self.random.getrandbits(32), stream_rate_hz, watched)
+        self.to_device = Direction(to_device or Faults(), self.random)
+        self.to_host = Direction(to_host or Faults(), self.random)
+        self.now_us = 1_000_000
+        self.samples: list[WheelSample] = []
+        self.sent: list[AnyMessage] = []
+        self._tap = Decoder()
+
+    def step(self, end_us: int) -> None:
+        """Jump to what happens next, but not beyond `end_us`."""
+        now = self.now_us
+        events = [*self.to_device.due_us, *self.to_host.due_us, self.device.next_us]
+        if self.session.next_deadline_us is not None:
+            events.append(self.session.next_deadline_us)
+        coming = [event for event in events if event > now]
+        self.now_us = now = min([now + STEP_US, end_us, *coming])
+        self.device.feed(self.to_device.receive(now), now)
+        self.device.advance(now)
+        arrived = self.to_host.receive(now)
+        self.samples += self.session.receive(arrived, now)
+        due = self.session.next_deadline_us
+        if due is not None and due <= now:
+            self.session.advance(now)
+        self.flush()
+
+    def flush(self) -> None:
+        """Put on the line what both sides want to send."""
+        self.to_host.send(self.device.take_output(), self.now_us)
+        output = self.session.take_output()
+        self.sent += self._tap.feed(output)
+        self.to_device.send(output, self.now_us)
+
+    def run(self, seconds: float) -> None:
+        end_us = self.now_us + round(seconds * 1e6)
+        self.flush()
+        while self.now_us < end_us:
+            self.step(end_us)
+
+    def run_until(self, condition: Callable[[], bool], patience_s: float = 5.0) -> None:
+        end_us = self.now_us + round(patience_s * 1e6)
+        self.flush()
+        while not condition():
+            assert self.now_us < end_us, "the condition never held"
+            self.step(end_us)
+
+    def open(self) -> VirtualLine:
+        """Connect and wait for an open session and a sample of it."""
+        self.session.connect(self.now_us)
+        return self.wait_open()
+
+    def wait_open(self) -> VirtualLine:
+        known = len(self.samples)
+        self.run_until(lambda: self.session.phase is Phase.OPEN and len(self.samples) > known)
+        return self
+
+    def drive(self, left: float = 0.1, right: float = 0.1, ttl_s: float = 0.5) -> None:
+        """One velocity setpoint."""
+        expiry_us = self.now_us + round(ttl_s * 1e6)
+        self.session.drive_velocity(left, right, expiry_us, self.now_us)
+
+    def request(self, message: RequestMessage) -> Answer | WheelwireError:
+        """One request and its outcome."""
+        outcome: list[Answer | WheelwireError] = []
+        self.session.request(message, outcome.append, self.now_us)
+        self.run_until(lambda: bool(outcome))
+        return outcome[0]
+
+    def sent_of(self, kind: type[AnyMessage]) -> list[AnyMessage]:
+        return [message for message in self.sent if isinstance(message, kind)]

@@ -1,0 +1,101 @@
+from random import Random
+
+import pytest
+
+from wheelwire.clock import ClockEstimator, Exchange
+
+
+class Clocks:
+    """A true device clock with an even drift, and a line with unequal, jittered ways."""
+
+    def __init__(self, seed: int, drift: float, boot_us: int = 0) -> None:
+        self.random = Random(seed)
+        self.drift = drift
+        self.offset_us = self.random.randrange(10**12) + boot_us
+
+    def device_us(self, host_us: float) -> int:
+        return int(host_us * (1 + self.drift)) + self.offset_us
+
+    def way_us(self, base: float) -> float:
+        jitter = self.random.expovariate(1 / 300)
+        burst = self.random.random() < 0.02 and self.random.uniform(0, 20_000)
+        return base + jitter + float(burst)
+
+    def exchange(self, host_us: int) -> Exchange:
+        received = host_us + self.way_us(200)
+        sent = received + self.random.uniform(5, 100)
+        back = sent + self.way_us(900)
+        device = self.device_us(received), self.device_us(sent)
+        return Exchange(host_us, *device, int(back))
+
+
+@pytest.mark.parametrize("drift_ppm", [-200, -20, 0, 50, 200])
+def test_the_bound_covers_the_error(drift_ppm: float) -> None:
+    checked = missed = 0
+    errors: list[float] = []
+    for seed in range(4):
+        clocks, estimator = Clocks(seed, drift_ppm * 1e-6), ClockEstimator()
+        now = 10**9
+        for number in range(200):
+            estimator.add(clocks.exchange(now))
+            gap = 5_000 if number < 8 else 500_000
+            for _ in range(10):
+                moment = now + 25_000 + clocks.random.randrange(gap)
+                host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+                error = abs(host_us - moment)
+                checked += 1
+                missed += error > bound_us
+                if number > 64:
+                    errors.append(error)
+                    assert bound_us < 2_500
+            now += gap
+    assert checked == 8000
+    assert missed <= checked // 1000
+    assert sorted(errors)[len(errors) // 2] < 500  # half the difference of the two ways is 350
+
+
+def test_the_conversions_are_inverse() -> None:
+    clocks, estimator = Clocks(5, 150e-6), ClockEstimator()
+    for number in range(40):
+        estimator.add(clocks.exchange(10**9 + number * 500_000))
+    moment = 10**9 + 40 * 500_000
+    there = estimator.host_to_device(moment)
+    assert abs(estimator.device_to_host(there)[0] - moment) <= 1
+
+
+def test_the_bound_grows_while_no_ping_is_answered() -> None:
+    clocks, estimator = Clocks(6, 0.0), ClockEstimator()
+    for number in range(20):
+        estimator.add(clocks.exchange(10**9 + number * 500_000))
+    last = 10**9 + 19 * 500_000
+    assert estimator.error_us(last + 60_000_000) > estimator.error_us(last) + 100
+
+
+def test_a_step_of_a_clock_voids_the_past() -> None:
+    clocks, estimator = Clocks(7, 0.0), ClockEstimator()
+    now = 10**9
+    for _ in range(64):
+        estimator.add(clocks.exchange(now))
+        now += 500_000
+    clocks.offset_us += 30_000_000  # the host slept, the device did not
+    exchange = clocks.exchange(now)
+    estimator.add(exchange)
+    host_us, bound_us = estimator.device_to_host(clocks.device_us(now))
+    assert abs(host_us - now) <= bound_us
+
+
+@pytest.mark.parametrize("late_us", [0, 5_000, 900_000])
+def test_a_32_bit_time_is_unwrapped_across_its_wrap(late_us: int) -> None:
+    clocks, estimator = Clocks(8, 0.0), ClockEstimator()
+    now = 10**9
+    clocks.offset_us = 3 * 2**32 - 1_000 - now
+    estimator.add(clocks.exchange(now))
+    for elapsed in (0, 500, 999, 1_000, 1_500):
+        latched = clocks.device_us(now + elapsed)
+        assert estimator.unwrap(latched % 2**32, now + elapsed + late_us) == latched
+
+
+def test_an_empty_estimator_says_so() -> None:
+    assert not ClockEstimator().synchronised
+    with pytest.raises(RuntimeError, match="not synchronised"):
+        ClockEstimator().host_to_device(1)

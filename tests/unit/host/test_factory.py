@@ -1,0 +1,43 @@
+import subprocess
+import sys
+
+import pytest
+
+import wheelwire
+from wheelwire import factory
+from wheelwire.errors import DriverUnavailable
+
+
+def test_an_unknown_driver_is_told_with_those_there_are() -> None:
+    with pytest.raises(DriverUnavailable, match="there are: serial"):
+        wheelwire.open_driver("serail")
+
+
+def test_a_driver_that_lacks_its_library_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(factory._BUILT_IN, "odd", "a_module_that_is_not_there:Driver")
+    with pytest.raises(DriverUnavailable, match="a_module_that_is_not_there"):
+        wheelwire.open_driver("odd")
+
+
+def test_a_driver_of_another_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(factory, "_plug_ins", lambda: {"dict": "builtins:dict"})
+    assert wheelwire.open_driver("dict", port="x") == {"port": "x"}  # type: ignore[comparison-overlap]
+    assert factory.driver_names() == ["dict", "serial"]
+
+
+def test_every_public_name_is_there() -> None:
+    for name in wheelwire.__all__:
+        assert getattr(wheelwire, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'Wheel'"):
+        wheelwire.Wheel  # noqa: B018
+
+
+def test_importing_the_package_loads_nothing_slow() -> None:
+    program = (
+        "import sys; sys.path[:] = %r; import wheelwire, wheelwire.drivers.serial\n"
+        "print(*({'numpy', 'typer', 'rich', 'asyncio', 'matplotlib'} & set(sys.modules)))"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", program % sys.path], capture_output=True, text=True, check=True
+    )
+    assert loaded.stdout.split() == []

@@ -1,0 +1,55 @@
+import threading
+
+import pytest
+
+from support.host_samples import sample
+from wheelwire.errors import LinkLost, RequestTimeout
+from wheelwire.inbox import SampleInbox
+
+
+def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
+    inbox = SampleInbox()
+    inbox.put(sample(t_us=1))
+    inbox.put(sample(t_us=2))
+    assert inbox.take(0).t_us == 2
+    with pytest.raises(RequestTimeout):
+        inbox.take(0)
+
+
+def test_a_waiting_thread_gets_the_sample() -> None:
+    inbox = SampleInbox()
+    threading.Timer(0.02, inbox.put, [sample(t_us=5)]).start()
+    assert inbox.take(10).t_us == 5
+
+
+def test_after_a_failure_there_is_only_the_error() -> None:
+    inbox = SampleInbox()
+    inbox.put(sample(t_us=1))
+    inbox.fail(LinkLost("over"))
+    with pytest.raises(LinkLost, match="over"):
+        inbox.take(10)
+    with pytest.raises(LinkLost, match="over"):
+        inbox.ticks(10)
+
+
+def test_a_failure_ends_the_wait() -> None:
+    inbox = SampleInbox()
+    threading.Timer(0.02, inbox.fail, [LinkLost("over")]).start()
+    with pytest.raises(LinkLost, match="over"):
+        inbox.take(10)
+
+
+def test_ticks_from_before_an_interruption_are_not_current() -> None:
+    inbox = SampleInbox()
+    inbox.put(sample(left_ticks=7))
+    inbox.interrupt()
+    with pytest.raises(RequestTimeout):
+        inbox.ticks(0)
+    inbox.put(sample(left_ticks=9))
+    assert inbox.ticks(0) == (9, 0)
+
+
+def test_the_first_ticks_are_the_devices_own() -> None:
+    inbox = SampleInbox()
+    inbox.put(sample(left_ticks=-4, right_ticks=1000))
+    assert inbox.ticks(0) == (-4, 1000)
