@@ -19,12 +19,13 @@ from .samples import tick_difference
 
 WINDOW = 64
 """Exchanges remembered: half a minute at two a second."""
+GROUP = 4
+FIT_FROM = 4 * GROUP
+"""A line through fewer exchanges says nothing of the drift."""
 MAX_DRIFT = 500e-6
 """Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
 WANDER = 2e-6
 """How far drift departs from the fitted one since the last exchange, by temperature."""
-HORIZON_US = 500_000
-"""The estimate must serve until the next exchange: the one with the best bound then is taken."""
 RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
 
@@ -78,6 +79,15 @@ class _Line(NamedTuple):
     def offset_us(self, host_us: float) -> float:
         return self.a_us + self.b * (host_us - self.origin_us)
 
+    def host_us(self, device_us: int) -> int:
+        elapsed = device_us - self.base_us - self.origin_us - self.a_us
+        return self.origin_us + round(elapsed / (1 + self.b))
+
+    def contradicts(self, exchange: Exchange) -> bool:
+        offset = exchange.device_us - exchange.host_us - self.base_us
+        error = abs(offset - self.offset_us(exchange.host_us))
+        return error > self.bound_us(exchange.host_us) + exchange.round_trip_us / 2
+
     def bound_us(self, host_us: float) -> float:
         slope = self.error_slope * (host_us - self.origin_us - self.mean_us)
         growth = self.growth * abs(host_us - self.last_us)
@@ -89,55 +99,50 @@ class ClockEstimator:
 
     def __init__(self) -> None:
         self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
-        self._line: _Line | None = None
+        self._lines: list[_Line] = []
 
     @property
     def synchronised(self) -> bool:
         """True once there was an exchange; the conversions need one."""
-        return self._line is not None
+        return bool(self._lines)
 
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
-        if self._line is not None and self._contradicts(self._line, exchange):
+        if any(line.contradicts(exchange) for line in self._lines):
             self._exchanges.clear()  # a clock was stepped (the host slept?): the past is void
         self._exchanges.append(exchange)
-        now = exchange.host_received_us
-        candidates = [_through_best(self._exchanges, now)]
-        if len(self._exchanges) >= 8:
-            candidates.append(_fit(self._exchanges))
-        self._line = min(candidates, key=lambda line: line.bound_us(now + HORIZON_US))
+        self._lines = [_through_best(self._exchanges, exchange.host_received_us)]
+        if len(self._exchanges) >= FIT_FROM:
+            self._lines.append(_fit(list(self._exchanges)))
 
     def host_to_device(self, host_us: int) -> int:
         """The device's clock, in us, at the host's `host_us`."""
-        line = self._known()
+        line = self._best_at(host_us)
         return host_us + line.base_us + round(line.offset_us(host_us))
 
     def device_to_host(self, device_us: int) -> tuple[int, float]:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
-        line = self._known()
-        elapsed = device_us - line.base_us - line.origin_us - line.a_us
-        host_us = line.origin_us + round(elapsed / (1 + line.b))
-        return host_us, line.bound_us(host_us)
+        self._check()
+        candidates = [(line.host_us(device_us), line) for line in self._lines]
+        error_us, host_us = min((line.bound_us(host_us), host_us) for host_us, line in candidates)
+        return host_us, error_us
 
     def error_us(self, host_us: int) -> float:
         """Bound of the conversions' error, in us, at the host's `host_us`."""
-        return self._known().bound_us(host_us)
+        return self._best_at(host_us).bound_us(host_us)
 
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
         near = self.host_to_device(host_us)
         return near + tick_difference(t_us, near)
 
-    def _known(self) -> _Line:
-        if self._line is None:
-            raise RuntimeError("the clock is not synchronised")
-        return self._line
+    def _best_at(self, host_us: int) -> _Line:
+        self._check()
+        return min(self._lines, key=lambda line: line.bound_us(host_us))
 
-    @staticmethod
-    def _contradicts(line: _Line, exchange: Exchange) -> bool:
-        offset = exchange.device_us - exchange.host_us - line.base_us
-        error = abs(offset - line.offset_us(exchange.host_us))
-        return error > line.bound_us(exchange.host_us) + exchange.round_trip_us / 2
+    def _check(self) -> None:
+        if not self._lines:
+            raise RuntimeError("the clock is not synchronised")
 
 
 def _through_best(exchanges: Sequence[Exchange], now_us: int) -> _Line:
@@ -161,9 +166,9 @@ def _through_best(exchanges: Sequence[Exchange], now_us: int) -> _Line:
 
 
 def _fit(exchanges: Sequence[Exchange]) -> _Line:
-    """Least squares through the quarter with the shortest round trips."""
-    shortest = sorted(exchanges, key=lambda e: e.round_trip_us)
-    chosen = shortest[: max(4, len(shortest) // 4)]
+    """Least squares through the shortest round trip of every few in turn: short, and spread out."""
+    groups = [exchanges[start : start + GROUP] for start in range(0, len(exchanges), GROUP)]
+    chosen = [min(group, key=lambda e: e.round_trip_us) for group in groups]
     n = len(chosen)
     origin, base = chosen[0].host_us, chosen[0].device_us - chosen[0].host_us
     times = [e.host_us - origin for e in chosen]

@@ -9,7 +9,6 @@ from wheelwire_protocol.codes import Board, Capability, ResetReason
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import DeviceHello
 
-from .coded import member
 from .errors import Release
 
 
@@ -45,11 +44,11 @@ class DeviceInfo:
         return cls(
             release=device_release(hello),
             git_hash=f"{hello.git_hash:08x}" if hello.git_hash else "",
-            board=member(Board, hello.board),
+            board=Board(hello.board),
             board_id=f"{hello.board_id:012x}",
             boot_id=hello.boot_id,
-            reset_reason=member(ResetReason, hello.reset_reason),
-            capabilities=member(Capability, hello.capabilities),
+            reset_reason=ResetReason(hello.reset_reason),
+            capabilities=Capability(hello.capabilities),
         )
 
 

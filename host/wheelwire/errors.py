@@ -11,8 +11,6 @@ from typing import ClassVar
 
 from wheelwire_protocol.codes import RefusalCode
 
-from .coded import member
-
 
 class WheelwireError(Exception):
     """Base of every error that Wheelwire raises on purpose."""
@@ -88,9 +86,9 @@ class DeviceRefused(WheelwireError):  # noqa: N818
     exit_code = 7
 
     def __init__(self, code: int, subject: str) -> None:
-        self.code: int = code
+        self.code = code
         try:
-            text = member(RefusalCode, code).doc
+            text = RefusalCode(code).doc
         except ValueError:
             text = f"Code {code}, which this host library does not know."
         super().__init__(f"the device refused {subject}: {text}")

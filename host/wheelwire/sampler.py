@@ -6,7 +6,6 @@ from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState
 
 from .clock import ClockEstimator
-from .coded import member
 from .samples import WheelSample
 
 DUTY_SCALE = 32767
@@ -43,8 +42,8 @@ class Sampler:
             left_duty=state.left_duty_q15 / DUTY_SCALE,
             right_duty=state.right_duty_q15 / DUTY_SCALE,
             command_seq=state.command_seq,
-            state=member(SupervisorState, state.supervisor),
-            faults=member(Fault, state.faults),
+            state=SupervisorState(state.supervisor),
+            faults=Fault(state.faults),
             overruns=state.overruns,
             battery_v=state.battery_mv / 1000 if state.battery_mv else None,
             stamp=host_us / 1e6,

@@ -34,7 +34,6 @@ from wheelwire_protocol.types import (
     WheelState,
 )
 
-from .coded import member
 from .device import BootHistory, DeviceInfo
 from .errors import LinkLost, WheelwireError
 from .greeting import Greeting
@@ -377,7 +376,7 @@ class Session:
         if not self._of_this_boot(event.boot_id, now_us):
             return
         try:
-            self._setpoints.supervisor = member(SupervisorState, event.after)
+            self._setpoints.supervisor = SupervisorState(event.after)
         except ValueError:
             self._invalid += 1
 
@@ -393,15 +392,13 @@ class Session:
         return ours
 
     def _on_refuse(self, refuse: Refuse, now_us: int) -> None:
-        # A device without a session of ours cannot name it: this refusal carries another's id.
-        if refuse.code == RefusalCode.NO_SESSION and self.phase in _IN_SESSION:
-            self._refused += 1
-            error = LinkLost("the device no longer knows this session; opening a new one")
-            self._greet(error, now_us)
-            return
         if not self._in_session(refuse.session_id, now_us):
             return
         self._refused += 1
+        if refuse.code == RefusalCode.NO_SESSION:
+            error = LinkLost("the device no longer knows this session; opening a new one")
+            self._greet(error, now_us)
+            return
         if refuse.message_id in SETPOINT_IDS:
             self._setpoints.on_refused(refuse)
         elif not self._requests.on_refuse(refuse, now_us):

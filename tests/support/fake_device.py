@@ -104,11 +104,6 @@ class FakeDevice:
         return -1 if self._nonce is None else self._nonce ^ self.boot_id
 
     @property
-    def own_session_id(self) -> int:
-        """What its answers carry: 0 without a session."""
-        return max(0, self.session_id)
-
-    @property
     def next_us(self) -> int:
         """When `advance` may have something to do next."""
         return self._next_state_us
@@ -175,10 +170,10 @@ class FakeDevice:
             self._command_seq = max(self._command_seq, message.command_seq)
             if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
                 self.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, now_us)
-            self.send(Ack(self.own_session_id, message.request_id, message_id(Stop)))
+            self.send(Ack(message.session_id, message.request_id, message_id(Stop)))
         elif isinstance(message, Estop):
             self.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, now_us)
-            self.send(Ack(self.own_session_id, message.request_id, message_id(Estop)))
+            self.send(Ack(message.session_id, message.request_id, message_id(Estop)))
         elif isinstance(message, (SetWheelVelocity, SetDuty)):
             self._on_setpoint(message, now_us)
         elif isinstance(message, Ping):
@@ -305,8 +300,13 @@ class FakeDevice:
         parameter = PARAMETER_BY_ID[request.parameter]
         return parameter.minimum - 1e-6 <= request.value <= parameter.maximum + 1e-6
 
-    def _refuse(self, message: AnyMessage, code: RefusalCode, reference: int) -> None:
-        self.send(Refuse(self.own_session_id, message_id(type(message)), code, reference))
+    def _refuse(
+        self,
+        message: Request | Ping | SetWheelVelocity | SetDuty,
+        code: RefusalCode,
+        reference: int,
+    ) -> None:
+        self.send(Refuse(message.session_id, message_id(type(message)), code, reference))
 
 
 def _signed(value: int) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from wheelwire.coded import member
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
 
@@ -19,7 +18,7 @@ _STANDING: dict[str, Any] = {
     "right_duty": 0.0,
     "command_seq": 0,
     "state": SupervisorState.IDLE,
-    "faults": member(Fault, 0),
+    "faults": Fault(0),
     "overruns": 0,
     "battery_v": None,
     "stamp": 0.0,

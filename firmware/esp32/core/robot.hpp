@@ -109,7 +109,8 @@ class Robot {
   void reply_value(uint16_t request_id, uint8_t parameter);
   template <typename Message>
   void answer(uint16_t request_id, const Message& message);
-  void refuse(uint8_t message_id, uint32_t reference, RefusalCode code);
+  template <typename Message>
+  void refuse(const Message& message, uint32_t reference, RefusalCode code);
 
   Hal hal_;
   Identity identity_;

@@ -102,7 +102,7 @@ void Robot::on(const Estop& estop, uint64_t now_us) {
 
 void Robot::on(const SetWheelVelocity& message, uint64_t now_us) {
   if (!__builtin_isfinite(message.left_mps) || !__builtin_isfinite(message.right_mps))
-    return refuse(message.kId, message.command_seq, RefusalCode::kNotFinite);
+    return refuse(message, message.command_seq, RefusalCode::kNotFinite);
   const WheelPair target{to_umps(message.left_mps), to_umps(message.right_mps)};
   obey(message, ControlMode::kVelocity, scale_to_limit(target, config_.max_velocity_umps), now_us);
 }
@@ -115,10 +115,10 @@ void Robot::on(const SetDuty& message, uint64_t now_us) {
 template <typename Message>
 void Robot::obey(const Message& message, ControlMode mode, WheelPair target, uint64_t now_us) {
   if (!session_.names(message.session_id))
-    return refuse(message.kId, message.command_seq, RefusalCode::kNoSession);
+    return refuse(message, message.command_seq, RefusalCode::kNoSession);
   if (!session_.take_command(message.command_seq)) return;  // a repeat, or late
   const RefusalCode refusal = admit(message.expiry_us, now_us);
-  if (refusal != RefusalCode::kNone) return refuse(message.kId, message.command_seq, refusal);
+  if (refusal != RefusalCode::kNone) return refuse(message, message.command_seq, refusal);
   const uint64_t longest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = mode,
@@ -140,7 +140,7 @@ RefusalCode Robot::admit(uint64_t expiry_us, uint64_t now_us) const {
 
 void Robot::on(const Ping& ping, uint64_t now_us) {
   if (!session_.names(ping.session_id))
-    return refuse(ping.kId, ping.request_id, RefusalCode::kNoSession);
+    return refuse(ping, ping.request_id, RefusalCode::kNoSession);
   session_.note_ping();
   link_.send(Pong{session_.id(), ping.request_id, ping.host_us, now_us, now_us});
 }
@@ -151,7 +151,7 @@ void Robot::on(const Ping& ping, uint64_t now_us) {
 template <typename Request>
 void Robot::on_request(const Request& request, uint64_t now_us) {
   if (!session_.names(request.session_id))
-    return refuse(request.kId, request.request_id, RefusalCode::kNoSession);
+    return refuse(request, request.request_id, RefusalCode::kNoSession);
   const Answer* given = nullptr;
   switch (session_.classify(request.request_id, given)) {
     case Session::Request::kOld:
@@ -290,9 +290,10 @@ void Robot::reply(const LinkCountersGet& request) {
                              });
 }
 
-void Robot::refuse(uint8_t message_id, uint32_t reference, RefusalCode code) {
+template <typename Message>
+void Robot::refuse(const Message& message, uint32_t reference, RefusalCode code) {
   ++refused_;
-  link_.send(Refuse{session_.id(), message_id, code, reference});
+  link_.send(Refuse{message.session_id, Message::kId, code, reference});
 }
 
 }  // namespace wheelwire

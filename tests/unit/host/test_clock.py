@@ -54,6 +54,21 @@ def test_the_bound_covers_the_error(drift_ppm: float) -> None:
     assert sorted(errors)[len(errors) // 2] < 500  # half the difference of the two ways is 350
 
 
+@pytest.mark.parametrize("drift_ppm", [-200, 200])
+def test_the_drift_is_known_while_no_ping_is_answered(drift_ppm: float) -> None:
+    errors: list[float] = []
+    for seed in range(20):
+        clocks, estimator = Clocks(seed, drift_ppm * 1e-6), ClockEstimator()
+        last = 10**9 + 63 * 500_000
+        for number in range(64):
+            estimator.add(clocks.exchange(10**9 + number * 500_000))
+        moment = last + 20_000_000  # the drift alone would make 4 ms of it
+        host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+        errors.append(abs(host_us - moment))
+        assert errors[-1] <= bound_us < 5_000
+    assert sorted(errors)[10] < 600
+
+
 def test_the_conversions_are_inverse() -> None:
     clocks, estimator = Clocks(5, 150e-6), ClockEstimator()
     for number in range(40):
@@ -99,3 +114,16 @@ def test_an_empty_estimator_says_so() -> None:
     assert not ClockEstimator().synchronised
     with pytest.raises(RuntimeError, match="not synchronised"):
         ClockEstimator().host_to_device(1)
+
+
+def test_the_bound_covers_ways_that_turn_unequal_in_the_worst_order() -> None:
+    # First all delay is on the way out, later all of it on the way back: a drift that is none.
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        device = sent + (0 if number < 32 else 300)
+        estimator.add(Exchange(sent, device, device, sent + 300))
+    for held_over_us in (0, 1_000_000, 20_000_000, 60_000_000):
+        moment = 10**9 + 63 * 500_000 + held_over_us
+        host_us, bound_us = estimator.device_to_host(moment)
+        assert abs(host_us - moment) <= bound_us

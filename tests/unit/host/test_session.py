@@ -291,10 +291,12 @@ def test_a_late_state_frame_of_a_former_boot_changes_nothing() -> None:
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
     line.wait_open()
     count = len(line.samples)
+    sessions = line.session.statistics(line.now_us).sessions
     line.device.rate_hz = 0
     line.device.send(late)
     line.run(0.05)
     assert line.session.phase is Phase.OPEN
+    assert line.session.statistics(line.now_us).sessions == sessions
     assert len(line.samples) - count <= 1
     assert line.samples[-1].boot_id == line.device.boot_id
 

@@ -1,0 +1,21 @@
+"""The C++ unit tests, of core and simulator, plain and under the sanitizers."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+BUILD = Path(__file__).parents[2] / "build"
+
+
+@pytest.mark.parametrize("program", ["wheelwire-core-test", "wheelwire-sim-test"])
+@pytest.mark.parametrize(("build", "target"), [("host", "sim"), ("asan", "asan")])
+def test_all_cases_pass(build: str, target: str, program: str) -> None:
+    path = BUILD / build / program
+    if not path.exists():
+        pytest.skip(f"not built: make {target}")
+    result = subprocess.run([path], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert " cases, 0 failed checks" in result.stdout
