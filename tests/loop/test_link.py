@@ -1,0 +1,179 @@
+"""The driver against the real firmware on a pseudo-terminal: faults of line, port and device."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import wheelwire
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import (
+    DeviceRefused,
+    DeviceSilent,
+    ForeignDevice,
+    InvalidCommand,
+    LinkLost,
+    PortUnavailable,
+)
+from wheelwire.odometry import Odometry
+from wheelwire.sim import Simulator
+from wheelwire_protocol.codes import RefusalCode, ResetReason, SupervisorState
+
+PATIENCE_S = 30.0
+
+
+def wait(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        time.sleep(0.005)
+
+
+def is_lost(robot: SerialDriver) -> bool:
+    try:
+        robot.set_velocity(0.3, 0.0)
+    except LinkLost:
+        return True
+    return False
+
+
+def test_the_readme_example() -> None:
+    with (
+        Simulator() as simulator,
+        wheelwire.open_driver("serial", port=simulator.port) as robot,
+    ):
+        robot.set_velocity(0.2, 0.5, ttl=0.3)
+        wait(lambda: robot.read().left_ticks > 10)
+        assert robot.geometry.wheel_separation == 0.2
+
+
+def test_leaving_the_block_stops_the_robot_before_the_deadline() -> None:
+    with Simulator() as simulator:
+        with SerialDriver(simulator.port) as robot:
+            robot.set_velocity(0.3, 0.0, ttl=1.0)
+            wait(lambda: robot.read().left_mps > 0.1)
+        wait(lambda: simulator.get("drive_on") == 0)
+        assert simulator.get("drive_removed_us") < simulator.get("deadline_us")
+
+
+@pytest.mark.parametrize("baud", [115_200, 2_000_000])
+def test_another_baud_rate_is_found(baud: int) -> None:
+    with Simulator(baud=baud) as simulator, SerialDriver(simulator.port) as robot:
+        assert robot.info.baud_rate == baud
+        assert robot.read().state is SupervisorState.IDLE
+
+
+def test_an_uncommon_baud_rate_is_named() -> None:
+    with Simulator(baud=57_600) as simulator:
+        with pytest.raises((DeviceSilent, ForeignDevice), match="921600"):
+            SerialDriver(simulator.port, connect_timeout=2.0)
+        with SerialDriver(simulator.port, baud_rate=57_600) as robot:
+            assert robot.info.baud_rate == 57_600
+
+
+def test_the_roms_boot_text_is_survived() -> None:
+    with (
+        Simulator(settings={"boot_text": 1}) as simulator,
+        SerialDriver(simulator.port) as robot,
+    ):
+        boot_id = simulator.reset(ResetReason.BROWNOUT)
+        wait(lambda: robot.read(PATIENCE_S).boot_id == boot_id)
+        assert robot.info.device.reset_reason is ResetReason.BROWNOUT
+        assert robot.statistics.device_resets == 1
+
+
+def test_a_second_host_is_told_that_the_port_is_in_use() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+        with pytest.raises(PortUnavailable, match="another program uses it"):
+            SerialDriver(simulator.port)
+        assert robot.read().state is SupervisorState.IDLE
+
+
+def test_unplugged_is_a_state_and_replugged_goes_on(tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator, SerialDriver(simulator.port) as robot:
+        odometry = Odometry(robot.geometry)
+        robot.set_velocity(0.3, 0.0, ttl=0.5)
+        wait(lambda: odometry.update(robot.read()).pose.x_m > 0.05)
+        simulator.unplug()
+        wait(lambda: is_lost(robot))
+        wait(lambda: simulator.get("stands_still") == 1)
+        simulator.plug()
+        sample = robot.read(PATIENCE_S)
+        # The device counted on while nobody listened: nothing is lost, nothing jumps.
+        assert odometry.update(sample).pose.x_m == pytest.approx(
+            simulator.get("true.x_m"), abs=0.002
+        )
+        assert sample.state is SupervisorState.IDLE
+        assert robot.statistics.reconnects >= 1
+        robot.set_velocity(0.2, 0.0)
+        wait(lambda: robot.read().state is SupervisorState.DRIVING)
+
+
+def test_a_reset_does_not_make_the_odometry_jump() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+        odometry = Odometry(robot.geometry)
+        robot.set_velocity(0.3, 0.0, ttl=1.0)
+        wait(lambda: odometry.update(robot.read()).pose.x_m > 0.1)
+        ticks = robot.get_encoder_ticks()
+        simulator.reset()
+        wait(lambda: odometry.update(robot.read(PATIENCE_S)).rebased)
+        assert odometry.pose.x_m == pytest.approx(simulator.get("true.x_m"), abs=0.1)
+        assert robot.get_encoder_ticks() >= ticks
+
+
+def test_estop_latches_until_cleared() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+        robot.set_velocity(0.3, 0.0)
+        robot.estop()
+        assert simulator.get("drive_on") == 0
+        wait(lambda: robot.read().state is SupervisorState.ESTOPPED)
+        with pytest.raises(DeviceRefused) as refused:
+            robot.set_velocity(0.3, 0.0)
+        assert refused.value.code == RefusalCode.ESTOPPED
+        robot.clear_estop()
+        robot.set_velocity(0.3, 0.0)
+        wait(lambda: robot.read().state is SupervisorState.DRIVING)
+
+
+@pytest.mark.parametrize(
+    ("linear", "angular", "ttl"),
+    [(float("nan"), 0, 1), (0, float("inf"), 1), (0.1, 0, 0), (0.1, 0, -1), (0.1, 0, float("nan"))],
+)
+def test_a_meaningless_command_is_refused_before_it_is_sent(
+    linear: float, angular: float, ttl: float
+) -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+        sent = robot.device_counters().frames_received
+        with pytest.raises(InvalidCommand):
+            robot.set_velocity(linear, angular, ttl)
+        assert robot.device_counters().frames_received <= sent + 3  # this question and pings
+        assert simulator.get("drive_removed_us") == 0
+
+
+def test_a_port_that_answers_nothing() -> None:
+    controller, port = os.openpty()
+    try:
+        with pytest.raises(DeviceSilent, match="is silent"):
+            SerialDriver(os.ttyname(port), connect_timeout=1.0)
+    finally:
+        os.close(controller)
+        os.close(port)
+
+
+@pytest.mark.parametrize("rate_hz", [10, 200, 1000])
+def test_the_rate_asked_is_the_rate_had(rate_hz: int) -> None:
+    with (
+        Simulator() as simulator,
+        SerialDriver(simulator.port, stream_rate_hz=rate_hz) as robot,
+    ):
+        first = robot.read()
+        received = robot.statistics.frames_received
+        wait(lambda: robot.statistics.frames_received > received + rate_hz)
+        last = robot.read()
+        counted = robot.statistics.frames_received - received
+        assert counted / ((last.t_us - first.t_us) / 1e6) == pytest.approx(rate_hz, rel=0.25)
+        assert robot.statistics.frames_lost == 0
