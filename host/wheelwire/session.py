@@ -166,11 +166,9 @@ class Session:
             return
         self._requests.advance(now_us)
         self._setpoints.advance(now_us)
-        # A ping takes a request id: sent between a request and its repeat it would age the request.
-        if not self._requests.waits_in_order:
-            if now_us >= self._ping_due_us:
-                self._synchroniser.ping(now_us)
-            self._prepare_when_ready(now_us)
+        if now_us >= self._ping_due_us:
+            self._synchroniser.ping(now_us)
+        self._prepare_when_ready(now_us)
 
     @property
     def _ping_due_us(self) -> int:
@@ -188,7 +186,7 @@ class Session:
             self._heard_us + SILENCE_US,
             self._requests.next_deadline_us,
             self._setpoints.repeat_due_us,
-            None if self._requests.waits_in_order else self._ping_due_us,
+            self._ping_due_us,
         ]
         return min(deadline for deadline in deadlines if deadline is not None)
 

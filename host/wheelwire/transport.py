@@ -136,8 +136,9 @@ class SerialTransport(Transport):
     def _ask_low_latency(self) -> bool | None:
         try:
             self._serial.set_low_latency_mode(True)
-        except (OSError, ValueError):
-            return False
+        except (OSError, ValueError) as error:
+            # pyserial keeps the errno in the text only; a pty has no such flag, and needs none.
+            return None if "Inappropriate ioctl" in str(error) else False
         except (AttributeError, NotImplementedError):
             return None
         return True

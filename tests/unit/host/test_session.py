@@ -342,15 +342,19 @@ def test_an_answer_that_comes_twice_is_taken_once() -> None:
     assert line.session.values[1] == pytest.approx(0.05)
 
 
-def test_a_ping_does_not_come_between_a_request_and_its_repeat() -> None:
+def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
     line = VirtualLine().open()
     line.run(0.4)
-    line.to_device.faults.loss = 1.0
-    line.session.request(ParameterGet(0, 0, 1), lambda _: None, line.now_us)
+    line.to_host.faults.loss = 1.0
+    answers: list[object] = []
+    line.session.request(ParameterSet(0, 0, 1, 0.05), answers.append, line.now_us)
     pings = len(line.sent_of(Ping))
     line.run(0.75)
-    assert len(line.sent_of(Ping)) == pings
-    assert len(line.sent_of(ParameterGet)) == 4
+    line.to_host.faults.loss = 0.0
+    line.run(0.2)
+    assert len(line.sent_of(Ping)) > pings
+    assert isinstance(answers[0], ParameterValue)
+    assert sum(isinstance(done, ParameterSet) for done in line.device.done) == 1
 
 
 def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
