@@ -11,11 +11,11 @@ BUILD = Path(__file__).parents[2] / "build"
 
 
 @pytest.mark.parametrize("program", ["wheelwire-core-test", "wheelwire-sim-test"])
-@pytest.mark.parametrize(("build", "target"), [("host", "sim"), ("asan", "asan")])
-def test_all_cases_pass(build: str, target: str, program: str) -> None:
+@pytest.mark.parametrize("build", ["host", "asan"])
+def test_all_cases_pass(build: str, program: str) -> None:
     path = BUILD / build / program
     if not path.exists():
-        pytest.skip(f"not built: make {target}")
+        pytest.skip("not built: make cpp-tests")
     result = subprocess.run([path], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
     assert " cases, 0 failed checks" in result.stdout

@@ -73,7 +73,8 @@ class _Table:
 
     def show(self, view: View) -> None:
         sample, pose, link = view.sample, view.pose, view.statistics
-        table = Table(title=f"{view.phase}  {view.seconds:4.1f} s", title_justify="left")
+        title = f"{view.phase}  {view.seconds:4.1f} s"
+        table = Table(title=title, title_justify="left", show_header=False)
         table.add_column("", style="cyan", no_wrap=True)
         table.add_column("", width=58, no_wrap=True)
         table.add_row("state", sample.state.name)
