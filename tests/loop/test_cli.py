@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from support.processes import interruptible
 from wheelwire import errors
 from wheelwire.sim import Simulator
 
@@ -164,7 +165,10 @@ def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
 
 def test_demo_interrupted_leaves_nothing_behind(tmp_path: Path) -> None:
     demo = subprocess.Popen(
-        [*PROGRAM, "demo", "--output", str(tmp_path)], stdout=subprocess.PIPE, text=True
+        [*PROGRAM, "demo", "--output", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=interruptible,
     )
     assert demo.stdout
     while "DRIVING" not in demo.stdout.readline():

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from support.processes import interruptible
 from wheelwire.sim import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
 
@@ -43,7 +44,8 @@ def simulator() -> Iterator[Simulator]:
 def host(simulator: Simulator) -> Iterator[subprocess.Popen[bytes]]:
     """A process that drives the simulated robot; killed at the end."""
     code = COMMANDING.format(ttl=TTL_S)
-    process = subprocess.Popen([sys.executable, "-c", code, simulator.port])
+    command = [sys.executable, "-c", code, simulator.port]
+    process = subprocess.Popen(command, preexec_fn=interruptible)
     try:
         yield process
     finally:

@@ -15,6 +15,7 @@ import pytest
 
 import wheelwire
 from support.fake_device import FakeDevice
+from support.processes import interruptible
 from support.pty_device import PtyDevice, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
@@ -188,6 +189,7 @@ def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> N
         [sys.executable, "-c", program, str(robot.path), end],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         stderr=subprocess.DEVNULL,
+        preexec_fn=interruptible,
     )
     wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
     if end == "interrupt":

@@ -1,0 +1,33 @@
+"""The core on an ESP32-C6's instruction set: it computes the same, within the aims for its cost."""
+
+from __future__ import annotations
+
+import pytest
+
+from support import rv32
+
+pytestmark = pytest.mark.skipif(not rv32.available(), reason=f"needs {rv32.INSTALL}")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _built() -> None:
+    rv32.build()
+
+
+def test_every_vector_holds() -> None:
+    assert rv32.run("vectors").endswith(" 0 failed\n")
+
+
+def test_the_cost_is_within_the_aims() -> None:
+    cost = rv32.cost()
+    assert max(work.max for work in cost.instructions.values()) < rv32.AIM_INSTRUCTIONS
+    assert cost.code_bytes < rv32.AIM_CODE_BYTES
+    assert cost.ram_bytes < rv32.AIM_RAM_BYTES
+
+
+def test_the_run_has_steps_of_every_kind() -> None:
+    assert all(work.runs >= 20 for work in rv32.cost().instructions.values())
+
+
+def test_no_noise_touches_the_counts() -> None:
+    assert rv32.cost() == rv32.cost()

@@ -1,0 +1,94 @@
+"""The firmware's core on RV32: built with Debian's compiler, run and counted in QEMU."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+BUILD = ROOT / "build" / "rv32"
+COMPILER = "riscv64-unknown-elf-gcc"
+QEMU = "qemu-system-riscv32"
+INSTALL = "sudo apt install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc"
+
+AIM_INSTRUCTIONS = 6000
+"""Of a control step that takes a setpoint and sends a state."""
+
+AIM_CODE_BYTES = 24 * 1024
+AIM_RAM_BYTES = 4 * 1024
+
+
+class Instructions(NamedTuple):
+    """What one kind of work took over a run."""
+
+    runs: int
+    median: int
+    max: int
+
+
+class Cost(NamedTuple):
+    """Of the core, at -Os.
+
+    `code_bytes` is code and constants, a template's copy in each of two objects counted twice.
+    `ram_bytes` is static data, the robot and its two bridges, without the stack.
+    """
+
+    instructions: dict[str, Instructions]
+    code_bytes: int
+    ram_bytes: int
+
+
+def available() -> bool:
+    """Whether compiler, C library and machine are installed."""
+    if not (shutil.which(COMPILER) and shutil.which(QEMU)):
+        return False
+    specs = _output(COMPILER, "-print-file-name=picolibc.specs").strip()
+    return Path(specs).is_absolute()
+
+
+def build() -> None:
+    """Build the core and its two programs."""
+    _output("make", "-C", str(ROOT), "--no-print-directory", "rv32")
+
+
+def run(program: str) -> str:
+    """Run a program to its end and return what it printed.
+
+    Raises:
+        AssertionError: Its exit status was not 0.
+    """
+    machine = f"{QEMU} -M virt -bios none -display none -serial none -monitor none"
+    # One instruction a nanosecond of the machine's own time: the counter counts exactly.
+    counting = "-icount shift=0"
+    printing = "-chardev stdio,id=out -semihosting-config enable=on,chardev=out"
+    image = str(BUILD / f"{program}.elf")
+    return _output(*f"{machine} {counting} {printing}".split(), "-kernel", image)
+
+
+def cost() -> Cost:
+    """Run the benchmark and measure the library."""
+    counted = json.loads(run("cost"))
+    robot_bytes = counted.pop("robot_bytes")
+    totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / "libwheelwire_core.a"))
+    code, data, bss = (int(column) for column in totals.splitlines()[-1].split()[:3])
+    return Cost(
+        {name: Instructions(**counts) for name, counts in counted.items()},
+        code_bytes=code,
+        ram_bytes=data + bss + robot_bytes,
+    )
+
+
+def _output(*command: str) -> str:
+    result = subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
