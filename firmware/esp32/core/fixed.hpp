@@ -32,12 +32,20 @@ constexpr int32_t multiply_shift(int32_t a, int32_t b, int shift) {
   return saturate32((static_cast<int64_t>(a) * b) >> shift);
 }
 
-/// To the nearest integer, saturated; NaN becomes 0.
+/// To the nearest integer, halves away from 0, saturated; NaN becomes 0. By the bits of an IEEE 754
+/// binary32: without a floating-point unit each comparison and sum is a call, and value + 0.5f is
+/// rounded itself.
 constexpr int32_t to_fixed(float value) {
-  if (!(value == value)) return 0;
-  if (value >= 2147483520.0f) return INT32_MAX;  // the greatest float below 2^31
-  if (value <= -2147483520.0f) return -INT32_MAX;
-  return static_cast<int32_t>(value < 0 ? value - 0.5f : value + 0.5f);
+  const auto bits = __builtin_bit_cast(uint32_t, value);
+  const bool negative = bits >> 31 != 0;
+  const int exponent = static_cast<int>(bits >> 23 & 0xff) - 127;
+  if (exponent < -1) return 0;
+  if (exponent > 30) return value != value ? 0 : negative ? -INT32_MAX : INT32_MAX;
+  const uint32_t mantissa_q23 = (bits & 0x7fffff) | 0x800000;
+  const uint32_t halves =
+      exponent < 22 ? mantissa_q23 >> (22 - exponent) : mantissa_q23 << (exponent - 22);
+  const auto whole = static_cast<int32_t>((halves + 1) / 2);
+  return negative ? -whole : whole;
 }
 
 constexpr int32_t to_umps(float mps) { return to_fixed(mps * 1e6f); }

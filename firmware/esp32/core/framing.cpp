@@ -10,35 +10,30 @@ constexpr uint16_t kRepeatWindow = 64;
 
 }  // namespace
 
-bool FrameDecoder::feed(uint8_t byte, Frame& frame) {
-  if (byte == 0) return finish_chunk(frame);
-  if (overlong_) return false;
-  if (size_ == kMaxEncoded) {
-    ++counters_.bad_cobs;
-    overlong_ = true;
-    return false;
-  }
-  buffer_[size_++] = byte;
-  return false;
+void FrameDecoder::give_up_chunk() {
+  if (!overlong_) ++counters_.bad_cobs;
+  overlong_ = true;
 }
 
 bool FrameDecoder::finish_chunk(Frame& frame) {
-  size_t size = size_;
-  const bool ignore = overlong_ || size == 0;
+  const size_t encoded_size = size_;
+  const bool ignore = overlong_ || encoded_size == 0;
   size_ = 0;
   overlong_ = false;
   if (ignore) return false;
-  if (!decode_cobs(size) || size < kHeaderSize + kCrcSize) {
+  if (!decode_cobs(encoded_size) || encoded_size < kCobsSize + kHeaderSize + kCrcSize) {
     ++counters_.bad_cobs;
     return false;
   }
-  if (crc32(buffer_, size) != kCrcResidue) {
+  const uint8_t* const payload = buffer_ + kCobsSize;
+  const size_t size = encoded_size - kCobsSize;
+  if (crc32(payload, size) != kCrcResidue) {
     ++counters_.bad_crc;
     return false;
   }
-  frame.id = buffer_[0];
-  frame.body = buffer_ + kHeaderSize;
-  check_sequence(static_cast<uint16_t>(buffer_[1] | buffer_[2] << 8));
+  frame.id = payload[0];
+  frame.body = payload + kHeaderSize;
+  check_sequence(static_cast<uint16_t>(payload[1] | payload[2] << 8));
   const int expected = body_size_(frame.id);
   if (expected < 0) {
     ++counters_.unknown_id;
@@ -52,18 +47,16 @@ bool FrameDecoder::finish_chunk(Frame& frame) {
   return true;
 }
 
-/// In place: the decoded byte is always behind the encoded one. `size` becomes the payload's.
-bool FrameDecoder::decode_cobs(size_t& size) {
-  size_t out = 0;
-  size_t in = 0;
-  while (in < size) {
-    const size_t code = buffer_[in++];
-    if (in + code - 1 > size) return false;
-    for (size_t i = 1; i < code; ++i) buffer_[out++] = buffer_[in++];
-    if (in < size) buffer_[out++] = 0;  // payloads are too short for the code 0xff to occur
+/// In place: the payload then begins behind the first code byte. Payloads are too short for the
+/// code 0xff, so each code but the first stands where the payload has a zero.
+bool FrameDecoder::decode_cobs(size_t encoded_size) {
+  size_t code = 0;
+  while (code < encoded_size) {
+    const size_t next_code = code + buffer_[code];
+    buffer_[code] = 0;
+    code = next_code;
   }
-  size = out;
-  return true;
+  return code == encoded_size;
 }
 
 void FrameDecoder::check_sequence(uint16_t seq) {
@@ -80,29 +73,24 @@ void FrameDecoder::check_sequence(uint16_t seq) {
 }
 
 size_t encode_frame(uint8_t id, uint16_t seq, const uint8_t* body, size_t body_size, uint8_t* out) {
-  uint8_t payload[kMaxPayload];
+  out[0] = 0;
+  uint8_t* code = out + 1;
+  uint8_t* const payload = code + kCobsSize;
   uint8_t* end = payload;
   wire::put(end, id);
   wire::put(end, seq);
   memcpy(end, body, body_size);
   end += body_size;
   wire::put(end, crc32(payload, kHeaderSize + body_size));
-
-  uint8_t* const begin = out;
-  *out++ = 0;
-  uint8_t* code = out++;
-  *code = 1;
-  for (const uint8_t* in = payload; in != end; ++in) {
-    if (*in == 0) {
-      code = out++;
-      *code = 1;
-    } else {
-      *out++ = *in;
-      ++*code;
-    }
+  *end = 0;
+  // COBS: each zero of the payload becomes the distance to the next one, the last one's to the
+  // delimiter.
+  for (uint8_t* place = payload; place <= end; ++place) {
+    if (*place != 0) continue;
+    *code = static_cast<uint8_t>(place - code);
+    code = place;
   }
-  *out++ = 0;
-  return static_cast<size_t>(out - begin);
+  return static_cast<size_t>(end + 1 - out);
 }
 
 }  // namespace wheelwire

@@ -11,13 +11,14 @@ namespace wheelwire {
 constexpr size_t kHeaderSize = 3;
 constexpr size_t kCrcSize = 4;
 constexpr size_t kMaxBody = kMaxPayload - kHeaderSize - kCrcSize;
-constexpr size_t kMaxEncoded = kMaxPayload + 1;
+constexpr size_t kCobsSize = 1;
+constexpr size_t kMaxEncoded = kCobsSize + kMaxPayload;
 constexpr size_t kMaxFrame = kMaxEncoded + 2;
 static_assert(kMaxPayload < 254, "COBS would need a second code byte");
 
 /// Bytes on the wire of a message with this body.
 constexpr size_t frame_size(size_t body_size) {
-  return body_size + kHeaderSize + kCrcSize + 3;  // COBS code and two delimiters
+  return body_size + kHeaderSize + kCrcSize + kCobsSize + 2;
 }
 
 /// A good frame. Valid until the next byte is fed.
@@ -45,15 +46,24 @@ class FrameDecoder {
   explicit FrameDecoder(BodySize body_size) : body_size_(body_size) {}
 
   /// Returns true when `byte` completed a good frame, which is then in `frame`.
-  bool feed(uint8_t byte, Frame& frame);
+  bool feed(uint8_t byte, Frame& frame) {
+    if (byte == 0) return finish_chunk(frame);
+    if (size_ == kMaxEncoded) {
+      give_up_chunk();
+    } else {
+      buffer_[size_++] = byte;
+    }
+    return false;
+  }
   /// Expect any sequence number next.
   void restart_sequence() { sequence_known_ = false; }
 
   const ReceiveCounters& counters() const { return counters_; }
 
  private:
+  void give_up_chunk();
   bool finish_chunk(Frame& frame);
-  bool decode_cobs(size_t& payload_size);
+  bool decode_cobs(size_t encoded_size);
   void check_sequence(uint16_t seq);
 
   BodySize body_size_;

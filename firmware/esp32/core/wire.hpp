@@ -26,20 +26,25 @@ struct UnsignedOf<8> {
   using Type = uint64_t;
 };
 
+// Shifts are by one byte: RV32 has none by a variable number of bits for 64-bit integers.
 template <typename T>
 void put(uint8_t*& out, T value) {
   typename UnsignedOf<sizeof(T)>::Type bits;
   memcpy(&bits, &value, sizeof bits);
-  for (size_t i = 0; i < sizeof bits; ++i) *out++ = static_cast<uint8_t>(bits >> (8 * i));
+  for (size_t i = 0; i < sizeof bits; ++i) {
+    *out++ = static_cast<uint8_t>(bits);
+    bits = static_cast<decltype(bits)>(bits >> 8);
+  }
 }
 
 template <typename T>
 void get(const uint8_t*& in, T& value) {
   typename UnsignedOf<sizeof(T)>::Type bits = 0;
-  for (size_t i = 0; i < sizeof bits; ++i) {
-    bits |= static_cast<decltype(bits)>(static_cast<decltype(bits)>(*in++) << (8 * i));
+  for (size_t i = sizeof bits; i > 0; --i) {
+    bits = static_cast<decltype(bits)>(bits << 8 | in[i - 1]);
   }
   memcpy(&value, &bits, sizeof bits);
+  in += sizeof bits;
 }
 
 }  // namespace wheelwire::wire

@@ -16,16 +16,27 @@ _BY_NAME = {message.name: message for message in MESSAGES}
 _HEAD = """\
 #pragma once
 
+#include <stddef.h>
 #include <stdint.h>
-
-#include <span>
 
 #include "framing.hpp"
 #include "protocol.hpp"
 
 namespace wheelwire::vectors {
 
-using Bytes = std::span<const uint8_t>;
+/// As std::span, which bare-metal tool chains without a C++ library do not have.
+class Bytes {
+ public:
+  template <size_t kSize>
+  constexpr Bytes(const uint8_t (&bytes)[kSize]) : begin_(bytes), end_(bytes + kSize) {}
+
+  constexpr const uint8_t* begin() const { return begin_; }
+  constexpr const uint8_t* end() const { return end_; }
+
+ private:
+  const uint8_t* begin_;
+  const uint8_t* end_;
+};
 
 /// Bytes from a line, and what a receiver of the host's messages has counted after them.
 struct Stream {

@@ -1,0 +1,159 @@
+// Drives the whole firmware for four seconds and prints, as JSON, what it took in instructions.
+//
+// What the bench's own HAL takes is counted too; it copies bytes and numbers and no more.
+#include <stdio.h>
+
+#include "bench_hal.hpp"
+#include "counter.hpp"
+#include "l298n.hpp"
+#include "robot.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::rv32;
+
+namespace {
+
+constexpr uint32_t kNonce = 0x5eed0001;
+constexpr uint32_t kBootId = 0xb0070001;
+constexpr uint32_t kSessionId = kNonce ^ kBootId;
+
+constexpr uint32_t kSteps = 4000;
+constexpr uint32_t kTtl_us = 300'000;
+// Setpoints come every 17 steps, state goes every 10: each with and without the other.
+constexpr uint32_t kSetpointInterval = 17;
+
+/// Straight, curves, on the spot, reversals: the slew limit is at work most of the time.
+constexpr float kTargets_mps[][2] = {{0.4f, 0.4f},   {0.15f, 0.3f},   {-0.4f, -0.4f}, {0.2f, -0.2f},
+                                     {0.02f, 0.02f}, {-0.37f, 0.11f}, {0.5f, 0.3f},   {0.0f, 0.0f}};
+constexpr uint32_t kTargetCount = sizeof kTargets_mps / sizeof kTargets_mps[0];
+
+struct Bench {
+  BenchWheel left;
+  BenchWheel right;
+  L298n left_motor{left};
+  L298n right_motor{right};
+  BenchEncoders encoders{left, right};
+  BenchLine line;
+  EmptyStore store;
+  ReleasedEstop estop;
+  BenchBattery battery;
+  Robot robot{{left_motor, right_motor, encoders, line, store, estop, battery},
+              {.boot_id = kBootId,
+               .reset_reason = ResetReason::kPowerOn,
+               .board = Board::kEsp32c6,
+               .board_id = 0x0123456789ab,
+               .capabilities = capability::kBattery | capability::kEstopInput,
+               .version_major = 0,
+               .version_minor = 1,
+               .version_patch = 0,
+               .git_hash = 0}};
+  uint64_t now_us = 0;
+
+  /// One period of the world, then one control step. Returns what the step took.
+  uint32_t step() {
+    now_us += robot.control_period_us();
+    left.turn();
+    right.turn();
+    encoders.sample(now_us);
+    return instructions([this] { robot.step(now_us); });
+  }
+
+  void connect() {
+    robot.start(now_us);
+    line.arrive(Hello{kNonce, schema::kVersion, schema::kHash});
+    step();
+    line.arrive(Ping{kSessionId, 1, now_us});
+    step();
+  }
+};
+
+SetWheelVelocity setpoint(uint32_t step, uint64_t now_us) {
+  const auto& target = kTargets_mps[step * kTargetCount / kSteps];
+  return {kSessionId, step + 1, now_us + kTtl_us, target[0], target[1]};
+}
+
+/// The link alone, with the run's own messages.
+class LinkBench {
+ public:
+  uint32_t receive(const SetWheelVelocity& sent) {
+    line_.arrive(sent);
+    SetWheelVelocity received;
+    return instructions([&] {
+      link_.new_turn();
+      Frame frame;
+      if (link_.receive(frame)) received = SetWheelVelocity::decode(frame.body);
+      asm volatile("" : : "m"(received));  // or the decoding is left out, for nothing reads it
+    });
+  }
+
+  uint32_t send(const WheelState& state) {
+    return instructions([&] { link_.send(state); });
+  }
+
+ private:
+  BenchLine line_;
+  Link link_{line_};
+};
+
+struct Result {
+  Counts step;
+  Counts step_with_setpoint;
+  Counts step_with_state;
+  Counts step_with_both;
+  Counts receive_setpoint;
+  Counts send_state;
+
+  Counts& of_step(bool setpoint, bool state) {
+    if (setpoint) return state ? step_with_both : step_with_setpoint;
+    return state ? step_with_state : step;
+  }
+};
+
+Bench bench;
+LinkBench link_bench;
+Result result;
+
+/// False when the robot did not drive all the time.
+bool run() {
+  bench.connect();
+  for (uint32_t i = 0; i < kSteps; ++i) {
+    const bool commanded = i % kSetpointInterval == 0;
+    if (commanded) {
+      const SetWheelVelocity message = setpoint(i, bench.now_us);
+      bench.line.arrive(message);
+      result.receive_setpoint.add(link_bench.receive(message));
+    }
+    const uint32_t count = bench.step();
+    WheelState state;
+    const bool streamed = bench.line.take(state);
+    if (streamed) result.send_state.add(link_bench.send(state));
+    if (bench.robot.state() != SupervisorState::kDriving) return false;
+    result.of_step(commanded, streamed).add(count);
+  }
+  return true;
+}
+
+void print(const char* name, Counts& counts) {
+  printf(" \"%s\": {\"runs\": %lu, \"median\": %lu, \"max\": %lu},\n", name,
+         static_cast<unsigned long>(counts.size()), static_cast<unsigned long>(counts.median()),
+         static_cast<unsigned long>(counts.max()));
+}
+
+}  // namespace
+
+int main() {
+  if (!run()) {
+    printf("the robot did not drive\n");
+    return 1;
+  }
+  printf("{\n");
+  print("step", result.step);
+  print("step_with_setpoint", result.step_with_setpoint);
+  print("step_with_state", result.step_with_state);
+  print("step_with_both", result.step_with_both);
+  print("receive_setpoint", result.receive_setpoint);
+  print("send_state", result.send_state);
+  printf(" \"robot_bytes\": %lu\n}\n",
+         static_cast<unsigned long>(sizeof(Robot) + 2 * sizeof(L298n)));
+  return 0;
+}
