@@ -12,15 +12,6 @@ constexpr auto kPhysicsStep = static_cast<Nanoseconds>(kMaxPhysicsStep / kNanose
 
 }  // namespace
 
-void Bridge::set_inputs(bool in1, bool in2) {
-  pins_.in1 = in1;
-  pins_.in2 = in2;
-}
-
-void Bridge::set_enable(uint16_t duty_q15) {
-  pins_.enable = std::min(1.0, duty_q15 / static_cast<double>(INT16_MAX));
-}
-
 uint16_t Battery::millivolts() { return static_cast<uint16_t>(std::lround(volts * 1e3)); }
 
 ChipState::ChipState(const std::array<Quadrature, 2>& encoders)

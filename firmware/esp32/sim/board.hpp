@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "bridge_port.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
 #include "l298n.hpp"
@@ -15,16 +16,6 @@
 #include "store.hpp"
 
 namespace wheelwire::sim {
-
-class Bridge final : public BridgePort {
- public:
-  void set_inputs(bool in1, bool in2) override;
-  void set_enable(uint16_t duty_q15) override;
-  const BridgePins& pins() const { return pins_; }
-
- private:
-  BridgePins pins_;
-};
 
 class EstopContact final : public EstopInput {
  public:

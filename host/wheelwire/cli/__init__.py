@@ -11,6 +11,7 @@ import typer
 
 from wheelwire.errors import WheelwireError
 
+from .flash import flash
 from .local import demo, ports, sim
 from .output import print_error
 from .parameters import app as parameters_app
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for command in (sim, ports, info, drive, monitor, demo):
+for command in (sim, ports, info, drive, monitor, flash, demo):
     app.command()(command)
 app.add_typer(parameters_app, name="params")
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from wheelwire.faultline import LineProfile, load_profile
+from wheelwire.faultline.simulator import FaultySimulator
 from wheelwire.ports import list_serial_ports
 from wheelwire.sim import find_simulator
 
@@ -19,14 +23,30 @@ DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can t
 
 def sim(
     link: Annotated[Path, typer.Option(help="Where the robot's port is to appear.")] = DEFAULT_LINK,
+    faults: Annotated[
+        str | None,
+        typer.Option(help="Put a bad line before it: a profile's file, or a shipped one's name."),
+    ] = None,
     arguments: Annotated[
         list[str] | None, typer.Argument(help="For wheelwire-fwsim; see `wheelwire sim -- --help`.")
     ] = None,
 ) -> None:
     """Run a simulated robot, with the real firmware's core, until Ctrl-C."""
+    if faults is not None:
+        _sim_on_a_bad_line(link, load_profile(faults), arguments or [])
+        return
     program = str(find_simulator())
     # In our place: whatever signal ends this command ends the simulator, and takes its port away.
     os.execv(program, [program, "--link", str(link), *(arguments or [])])  # noqa: S606
+
+
+def _sim_on_a_bad_line(link: Path, profile: LineProfile, arguments: list[str]) -> None:
+    # SIGTERM as Ctrl-C: the block's end takes the port away.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with FaultySimulator(profile, link=link, arguments=arguments) as simulator:
+        console.print(f"a simulated robot on a bad line is at {simulator.port}; Ctrl-C ends it")
+        with contextlib.suppress(KeyboardInterrupt):
+            simulator.wait()
 
 
 def ports(as_json: JsonFlag = False) -> None:

@@ -1,0 +1,74 @@
+// Start-up. All memory is static; what the IDF's drivers take from the heap, they take in here or
+// as the tasks begin.
+#include "battery.hpp"
+#include "control_task.hpp"
+#include "enable_pins.hpp"
+#include "housekeeping.hpp"
+#include "identity.hpp"
+#include "line.hpp"
+#include "nvs_store.hpp"
+#include "sdkconfig.h"
+#include "task_watchdog.hpp"
+
+#if CONFIG_WHEELWIRE_SIMULATED_PLANT
+#include "simulated_robot.hpp"
+using Machine = wheelwire::SimulatedRobot;
+#else
+#include "wired_robot.hpp"
+using Machine = wheelwire::WiredRobot;
+#endif
+
+namespace wheelwire {
+namespace {
+
+Machine machine;
+Line line;
+NvsStore store;
+Battery battery;
+DeadMan dead_man;
+BoardState board_state;
+LatestBattery latest_battery{board_state};
+Housekeeping housekeeping{battery, board_state};
+
+/// Those parameters that a peripheral needs before it starts. The robot loads them again.
+Parameters stored_parameters() {
+  Parameters parameters;
+  parameters.load(store);
+  return parameters;
+}
+
+uint32_t capabilities(bool has_battery) {
+  return Machine::kCapabilities | (has_battery ? capability::kBattery : 0);
+}
+
+void start() {
+  hold_enables_low();
+  store.start();
+  const bool has_line = line.start();
+  const bool has_machine = machine.start(stored_parameters());
+  const bool is_watched = start_task_watchdog() && dead_man.start();
+  // Its entropy source is the ADC: before the battery has it.
+  Identity identity = make_identity(0);
+  const bool has_battery = Battery::kFitted && battery.start();
+  identity.capabilities = capabilities(has_battery);
+
+  static Robot robot{{.left_motor = machine.left_motor,
+                      .right_motor = machine.right_motor,
+                      .encoders = machine.encoders,
+                      .line = line,
+                      .store = store,
+                      .estop = machine.estop,
+                      .battery = latest_battery},
+                     identity};
+  // A robot that cannot drive safely still tells why.
+  if (!(has_line && has_machine && is_watched)) robot.report_driver_failure();
+
+  static ControlTask control{robot, line, dead_man, board_state};
+  housekeeping.start(has_battery);
+  control.start();
+}
+
+}  // namespace
+}  // namespace wheelwire
+
+extern "C" void app_main() { wheelwire::start(); }

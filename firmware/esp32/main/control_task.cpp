@@ -1,0 +1,94 @@
+#include "control_task.hpp"
+
+#include "clock.hpp"
+#include "esp_attr.h"
+#include "freertos/FreeRTOS.h"
+#include "freertos/task.h"
+#include "task_watchdog.hpp"
+
+namespace wheelwire {
+namespace {
+
+// Why the task is woken.
+constexpr uint32_t kStepDue = 1;
+constexpr uint32_t kBytesCame = 2;
+
+// Its own core where there are two. The drivers' interrupts and the dead-man are on the other.
+constexpr BaseType_t kCore = CONFIG_FREERTOS_NUMBER_OF_CORES - 1;
+constexpr UBaseType_t kPriority = configMAX_PRIORITIES - 1;
+constexpr uint32_t kStackBytes = 8192;
+
+/// 5 ms at the default 1 kHz.
+constexpr uint32_t kDeadManPeriods = 5;
+
+/// A robot whose timer does not start still steps, late, and says so. Longer than any period,
+/// shorter than the task watchdog.
+constexpr TickType_t kPatience = pdMS_TO_TICKS(50);
+
+StackType_t stack[kStackBytes];
+StaticTask_t task_memory;
+
+}  // namespace
+
+void ControlTask::start() {
+  xTaskCreateStaticPinnedToCore(run, "control", kStackBytes, this, kPriority, stack, &task_memory,
+                                kCore);
+}
+
+void ControlTask::run(void* self) {
+  auto& task = *static_cast<ControlTask*>(self);
+  if (!task.prepare()) task.robot_.report_driver_failure();
+  task.serve();
+}
+
+bool ControlTask::prepare() {
+  const TaskHandle_t self = xTaskGetCurrentTaskHandle();
+  line_.notify(self, kBytesCame);
+  robot_.start(now_us());
+  const esp_timer_create_args_t timer = {
+      .callback = on_timer,
+      .arg = self,
+      .dispatch_method = ESP_TIMER_ISR,
+      .name = "control",
+      .skip_unhandled_events = true,
+  };
+  return esp_timer_create(&timer, &timer_) == ESP_OK && follow_period() && watch_this_task();
+}
+
+IRAM_ATTR void ControlTask::on_timer(void* task) {
+  BaseType_t woken = pdFALSE;
+  xTaskNotifyFromISR(static_cast<TaskHandle_t>(task), kStepDue, eSetBits, &woken);
+  if (woken == pdTRUE) esp_timer_isr_dispatch_need_yield();
+}
+
+void ControlTask::serve() {
+  for (;;) {
+    uint32_t events = 0;
+    const bool woken = xTaskNotifyWait(0, UINT32_MAX, &events, kPatience) == pdTRUE;
+    if (!woken || events & kStepDue) {
+      step();
+    } else {
+      robot_.service_link(now_us());  // A ping is answered at once, not at the next step.
+    }
+  }
+}
+
+void ControlTask::step() {
+  robot_.step(now_us());
+  line_.push();
+  dead_man_.feed();
+  feed_task_watchdog();
+  state_.supervisor.store(robot_.state(), std::memory_order_relaxed);
+  if (robot_.control_period_us() != period_us_ && !follow_period()) robot_.report_driver_failure();
+}
+
+/// Timer and dead-man to the period that the parameters ask for.
+bool ControlTask::follow_period() {
+  period_us_ = robot_.control_period_us();
+  const esp_err_t result = esp_timer_is_active(timer_)
+                               ? esp_timer_restart(timer_, period_us_)
+                               : esp_timer_start_periodic(timer_, period_us_);
+  return result == ESP_OK && dead_man_.set_limit(kDeadManPeriods * period_us_);
+}
+
+}  // namespace wheelwire

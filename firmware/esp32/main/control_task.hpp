@@ -1,0 +1,37 @@
+// The one task that runs the robot: control steps by a timer, the link as bytes come.
+#pragma once
+
+#include "board_state.hpp"
+#include "dead_man.hpp"
+#include "esp_timer.h"
+#include "line.hpp"
+#include "robot.hpp"
+
+namespace wheelwire {
+
+class ControlTask {
+ public:
+  ControlTask(Robot& robot, Line& line, DeadMan& dead_man, BoardState& state)
+      : robot_(robot), line_(line), dead_man_(dead_man), state_(state) {}
+
+  /// Creates the task. Robot, line and every port that the robot uses are its own from here on.
+  void start();
+
+ private:
+  static void run(void* self);
+  static void on_timer(void* task);
+
+  bool prepare();
+  void serve();
+  void step();
+  bool follow_period();
+
+  Robot& robot_;
+  Line& line_;
+  DeadMan& dead_man_;
+  BoardState& state_;
+  esp_timer_handle_t timer_ = nullptr;
+  uint32_t period_us_ = 0;
+};
+
+}  // namespace wheelwire

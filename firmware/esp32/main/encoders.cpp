@@ -1,0 +1,78 @@
+#include "encoders.hpp"
+
+#include "clock.hpp"
+#include "freertos/FreeRTOS.h"
+
+namespace wheelwire {
+namespace {
+
+portMUX_TYPE latch_lock = portMUX_INITIALIZER_UNLOCKED;
+
+bool add_channel(pcnt_unit_handle_t unit, int edge_pin, int level_pin,
+                 pcnt_channel_edge_action_t rising, pcnt_channel_edge_action_t falling) {
+  const pcnt_chan_config_t config = {
+      .edge_gpio_num = edge_pin,
+      .level_gpio_num = level_pin,
+      .flags = {},
+  };
+  pcnt_channel_handle_t channel = nullptr;
+  return pcnt_new_channel(unit, &config, &channel) == ESP_OK &&
+         pcnt_channel_set_edge_action(channel, rising, falling) == ESP_OK &&
+         pcnt_channel_set_level_action(channel, PCNT_CHANNEL_LEVEL_ACTION_KEEP,
+                                       PCNT_CHANNEL_LEVEL_ACTION_INVERSE) == ESP_OK;
+}
+
+/// Every edge of A and B counts, up while A leads.
+bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
+  constexpr auto kUp = PCNT_CHANNEL_EDGE_ACTION_INCREASE;
+  constexpr auto kDown = PCNT_CHANNEL_EDGE_ACTION_DECREASE;
+  return add_channel(unit, pins.a, pins.b, kDown, kUp) &&
+         add_channel(unit, pins.b, pins.a, kUp, kDown);
+}
+
+/// The counter returns to 0 at its limits. Watching them switches their comparators on; the
+/// interrupt stays off, for without accum_count or a callback none is installed.
+bool watch_limits(pcnt_unit_handle_t unit) {
+  return pcnt_unit_add_watch_point(unit, kCounterLimit) == ESP_OK &&
+         pcnt_unit_add_watch_point(unit, -kCounterLimit) == ESP_OK;
+}
+
+bool filter_glitches(pcnt_unit_handle_t unit, uint32_t glitch_ns) {
+  if (glitch_ns == 0) return true;
+  const pcnt_glitch_filter_config_t filter = {.max_glitch_ns = glitch_ns};
+  return pcnt_unit_set_glitch_filter(unit, &filter) == ESP_OK;
+}
+
+/// A new limit is in force only after a clear, which is the counter's only one.
+bool start_unit(pcnt_unit_handle_t& unit, const EncoderPins& pins, uint32_t glitch_ns) {
+  pcnt_unit_config_t config = {};
+  config.low_limit = -kCounterLimit;
+  config.high_limit = kCounterLimit;
+  return pcnt_new_unit(&config, &unit) == ESP_OK && filter_glitches(unit, glitch_ns) &&
+         add_quadrature(unit, pins) && watch_limits(unit) && pcnt_unit_enable(unit) == ESP_OK &&
+         pcnt_unit_clear_count(unit) == ESP_OK && pcnt_unit_start(unit) == ESP_OK;
+}
+
+int16_t count_of(pcnt_unit_handle_t unit) {
+  int count = 0;
+  if (unit != nullptr) pcnt_unit_get_count(unit, &count);
+  return static_cast<int16_t>(count);
+}
+
+}  // namespace
+
+bool Encoders::start(uint32_t glitch_ns) {
+  return start_unit(left_, kPins.left_encoder, glitch_ns) &&
+         start_unit(right_, kPins.right_encoder, glitch_ns);
+}
+
+EncoderCounts Encoders::latch() {
+  // No interrupt of this core may come between the two counters and the clock.
+  portENTER_CRITICAL(&latch_lock);
+  const EncoderCounts counts = {
+      .t_us = now_us(), .left = count_of(left_), .right = count_of(right_)};
+  portEXIT_CRITICAL(&latch_lock);
+  return counts;
+}
+
+}  // namespace wheelwire

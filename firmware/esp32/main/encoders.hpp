@@ -1,0 +1,22 @@
+// Both quadrature encoders in the pulse counter (PCNT), x4, without an interrupt.
+#pragma once
+
+#include "board/board.hpp"
+#include "driver/pulse_cnt.h"
+#include "hal.hpp"
+
+namespace wheelwire {
+
+class Encoders final : public EncoderPort {
+ public:
+  /// Pulses shorter than `glitch_ns` are ignored; 0 ignores none.
+  bool start(uint32_t glitch_ns);
+
+  EncoderCounts latch() override;
+
+ private:
+  pcnt_unit_handle_t left_ = nullptr;
+  pcnt_unit_handle_t right_ = nullptr;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,47 @@
+#include "housekeeping.hpp"
+
+#include "freertos/FreeRTOS.h"
+#include "freertos/task.h"
+#include "status_led.hpp"
+#include "task_watchdog.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr uint32_t kTurnMs = 20;
+constexpr uint32_t kTurnsPerBattery = 10;
+
+constexpr BaseType_t kCore = 0;
+constexpr UBaseType_t kPriority = tskIDLE_PRIORITY + 1;
+constexpr uint32_t kStackBytes = 3072;
+
+StackType_t stack[kStackBytes];
+StaticTask_t task_memory;
+
+}  // namespace
+
+void Housekeeping::start(bool has_battery) {
+  has_battery_ = has_battery;
+  start_status_led();
+  xTaskCreateStaticPinnedToCore(run, "housekeeping", kStackBytes, this, kPriority, stack,
+                                &task_memory, kCore);
+}
+
+void Housekeeping::run(void* self) {
+  watch_this_task();
+  TickType_t wake = xTaskGetTickCount();
+  for (;;) {
+    static_cast<Housekeeping*>(self)->turn();
+    feed_task_watchdog();
+    xTaskDelayUntil(&wake, pdMS_TO_TICKS(kTurnMs));
+  }
+}
+
+void Housekeeping::turn() {
+  ++turn_;
+  show_on_status_led(state_.supervisor.load(std::memory_order_relaxed), turn_ * kTurnMs);
+  if (has_battery_ && turn_ % kTurnsPerBattery == 0)
+    state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,81 @@
+// The line on UART0, which a DevKit's USB bridge carries.
+#include "byte_queue.hpp"
+#include "driver/uart.h"
+#include "driver/uart_select.h"
+#include "esp_attr.h"
+#include "line.hpp"
+#include "sdkconfig.h"
+#include "soc/uart_pins.h"
+
+namespace wheelwire {
+namespace {
+
+constexpr uart_port_t kPort = UART_NUM_0;
+constexpr uint32_t kBaudRate = CONFIG_WHEELWIRE_BAUD_RATE;
+constexpr uint32_t kBitsPerByte = 10;
+// Ten milliseconds of 2 Mbit/s: more than a control step ever takes.
+constexpr size_t kReceiveBuffer = 2048;
+// Longer would only keep old frames waiting on a slow line.
+constexpr size_t kSendBuffer = 1024;
+// The interrupt comes after this many bytes, or this many byte times of silence.
+constexpr int kReceiveThreshold = 64;
+constexpr uint8_t kReceiveTimeout = 2;
+
+// The driver's own send buffer blocks when it is full, and does not tell how full it is.
+ByteQueue<kSendBuffer> to_send;
+
+// Written once by Line::notify before the callback is set.
+TaskHandle_t listener;
+uint32_t listener_bits;
+
+IRAM_ATTR void on_bytes(uart_port_t, uart_select_notif_t event, BaseType_t* woken) {
+  if (event == UART_SELECT_READ_NOTIF) xTaskNotifyFromISR(listener, listener_bits, eSetBits, woken);
+}
+
+}  // namespace
+
+bool Line::start() {
+  uart_config_t config = {};
+  config.baud_rate = kBaudRate;
+  config.data_bits = UART_DATA_8_BITS;
+  config.parity = UART_PARITY_DISABLE;
+  config.stop_bits = UART_STOP_BITS_1;
+  config.flow_ctrl = UART_HW_FLOWCTRL_DISABLE;
+  config.source_clk = UART_SCLK_DEFAULT;
+  return uart_driver_install(kPort, kReceiveBuffer, 0, 0, nullptr, ESP_INTR_FLAG_IRAM) == ESP_OK &&
+         uart_param_config(kPort, &config) == ESP_OK &&
+         uart_set_pin(kPort, U0TXD_GPIO_NUM, U0RXD_GPIO_NUM, UART_PIN_NO_CHANGE,
+                      UART_PIN_NO_CHANGE) == ESP_OK &&
+         uart_set_rx_full_threshold(kPort, kReceiveThreshold) == ESP_OK &&
+         uart_set_rx_timeout(kPort, kReceiveTimeout) == ESP_OK;
+}
+
+void Line::notify(TaskHandle_t task, uint32_t bits) {
+  listener = task;
+  listener_bits = bits;
+  uart_set_select_notif_callback(kPort, on_bytes);
+}
+
+size_t Line::read(uint8_t* out, size_t capacity) {
+  const int size = uart_read_bytes(kPort, out, capacity, 0);
+  return size > 0 ? static_cast<size_t>(size) : 0;
+}
+
+bool Line::write(const uint8_t* data, size_t size) {
+  if (!to_send.put(data, size)) return false;
+  push();
+  return true;
+}
+
+void Line::push() {
+  while (to_send.front_size() > 0) {
+    const int sent =
+        uart_tx_chars(kPort, reinterpret_cast<const char*>(to_send.front()), to_send.front_size());
+    if (sent <= 0) return;
+    to_send.drop(static_cast<size_t>(sent));
+  }
+}
+
+uint32_t Line::bytes_per_second() const { return kBaudRate / kBitsPerByte; }
+
+}  // namespace wheelwire

@@ -1,0 +1,158 @@
+"""What every device must do as far as a host can see it, simulated or real."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+
+import pytest
+
+from wheelwire.device import host_release
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.samples import WheelSample
+from wheelwire_protocol.codes import Capability, ResetReason, SupervisorState
+
+PATIENCE_S = 30.0
+WATCH_S = 2.0
+TTL_S = 0.3
+CLOCK_ERROR_US = 5000
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A device, and what the person beside it allows.
+
+    Attributes:
+        port: Where it is.
+        reset: Resets the chip; None where that cannot be done from here.
+        wheels_free: The wheels may turn: the robot stands on blocks.
+    """
+
+    port: str
+    reset: Callable[[], object] | None
+    wheels_free: bool = False
+
+    @contextmanager
+    def robot(self) -> Iterator[SerialDriver]:
+        """The device, with no e-stop and no fault latched by a former test."""
+        with SerialDriver(self.port, connect_timeout=PATIENCE_S) as robot:
+            state = robot.read().state
+            if state is SupervisorState.ESTOPPED:
+                robot.clear_estop()
+            if state is SupervisorState.FAULT:
+                robot.clear_fault()
+            yield robot
+
+    def restart(self) -> None:
+        """Reset the chip, with the port closed."""
+        if self.reset is None:
+            pytest.skip("this port has no reset line")
+        self.reset()
+
+
+def wait(robot: SerialDriver, condition: Callable[[WheelSample], bool]) -> WheelSample:
+    """The first sample from now on that fulfils `condition`."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        sample = robot.read()
+        if condition(sample):
+            return sample
+    raise AssertionError("no such sample")
+
+
+def watch(robot: SerialDriver) -> list[WheelSample]:
+    """The samples of a stretch of the device's time."""
+    samples = [robot.read()]
+    while samples[-1].t_us < samples[0].t_us + WATCH_S * 1e6:
+        samples.append(robot.read())
+    return samples
+
+
+class DeviceContract:
+    """A test class inherits this and brings a fixture `bench`."""
+
+    def test_hello_tells_who_it_is(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            device = robot.info.device
+        assert device.release.schema_hash == host_release().schema_hash
+        assert int(device.board_id, 16) != 0
+        assert device.reset_reason is not ResetReason.UNKNOWN
+
+    def test_states_come_at_their_rate(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            period_us = 1e6 / robot.parameters["stream_rate_hz"]
+            lost = robot.statistics.frames_lost
+            samples = watch(robot)
+            assert robot.statistics.frames_lost == lost
+        steps = [later.t_us - earlier.t_us for earlier, later in pairwise(samples)]
+        assert statistics.median(steps) == pytest.approx(period_us, rel=0.02)
+        assert samples[-1].overruns == samples[0].overruns
+
+    def test_the_devices_clock_is_known(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            watch(robot)
+            assert robot.statistics.clock_error_us < CLOCK_ERROR_US
+
+    def test_an_expired_setpoint_ends_the_drive(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            period_us = 1e6 / robot.parameters["stream_rate_hz"]
+            robot.set_wheel_velocity(0.0, 0.0, ttl=TTL_S)
+            begin = wait(robot, lambda sample: sample.state is SupervisorState.DRIVING)
+            end = wait(robot, lambda sample: sample.state is not SupervisorState.DRIVING)
+        assert end.state is SupervisorState.TIMED_OUT
+        assert end.left_duty == end.right_duty == 0.0
+        # It lived from before the first state that shows it to before the first that does not.
+        assert end.t_us - begin.t_us <= TTL_S * 1e6 + 2 * period_us
+
+    def test_an_estop_lasts_until_it_is_cleared(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            robot.estop()
+            wait(robot, lambda sample: sample.state is SupervisorState.ESTOPPED)
+            robot.clear_estop()
+            wait(robot, lambda sample: sample.state is SupervisorState.IDLE)
+
+    def test_a_restart_is_reported(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            before = robot.info.device
+        bench.restart()
+        with bench.robot() as robot:
+            after = robot.info.device
+        assert after.board_id == before.board_id
+        assert after.boot_id != before.boot_id
+        # An ESP32's EN pin is as good as its power.
+        assert after.reset_reason in {ResetReason.EXTERNAL, ResetReason.POWER_ON}
+
+    def test_saved_parameters_outlive_a_restart(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            value = robot.parameters["brake_time_s"]
+            other = 0.25 if value != 0.25 else 0.5
+            robot.parameters["brake_time_s"] = other
+            robot.parameters.save()
+        try:
+            bench.restart()
+            with bench.robot() as robot:
+                assert robot.parameters["brake_time_s"] == other
+        finally:
+            with bench.robot() as robot:
+                robot.parameters["brake_time_s"] = value
+                robot.parameters.save()
+
+    def test_the_wheels_follow_and_stop(self, bench: Bench) -> None:
+        with bench.robot() as robot:
+            simulated = Capability.SIMULATED_PLANT in robot.info.device.capabilities
+            if not (simulated or bench.wheels_free):
+                pytest.skip("put the robot on blocks and give --wheels-free")
+            before = robot.read()
+            robot.set_wheel_velocity(0.1, 0.1, ttl=0.9)
+            wait(robot, lambda sample: sample.t_us > before.t_us + 800_000)
+            driven = robot.read()
+            assert (driven.left_mps, driven.right_mps) == pytest.approx((0.1, 0.1), abs=0.03)
+            assert not driven.faults
+            travel = driven.since(before)
+            assert min(travel.left, travel.right) > 0
+            robot.stop()
+            wait(robot, lambda sample: sample.left_mps == sample.right_mps == 0.0)
