@@ -10,7 +10,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .config import RobotConfig as RobotConfig
+    from .config import load_config as load_config
+    from .config import open_robot as open_robot
+    from .covariance import PoseCovariance as PoseCovariance
     from .drivers.base import BaseDriver as BaseDriver
+    from .errors import ConfigurationError as ConfigurationError
     from .errors import DeviceRefused as DeviceRefused
     from .errors import DeviceSilent as DeviceSilent
     from .errors import DriverUnavailable as DriverUnavailable
@@ -29,15 +34,20 @@ if TYPE_CHECKING:
     from .kinematics import DifferentialDrive as DifferentialDrive
     from .kinematics import Twist as Twist
     from .kinematics import WheelVelocities as WheelVelocities
+    from .local.pins import Pins as Pins
     from .odometry import Odometry as Odometry
+    from .odometry import OdometryUpdate as OdometryUpdate
     from .odometry import Pose as Pose
     from .samples import Travel as Travel
     from .samples import WheelSample as WheelSample
     from .statistics import LinkStatistics as LinkStatistics
 
 _MODULES = {
+    "covariance": ("PoseCovariance",),
+    "config": ("RobotConfig", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
     "errors": (
+        "ConfigurationError",
         "DeviceRefused",
         "DeviceSilent",
         "DriverUnavailable",
@@ -54,7 +64,8 @@ _MODULES = {
     ),
     "factory": ("driver_names", "open_driver"),
     "kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    "odometry": ("Odometry", "Pose"),
+    "local.pins": ("Pins",),
+    "odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("Travel", "WheelSample"),
     "statistics": ("LinkStatistics",),
 }

@@ -150,5 +150,17 @@ class SimulatorNotFound(WheelwireError):  # noqa: N818
     exit_code = 14
 
 
+class ConfigurationError(WheelwireError):
+    """A file of settings says something that cannot be."""
+
+    exit_code = 15
+
+
+class FlashFailed(WheelwireError):  # noqa: N818
+    """The firmware could not be written to a chip, or does not answer afterwards."""
+
+    exit_code = 16
+
+
 def _tried(baud_rates: Sequence[int]) -> str:
     return f" at {', '.join(map(str, baud_rates))} baud" if baud_rates else ""

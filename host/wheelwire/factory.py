@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 ENTRY_POINT_GROUP = "wheelwire.drivers"
 
 _BUILT_IN = {
+    "l298n": "wheelwire.drivers.l298n:L298NDriver",
+    "mock": "wheelwire.drivers.mock:MockDriver",
+    "pigpio": "wheelwire.drivers.pigpio:PigpioDriver",
     "serial": "wheelwire.drivers.serial:SerialDriver",
 }
 
@@ -26,7 +29,7 @@ def open_driver(name: str, **options: Any) -> BaseDriver:
         **options: The driver's own arguments; see its class.
 
     Raises:
-        DriverUnavailable: No driver has this name, or what it needs is not installed.
+        DriverUnavailable: No driver has this name, or what it needs is not installed or not there.
         WheelwireError: What the driver itself raises.
     """
     driver: BaseDriver = _driver_class(name)(**options)
@@ -48,8 +51,7 @@ def _driver_class(name: str) -> Any:
         return getattr(import_module(module), attribute)
     except ImportError as error:
         raise DriverUnavailable(
-            f"driver {name!r} needs the module {error.name!r}: "
-            f"install it (`pip install wheelwire[{name}]` where there is such an extra)"
+            f"driver {name!r} needs the module {error.name!r}: install what it belongs to"
         ) from error
 
 

@@ -44,15 +44,7 @@ class Parameters(ABC):
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
         """
         definition = _definition(name)
-        if not math.isfinite(value):
-            raise ParameterOutOfRange(name, value, "a finite number")
-        low, high = self._bounds(definition)
-        if value < low:
-            raise ParameterOutOfRange(name, value, f"at least {low:g}")
-        if value > high:
-            raise ParameterOutOfRange(name, value, f"at most {high:g}")
-        if definition.kind is not Kind.REAL and value != int(value):
-            raise ParameterOutOfRange(name, value, "a whole number")
+        _check(definition, value, self._bounds(definition))
         return self._write(definition, float(value))
 
     def __getitem__(self, name: str) -> float:
@@ -100,3 +92,27 @@ def _definition(name: str) -> Parameter:
     if definition is None:
         raise UnknownParameter(name, PARAMETER_BY_NAME)
     return definition
+
+
+def checked_value(name: str, value: float) -> float:
+    """`value` as a number that the parameter takes by its definition.
+
+    Raises:
+        UnknownParameter: No parameter has this name.
+        ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
+    """
+    definition = _definition(name)
+    _check(definition, value, (definition.minimum, definition.maximum))
+    return float(value)
+
+
+def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> None:
+    name, (low, high) = definition.name, bounds
+    if not math.isfinite(value):
+        raise ParameterOutOfRange(name, value, "a finite number")
+    if value < low:
+        raise ParameterOutOfRange(name, value, f"at least {low:g}")
+    if value > high:
+        raise ParameterOutOfRange(name, value, f"at most {high:g}")
+    if definition.kind is not Kind.REAL and value != int(value):
+        raise ParameterOutOfRange(name, value, "a whole number")

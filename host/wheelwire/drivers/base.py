@@ -115,7 +115,11 @@ class BaseDriver(ABC):
             RequestTimeout: It is in reach, but measures nothing.
         """
         self._check_link()
-        return self._inbox.ticks(FIRST_SAMPLE_S)
+        try:
+            return self._inbox.ticks(FIRST_SAMPLE_S)
+        except RequestTimeout:
+            self._check_link()  # it may have been lost meanwhile
+            raise
 
     @property
     @abstractmethod

@@ -88,9 +88,12 @@ class SerialDriver(BaseDriver):
         baud_rate: Tried first; then the usual ones.
         connect_timeout: How long to look for the device. [s]
         stream_rate_hz: Rate of the samples; None leaves it as the device has it.
+        board_id: Only this board will do (`robot.info.device.board_id`, 12 hex digits), under
+            whichever name it comes back. `port` may then be glob patterns, separated by commas;
+            all free ports that they match are opened to ask who is there.
 
     Raises:
-        PortUnavailable: The port cannot be opened.
+        PortUnavailable: The port cannot be opened, or the board is at none.
         DeviceSilent: Nothing came.
         ForeignDevice: Something came, but nothing of ours.
         ProtocolMismatch: Host and firmware are of different releases.
@@ -105,6 +108,7 @@ class SerialDriver(BaseDriver):
         baud_rate: int = DEFAULT_BAUD_RATE,
         connect_timeout: float = 5.0,
         stream_rate_hz: int | None = None,
+        board_id: str | None = None,
     ) -> None:
         super().__init__()
         self._link = Link(
@@ -114,6 +118,7 @@ class SerialDriver(BaseDriver):
             connect_timeout_s=connect_timeout,
             stream_rate_hz=stream_rate_hz,
             watched=GEOMETRY,
+            board_id=board_id,
         )
         # Also runs when the driver is forgotten, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, Link.close, self._link)

@@ -9,7 +9,7 @@ from wheelwire.errors import DriverUnavailable
 
 
 def test_an_unknown_driver_is_told_with_those_there_are() -> None:
-    with pytest.raises(DriverUnavailable, match="there are: serial"):
+    with pytest.raises(DriverUnavailable, match="there are: l298n, mock, pigpio, serial"):
         wheelwire.open_driver("serail")
 
 
@@ -22,7 +22,7 @@ def test_a_driver_that_lacks_its_library_says_which(monkeypatch: pytest.MonkeyPa
 def test_a_driver_of_another_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(factory, "_plug_ins", lambda: {"dict": "builtins:dict"})
     assert wheelwire.open_driver("dict", port="x") == {"port": "x"}  # type: ignore[comparison-overlap]
-    assert factory.driver_names() == ["dict", "serial"]
+    assert factory.driver_names() == ["dict", "l298n", "mock", "pigpio", "serial"]
 
 
 def test_every_public_name_is_there() -> None:
@@ -34,8 +34,10 @@ def test_every_public_name_is_there() -> None:
 
 def test_importing_the_package_loads_nothing_slow() -> None:
     program = (
-        "import sys; sys.path[:] = %r; import wheelwire, wheelwire.drivers.serial\n"
-        "print(*({'numpy', 'typer', 'rich', 'asyncio', 'matplotlib'} & set(sys.modules)))"
+        "import sys; sys.path[:] = %r; import wheelwire\n"
+        "from wheelwire.drivers import l298n, mock, pigpio, serial\n"
+        "slow = {'numpy', 'typer', 'rich', 'asyncio', 'matplotlib', 'pydantic', 'yaml'}\n"
+        "print(*((slow | {'pigpio', 'gpiozero'}) & set(sys.modules)))"
     )
     loaded = subprocess.run(
         [sys.executable, "-c", program % sys.path], capture_output=True, text=True, check=True

@@ -1,0 +1,84 @@
+"""Which GPIO is wired to what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+from ..errors import ConfigurationError
+
+PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
+"""Of the PWM hardware; two GPIOs of one channel carry the same signal."""
+LAST_GPIO = 27
+"""On the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not positions."""
+
+
+@dataclass(frozen=True)
+class Pins:
+    """BCM numbers. The defaults are the wiring guide's for a Raspberry Pi 4B.
+
+    Attributes:
+        left_pwm: EN of the left half of the bridge: GPIO 12 or 18 for hardware PWM.
+        left_dir1: IN1; alone high is forward.
+        left_dir2: IN2.
+        right_pwm: EN of the right half: GPIO 13 or 19, so that each wheel has its own PWM channel.
+        right_dir1: IN3.
+        right_dir2: IN4.
+        left_enc_a: Channel A; leads B when the wheel turns forward.
+        left_enc_b: Channel B.
+        right_enc_a: As `left_enc_a`.
+        right_enc_b: As `left_enc_b`.
+        estop: A normally-closed contact to ground; None where there is none.
+
+    Raises:
+        ConfigurationError: No GPIO of the header, or two functions on one.
+    """
+
+    left_pwm: int = 18
+    left_dir1: int = 23
+    left_dir2: int = 24
+    right_pwm: int = 19
+    right_dir1: int = 5
+    right_dir2: int = 6
+    left_enc_a: int = 17
+    left_enc_b: int = 27
+    right_enc_a: int = 22
+    right_enc_b: int = 10
+    estop: int | None = None
+
+    def __post_init__(self) -> None:
+        names: dict[int, str] = {}
+        for name, pin in self.assigned():
+            if not 0 <= pin <= LAST_GPIO:
+                raise ConfigurationError(
+                    f"pins.{name} = {pin}: it must be a GPIO, 0 to {LAST_GPIO}"
+                )
+            if pin in names:
+                raise ConfigurationError(
+                    f"pins.{name} = {pin}: it must differ from pins.{names[pin]}"
+                )
+            names[pin] = name
+
+    def assigned(self) -> Iterator[tuple[str, int]]:
+        """(name, GPIO) of each function that is wired."""
+        for field in fields(self):
+            pin = getattr(self, field.name)
+            if pin is not None:
+                yield field.name, pin
+
+    def implied_parameters(self) -> dict[str, float]:
+        """The parameters that follow from the wiring."""
+        return {"estop_input_enabled": float(self.estop is not None)}
+
+    def check_hardware_pwm(self) -> None:
+        """Raise `ConfigurationError` when the wheels have no PWM channel each."""
+        for name, pin in (("left_pwm", self.left_pwm), ("right_pwm", self.right_pwm)):
+            if pin not in PWM_CHANNEL:
+                raise ConfigurationError(
+                    f"pins.{name} = {pin}: hardware PWM is on GPIO 12, 13, 18 and 19 only"
+                )
+        if PWM_CHANNEL[self.left_pwm] == PWM_CHANNEL[self.right_pwm]:
+            raise ConfigurationError(
+                f"pins.right_pwm = {self.right_pwm}: it shares a PWM channel with pins.left_pwm = "
+                f"{self.left_pwm}; the pairs 12 and 18, 13 and 19 do"
+            )

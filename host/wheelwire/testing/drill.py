@@ -1,0 +1,102 @@
+"""Driving a driver through its samples, so that a test runs alike in real and in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..drivers.base import BaseDriver
+from ..errors import LinkLost, RequestTimeout
+from ..samples import WheelSample
+
+REPEAT_S = 0.05
+TTL_S = 0.5
+PATIENCE_S = 30.0
+"""In the robot's time. Much longer than anything takes, for a busy machine is no error."""
+
+SPEED_MPS = 0.2
+"""What the tests drive at, where nothing else is said."""
+CLOSE = 0.1
+"""Relative."""
+
+Condition = Callable[[WheelSample], bool]
+
+
+class Drill:
+    """A driver and what it measured. Time is the samples' own, so nothing here sleeps."""
+
+    def __init__(self, driver: BaseDriver) -> None:
+        self.driver = driver
+        self.samples: list[WheelSample] = []
+
+    def next(self) -> WheelSample:
+        """The next sample."""
+        sample = self.driver.read(PATIENCE_S)
+        self.samples.append(sample)
+        return sample
+
+    def watch(self, seconds: float) -> list[WheelSample]:
+        """The samples of the next `seconds`, without a command."""
+        first = self.next()
+        watched = [first]
+        while watched[-1].t_us - first.t_us < seconds * 1e6:
+            watched.append(self.next())
+        return watched
+
+    def wait(self, condition: Condition) -> WheelSample:
+        """The first sample that fulfils `condition`, without a command."""
+        return self._until(condition, lambda: None)
+
+    def drive(self, linear: float, angular: float, seconds: float) -> list[WheelSample]:
+        """Command a body velocity for `seconds`; returns the samples meanwhile."""
+        start = self.next()
+        before = len(self.samples)
+        self.drive_until(linear, angular, lambda s: s.t_us - start.t_us >= seconds * 1e6)
+        return self.samples[before:]
+
+    def drive_until(self, linear: float, angular: float, condition: Condition) -> WheelSample:
+        """Command a body velocity until a sample fulfils `condition`."""
+        return self._until(condition, lambda: self.driver.set_velocity(linear, angular, ttl=TTL_S))
+
+    def drive_duty(self, left: float, right: float, condition: Condition) -> WheelSample:
+        """Command a duty until a sample fulfils `condition`."""
+        return self._until(condition, lambda: self.driver.set_duty(left, right, ttl=TTL_S))
+
+    def rest(self) -> WheelSample:
+        """Stop, and wait until the wheels do not turn."""
+        self.driver.stop()
+        return self.wait(lambda s: s.left_mps == 0 and s.right_mps == 0)
+
+    def recovers(self) -> bool:
+        """Whether the driver reads a sample within the patience, the link's loss allowed for."""
+        try:
+            self.next()
+        except (LinkLost, RequestTimeout):
+            return False
+        return True
+
+    def _until(self, condition: Condition, command: Callable[[], None]) -> WheelSample:
+        command()
+        sample = self.next()
+        start_us = commanded_us = sample.t_us
+        while not condition(sample):
+            assert sample.t_us - start_us < PATIENCE_S * 1e6, f"it never came to that: {sample}"
+            if sample.t_us - commanded_us >= REPEAT_S * 1e6:
+                command()
+                commanded_us = sample.t_us
+            sample = self.next()
+        return sample
+
+
+def turning(sample: WheelSample) -> bool:
+    """Both wheels are near SPEED_MPS."""
+    return min(sample.left_mps, sample.right_mps) > 0.8 * SPEED_MPS
+
+
+def standing(sample: WheelSample) -> bool:
+    """No wheel turns, as far as is measured."""
+    return sample.left_mps == 0 and sample.right_mps == 0
+
+
+def mean(values: list[float]) -> float:
+    """Arithmetic."""
+    return sum(values) / len(values)

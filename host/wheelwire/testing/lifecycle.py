@@ -1,0 +1,99 @@
+"""The link and its loss, the end of a driver, and what it leaves behind: nothing."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .. import errors
+from ..drivers.base import BaseDriver
+from .bench import Bench
+from .drill import PATIENCE_S, SPEED_MPS, Drill, turning
+
+POLL_S = 0.01
+
+
+class LifecycleTests:
+    """From opening to oblivion."""
+
+    def test_a_lost_link_is_told_and_recovers_by_itself(self, bench: Bench, drill: Drill) -> None:
+        drill.drive_until(SPEED_MPS, 0.0, turning)
+        bench.lose_link()
+        while not _is_lost(drill.driver):
+            bench.pass_time(POLL_S)
+        with pytest.raises(errors.LinkLost):
+            drill.driver.set_velocity(SPEED_MPS, 0.0)
+        with pytest.raises(errors.LinkLost):
+            drill.driver.stop()
+        with pytest.raises(errors.LinkLost):
+            drill.driver.get_encoder_ticks()
+        bench.restore_link()
+        assert drill.recovers()
+        drill.drive_until(SPEED_MPS, 0.0, turning)
+
+    def test_a_robot_without_its_link_stops(self, bench: Bench, drill: Drill) -> None:
+        drill.drive_until(SPEED_MPS, 0.0, turning)
+        bench.lose_link()
+        for _ in range(round(PATIENCE_S / POLL_S)):
+            bench.pass_time(POLL_S)
+            if not bench.is_driven():
+                break
+        assert not bench.is_driven()
+        bench.restore_link()
+
+    def test_shutdown_stops_gives_back_everything_and_may_be_repeated(self, bench: Bench) -> None:
+        threads, files = _threads(), _open_files()
+        driver = bench.open()
+        drill = Drill(driver)
+        drill.drive_until(SPEED_MPS, 0.0, turning)
+        driver.shutdown()
+        driver.shutdown()
+        assert not _threads() - threads
+        assert _open_files() <= files
+        calls: list[Callable[[], object]] = [
+            lambda: driver.set_velocity(0.1, 0.0),
+            driver.read,
+            driver.stop,
+            driver.get_encoder_ticks,
+        ]
+        for call in calls:
+            with pytest.raises(errors.LinkLost, match="closed"):
+                call()
+        assert not bench.is_driven()
+
+    def test_a_driver_may_be_opened_again(self, bench: Bench) -> None:
+        for _ in range(2):
+            with bench.open() as driver:
+                Drill(driver).drive_until(SPEED_MPS, 0.0, turning)
+
+    def test_a_forgotten_driver_stops_the_robot(self, bench: Bench) -> None:
+        threads = _threads()
+        driver = bench.open()
+        Drill(driver).drive_until(SPEED_MPS, 0.0, turning)
+        del driver
+        gc.collect()
+        assert not _threads() - threads
+        assert not bench.is_driven()
+
+
+def _is_lost(driver: BaseDriver) -> bool:
+    """What was measured before the loss may still be read."""
+    try:
+        driver.read(timeout=0.05)
+    except errors.LinkLost:
+        return True
+    except errors.RequestTimeout:
+        return False
+    return False
+
+
+def _threads() -> set[threading.Thread]:
+    return set(threading.enumerate())
+
+
+def _open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))

@@ -1,0 +1,66 @@
+"""What a driver does not do, and says so."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from wheelwire_protocol.codes import SupervisorState
+
+from .. import errors
+from ..drivers.base import BaseDriver
+from .drill import CLOSE, SPEED_MPS, Drill, mean
+
+
+class RefusingTests:
+    """Commands and parameters that mean nothing."""
+
+    @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+    def test_no_number_is_no_command(self, drill: Drill, value: float) -> None:
+        driver = drill.driver
+        calls: list[Callable[[], None]] = [
+            lambda: driver.set_velocity(value, 0.0),
+            lambda: driver.set_velocity(0.0, value),
+            lambda: driver.set_wheel_velocity(0.1, value),
+            lambda: driver.set_duty(value, 0.0),
+            lambda: driver.set_velocity(0.1, 0.0, ttl=value),
+        ]
+        for call in calls:
+            with pytest.raises(errors.InvalidCommand):
+                call()
+        assert drill.next().state is not SupervisorState.DRIVING
+
+    @pytest.mark.parametrize("ttl", [0.0, -0.5])
+    def test_no_time_to_live_is_no_command(self, driver: BaseDriver, ttl: float) -> None:
+        with pytest.raises(errors.InvalidCommand, match="ttl"):
+            driver.set_velocity(0.1, 0.0, ttl=ttl)
+
+    def test_a_duty_beyond_one_is_no_command(self, driver: BaseDriver) -> None:
+        with pytest.raises(errors.InvalidCommand):
+            driver.set_duty(0.0, -1.01)
+
+    def test_parameters_have_names_and_bounds(self, driver: BaseDriver) -> None:
+        parameters = driver.parameters
+        with pytest.raises(errors.UnknownParameter, match="wheel_radius"):
+            parameters.get("wheel_radios")
+        with pytest.raises(errors.ParameterOutOfRange, match="at most"):
+            parameters["wheel_radius"] = 7.0
+        with pytest.raises(errors.ParameterOutOfRange, match="whole"):
+            parameters["counts_per_revolution"] = 360.5
+        parameters["max_velocity_mps"] = 0.15
+        assert parameters["max_velocity_mps"] == 0.15
+        assert driver.geometry.max_velocity_mps == 0.15
+        assert {info.name for info in parameters.list()} >= {"wheel_radius", "ttl_max_s"}
+
+    def test_a_limit_that_is_changed_is_kept_to(self, drill: Drill) -> None:
+        drill.driver.parameters["max_velocity_mps"] = 0.15
+        drill.drive(0.4, 0.0, 1.0)
+        steady = drill.drive(0.4, 0.0, 1.0)
+        assert mean([s.left_mps for s in steady]) == pytest.approx(0.15, rel=CLOSE)
+
+    def test_nothing_is_saved_while_driving(self, drill: Drill) -> None:
+        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+        with pytest.raises(errors.DeviceRefused, match="driving"):
+            drill.driver.parameters.save()

@@ -1,0 +1,42 @@
+"""The pigpio driver: the real client library, and a daemon with a model robot behind its pins."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from support.pigpio_process import PigpioProcess
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.pigpio import PigpioDriver
+from wheelwire.testing import Bench, DriverConformance
+
+
+class PigpioBench(Bench):
+    def __init__(self, daemon: PigpioProcess) -> None:
+        self.daemon = daemon
+
+    def open(self) -> BaseDriver:
+        # A busy test machine is no fault of the robot's.
+        return PigpioDriver("127.0.0.1", self.daemon.port, parameters={"overrun_limit_us": 1e6})
+
+    def true_ticks(self) -> tuple[int, int]:
+        left, right = self.daemon.command("truth")["ticks"]
+        return left, right
+
+    def is_driven(self) -> bool:
+        return bool(self.daemon.command("truth")["driven"])
+
+    def lose_link(self) -> None:
+        self.daemon.command("refuse")
+
+    def restore_link(self) -> None:
+        self.daemon.command("accept")
+
+    def block_left_encoder(self) -> None:
+        self.daemon.command("dead_left_encoder")
+
+
+class TestPigpio(DriverConformance):
+    @pytest.fixture
+    def bench(self) -> Iterator[Bench]:
+        with PigpioProcess() as daemon:
+            yield PigpioBench(daemon)

@@ -1,0 +1,58 @@
+"""`python -m support.pigpiod`: a daemon that is told what to do on its standard input.
+
+Each line is a command, each answer a line of JSON; the end of the input is the end of the daemon.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import threading
+
+from support.pigpiod.daemon import Daemon
+from support.pigpiod.pins import PinBank
+from support.pigpiod.world import World
+
+
+def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
+    command, *arguments = line.split()
+    world = daemon.world
+    if command == "refuse":
+        daemon.refuse()
+    elif command == "accept":
+        daemon.listen(port)
+    elif command == "spin":
+        world.spin(float(arguments[0]))
+    elif command == "dead_left_encoder":
+        world.robot.left.encoder.dead = True
+    return {
+        "port": port,
+        "ticks": world.true_ticks,
+        "driven": world.driven,
+        "driven_changed_us": world.driven_changed_us,
+    }
+
+
+def say(line: dict[str, object]) -> None:
+    sys.stdout.write(json.dumps(line) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--port", type=int, default=0)
+    parser.add_argument("--counts", type=int, default=360)
+    parser.add_argument("-t", choices=["0", "1"], default="1")
+    arguments = parser.parse_args()
+    bank = PinBank(pwm_is_clock=arguments.t == "0")
+    daemon = Daemon(bank, World(bank, arguments.counts))
+    port = daemon.listen(arguments.port)
+    threading.Thread(target=daemon.world.run, daemon=True).start()
+    say({"port": port})
+    for line in sys.stdin:
+        say(answer(daemon, port, line))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""Levels as a client is told of them: sampled, in batches, and lost when it does not read."""
+
+from __future__ import annotations
+
+import socket
+from collections import deque
+from contextlib import suppress
+
+import numpy as np
+import numpy.typing as npt
+
+SAMPLE_US = 5
+BUFFER_US = 120_000
+REPORT = np.dtype([("seq", "<u2"), ("flags", "<u2"), ("t_us", "<u4"), ("levels", "<u4")])
+Samples = npt.NDArray[np.void]
+"""Of REPORT, without their numbers."""
+
+
+def make_samples(t_us: npt.ArrayLike, levels: npt.ArrayLike) -> Samples:
+    """One for each time."""
+    times = np.asarray(t_us, np.int64)
+    samples = np.zeros(times.size, REPORT)
+    samples["t_us"] = times & 0xFFFFFFFF
+    samples["levels"] = levels
+    return samples
+
+
+class Notification:
+    """One open in-band handle."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.bits = 0
+        self._connection = connection
+        self._sequence = 0
+        self._pending: deque[tuple[int, bytes]] = deque()
+        self._unsent = b""
+
+    def add(self, samples: Samples, now_us: int) -> None:
+        """Number them, and keep them for the client."""
+        samples["seq"] = np.arange(self._sequence, self._sequence + samples.size) & 0xFFFF
+        self._sequence += samples.size
+        self._pending.append((now_us, samples.tobytes()))
+
+    def flush(self, now_us: int) -> None:
+        """Send what the connection takes; what has waited for longer than the buffer is lost."""
+        while self._pending and now_us - self._pending[0][0] > BUFFER_US:
+            self._pending.popleft()
+        if not self._unsent:
+            self._unsent = b"".join(chunk for _, chunk in self._pending)
+            self._pending.clear()
+        if self._unsent:
+            with suppress(OSError):  # BlockingIOError is one: the client is slow
+                sent = self._connection.send(self._unsent, socket.MSG_DONTWAIT)
+                self._unsent = self._unsent[sent:]
+
+
+class Sampler:
+    """Turns edges into samples: levels that change more than once within 5 us are seen once."""
+
+    def __init__(self, levels: int) -> None:
+        self.levels = levels
+        self._sampled = levels
+
+    def sample(self, edges: list[tuple[float, int, int]]) -> Samples:
+        """Take (time in us, GPIO, level) in their order; the samples that show a change."""
+        seen: dict[int, int] = {}
+        for t_us, gpio, level in edges:
+            bit = 1 << gpio
+            self.levels = self.levels | bit if level else self.levels & ~bit
+            seen[int(t_us) // SAMPLE_US * SAMPLE_US] = self.levels
+        changed = []
+        for t_us, levels in seen.items():
+            if levels != self._sampled:
+                changed.append((t_us, levels))
+            self._sampled = levels
+        return make_samples([t for t, _ in changed], [levels for _, levels in changed])

@@ -1,0 +1,40 @@
+"""Both wheels turning at one rate, as fast as numpy makes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from support.pigpiod.reports import SAMPLE_US, Samples, make_samples
+from wheelwire.local.pins import Pins
+from wheelwire.plant.encoder import LEVELS
+
+
+class Spinner:
+    """Stands in for the motors. Its first edges follow the encoders' rest at LEVELS[0]."""
+
+    def __init__(self, pins: Pins) -> None:
+        self.ticks_per_s = 0.0
+        self.ticks = 0
+        """Made so far, by each wheel."""
+        self._position = 0.0
+        self._levels = np.array(
+            [
+                a << pins.left_enc_a
+                | b << pins.left_enc_b
+                | a << pins.right_enc_a
+                | b << pins.right_enc_b
+                for a, b in LEVELS
+            ]
+        )
+
+    def samples(self, start_us: int, end_us: int) -> Samples:
+        """What a sampling every 5 us sees of the edges in this time."""
+        before, rate = self._position, self.ticks_per_s / 1e6
+        self._position += rate * (end_us - start_us)
+        first, self.ticks = self.ticks, int(self._position)
+        ticks = np.arange(first + 1, self.ticks + 1)
+        if ticks.size == 0:
+            return make_samples([], [])
+        t_us = (start_us + (ticks - before) / rate).astype(np.int64) // SAMPLE_US * SAMPLE_US
+        last = np.append(t_us[1:] != t_us[:-1], True)
+        return make_samples(t_us[last], self._levels[ticks[last] % 4])

@@ -1,0 +1,124 @@
+"""The model robot behind the pins, in real time."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from support.pigpiod.pins import PinBank
+from support.pigpiod.reports import Notification, Sampler
+from support.pigpiod.spinner import Spinner
+from wheelwire.local.pins import Pins
+from wheelwire.local.quadrature import A
+from wheelwire.plant.encoder import Edge
+from wheelwire.plant.motor import MotorModel
+from wheelwire.plant.robot import ModelRobot
+
+BATCH_S = 0.001
+CATCH_UP_US = 100_000
+"""After a longer gap, as by a stopped process, the robot's time goes on from now."""
+
+
+def clock_us() -> int:
+    return time.monotonic_ns() // 1000
+
+
+class World:
+    """Moves the robot as the pins say, and reports the levels that its encoders make.
+
+    Attributes:
+        spinner: Turns the wheels in place of the motors, once it is set.
+    """
+
+    def __init__(self, bank: PinBank, counts_per_revolution: int) -> None:
+        self.robot = ModelRobot(MotorModel(), counts_per_revolution, clock_us())
+        self.spinner: Spinner | None = None
+        self.driven_changed_us = 0
+        """When a motor was last switched on or off."""
+        self._bank = bank
+        self._pins = Pins()
+        self._notifications: list[Notification] = []
+        self._sampler = Sampler(bank.levels)
+        self._now_us = clock_us()
+        self._lock = threading.Lock()
+
+    def spin(self, ticks_per_s: float) -> None:
+        """Turn both wheels at this rate from now on, whatever the motors do."""
+        self.spinner = self.spinner or Spinner(self._pins)
+        self.spinner.ticks_per_s = ticks_per_s
+
+    @property
+    def true_ticks(self) -> tuple[int, int]:
+        left, right = self.robot.true_ticks
+        spun = self.spinner.ticks if self.spinner else 0
+        return left + spun, right + spun
+
+    def attach(self, notification: Notification) -> None:
+        with self._lock:
+            self._notifications.append(notification)
+
+    def detach(self, notification: Notification) -> None:
+        with self._lock:
+            self._notifications.remove(notification)
+
+    @property
+    def driven(self) -> bool:
+        self.apply_pins()
+        return any(wheel.driven for wheel in self.robot.wheels)
+
+    def apply_pins(self) -> None:
+        """The outputs' levels onto the bridge, as soon as they change."""
+        before = any(wheel.driven for wheel in self.robot.wheels)
+        pins, level = self._pins, self._bank.level
+        self.robot.left.set_inputs(level(pins.left_dir1), level(pins.left_dir2))
+        self.robot.right.set_inputs(level(pins.right_dir1), level(pins.right_dir2))
+        self.robot.left.set_enable(self._bank.enable(pins.left_pwm))
+        self.robot.right.set_enable(self._bank.enable(pins.right_pwm))
+        if before != any(wheel.driven for wheel in self.robot.wheels):
+            self.driven_changed_us = clock_us()
+
+    def run(self) -> None:
+        """For ever, a batch each millisecond."""
+        while True:
+            time.sleep(BATCH_S)
+            self._batch(clock_us())
+
+    def _batch(self, now_us: int) -> None:
+        self.apply_pins()
+        if self.spinner is None:
+            samples = self._sampler.sample(self._edges(now_us))
+            levels = self._sampler.levels
+        else:
+            samples = self.spinner.samples(self._now_us, now_us)
+            levels = int(samples["levels"][-1]) if samples.size else self._bank.levels
+        self._now_us = now_us
+        encoders = self._encoder_bits
+        self._bank.levels = self._bank.levels & ~encoders | levels & encoders
+        with self._lock:
+            for notification in self._notifications:
+                if notification.bits and samples.size:
+                    notification.add(samples, now_us)
+                notification.flush(now_us)
+
+    def _edges(self, now_us: int) -> list[tuple[float, int, int]]:
+        edges: list[tuple[float, int, int]] = []
+
+        def collect(side: int, edge: Edge, t_us: float) -> None:
+            edges.append((t_us, self._gpio(side, edge.channel), edge.level))
+
+        self.robot.advance_to(now_us, collect)
+        return sorted(edges)
+
+    @property
+    def _encoder_bits(self) -> int:
+        pins = self._pins
+        return sum(
+            1 << gpio
+            for gpio in (pins.left_enc_a, pins.left_enc_b, pins.right_enc_a, pins.right_enc_b)
+        )
+
+    def _gpio(self, side: int, channel: int) -> int:
+        pins = self._pins
+        if side == 0:
+            return pins.left_enc_a if channel == A else pins.left_enc_b
+        return pins.right_enc_a if channel == A else pins.right_enc_b
