@@ -1,0 +1,119 @@
+// A robot's hardware that does what a fuzz input says, and requires of the firmware what must
+// always hold at these interfaces.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "fixed.hpp"
+#include "framing.hpp"
+#include "hal.hpp"
+#include "licence.hpp"
+#include "require.hpp"
+
+namespace wheelwire::fuzz {
+
+class FakeMotor final : public MotorPort {
+ public:
+  void drive(int16_t duty_q15) override {
+    REQUIRE(duty_q15 >= -kFullDuty && duty_q15 <= kFullDuty);
+    driven_ = duty_q15 != 0;
+  }
+  void brake() override { driven_ = false; }
+  void coast() override { driven_ = false; }
+
+  bool driven() const { return driven_; }
+
+ private:
+  bool driven_ = false;
+};
+
+/// Turns by as many ticks each latch as it is told.
+class FakeEncoders final : public EncoderPort {
+ public:
+  EncoderCounts latch() override {
+    left_ = (left_ + left_ticks) % kCounterLimit;
+    right_ = (right_ + right_ticks) % kCounterLimit;
+    return {now_us, static_cast<int16_t>(left_), static_cast<int16_t>(right_)};
+  }
+
+  uint64_t now_us = 0;
+  int left_ticks = 0;
+  int right_ticks = 0;
+
+ private:
+  int left_ = 0;
+  int right_ = 0;
+};
+
+/// Whatever the firmware reads, the licence reads too.
+class FakeLine final : public ByteStream {
+ public:
+  explicit FakeLine(Licence& licence) : licence_(licence) {}
+
+  void arrive(const uint8_t* data, size_t size) {
+    waiting_.insert(waiting_.end(), data, data + size);
+  }
+
+  size_t read(uint8_t* out, size_t capacity) override {
+    const size_t size = std::min(capacity, waiting_.size() - read_);
+    std::copy_n(waiting_.begin() + static_cast<ptrdiff_t>(read_), size, out);
+    read_ += size;
+    licence_.read(out, size, now_us);
+    return size;
+  }
+
+  bool write(const uint8_t* data, size_t size) override {
+    FrameDecoder decoder(body_size);
+    Frame frame{};
+    int frames = 0;
+    for (size_t i = 0; i < size; ++i) frames += decoder.feed(data[i], frame);
+    REQUIRE(frames == 1 && frame.id >= 0x80);
+    return !full;
+  }
+
+  uint32_t bytes_per_second() const override { return 92'160; }
+
+  uint64_t now_us = 0;
+  bool full = false;
+
+ private:
+  Licence& licence_;
+  std::vector<uint8_t> waiting_;
+  size_t read_ = 0;
+};
+
+/// Survives a reset of the device.
+class FakeStore final : public ParameterStore {
+ public:
+  size_t load(uint8_t* out, size_t capacity) override {
+    std::copy_n(block_.begin(), std::min(capacity, block_.size()), out);
+    return block_.size();
+  }
+  bool save(const uint8_t* data, size_t size) override {
+    if (!failing) block_.assign(data, data + size);
+    return !failing;
+  }
+  bool erase() override {
+    if (!failing) block_.clear();
+    return !failing;
+  }
+
+  bool failing = false;
+
+ private:
+  std::vector<uint8_t> block_;
+};
+
+class FakeEstop final : public EstopInput {
+ public:
+  bool is_open() override { return open; }
+  bool open = false;
+};
+
+class FakeBattery final : public BatterySense {
+ public:
+  uint16_t millivolts() override { return 7400; }
+};
+
+}  // namespace wheelwire::fuzz

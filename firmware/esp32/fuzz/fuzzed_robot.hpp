@@ -1,0 +1,82 @@
+// The whole firmware on a fake robot. After everything that happens to it, it has to be true that
+//
+// - it drives only by a setpoint of the open session that has not expired, by the firmware's own
+//   account and by that of `Licence`, and only in the state DRIVING without a fault;
+// - its deadline moves only when a setpoint was taken, or ends with its session.
+#pragma once
+
+#include "fake_hal.hpp"
+#include "robot.hpp"
+
+namespace wheelwire::fuzz {
+
+class FuzzedRobot {
+ public:
+  FuzzedRobot(uint32_t boot_id, FakeStore& store)
+      : licence_(boot_id),
+        line_(licence_),
+        robot_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
+    robot_.start(0);
+  }
+
+  uint64_t now_us() const { return now_us_; }
+  uint32_t session_id() const { return licence_.session_id(); }
+  FakeLine& line() { return line_; }
+  FakeEncoders& encoders() { return encoders_; }
+  FakeEstop& estop() { return estop_; }
+
+  void step() { step_after(robot_.control_period_us()); }
+
+  void step_after(uint32_t elapsed_us) {
+    const Before before = now();
+    now_us_ += elapsed_us;
+    line_.now_us = encoders_.now_us = now_us_;
+    robot_.step(now_us_);
+    check(before);
+    if (!driven()) return;
+    REQUIRE(licence_.valid(now_us_));
+    REQUIRE(now_us_ < robot_.deadline_us());
+    REQUIRE(robot_.faults() == 0);
+  }
+
+  void service_link() {
+    const Before before = now();
+    robot_.service_link(now_us_);
+    check(before);
+  }
+
+ private:
+  struct Before {
+    uint64_t deadline_us;
+    uint32_t granted;
+  };
+
+  static Identity identity(uint32_t boot_id) {
+    Identity identity{};
+    identity.boot_id = boot_id;
+    return identity;
+  }
+
+  Before now() const { return {robot_.deadline_us(), licence_.granted()}; }
+  bool driven() const { return left_.driven() || right_.driven(); }
+
+  void check(const Before& before) const {
+    REQUIRE(!driven() || robot_.state() == SupervisorState::kDriving);
+    const uint64_t deadline_us = robot_.deadline_us();
+    if (deadline_us == before.deadline_us || deadline_us == 0) return;
+    REQUIRE(licence_.granted() > before.granted);
+    REQUIRE(deadline_us <= licence_.furthest_us());
+  }
+
+  Licence licence_;
+  FakeMotor left_;
+  FakeMotor right_;
+  FakeEncoders encoders_;
+  FakeLine line_;
+  FakeEstop estop_;
+  FakeBattery battery_;
+  Robot robot_;
+  uint64_t now_us_ = 0;
+};
+
+}  // namespace wheelwire::fuzz

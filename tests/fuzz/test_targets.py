@@ -1,0 +1,38 @@
+"""The firmware's fuzz targets: every known case, and a short run of the fuzzer itself."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from support import fuzzing
+
+SECONDS = 5
+
+
+@pytest.mark.parametrize("target", fuzzing.TARGETS)
+@pytest.mark.parametrize("build", ["host", "asan"])
+def test_no_seed_and_no_case_fails(build: str, target: str) -> None:
+    program = fuzzing.ROOT / "build" / build / f"wheelwire-fuzz-{target}"
+    if not program.exists():
+        pytest.skip("not built: make cpp-tests")
+    inputs = sorted(fuzzing.seed(target).iterdir())
+    result = subprocess.run([program, *inputs], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr[-4000:]
+    assert result.stderr.count("\n") == len(inputs)
+
+
+def test_a_case_is_hexadecimal_with_comments(tmp_path: Path) -> None:
+    case = tmp_path / "case.hex"
+    case.write_text("# all\n01 02 # two\n\n  ff0a\n", "utf-8")
+    assert fuzzing.read_case(case) == b"\x01\x02\xff\x0a"
+
+
+@pytest.mark.skipif(not fuzzing.available(), reason=f"needs {fuzzing.INSTALL}")
+def test_a_short_run_finds_nothing() -> None:
+    fuzzing.build()
+    for target in fuzzing.TARGETS:
+        result = fuzzing.fuzz(target, SECONDS)
+        assert result.returncode == 0, result.stderr[-4000:]

@@ -1,0 +1,123 @@
+"""The firmware's fuzz targets: their seeds, their cases, and how they are built and run."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+from wheelwire_protocol.parameters import PARAMETERS
+
+ROOT = Path(__file__).parents[2]
+BUILD = ROOT / "build" / "fuzz"
+CASES = ROOT / "firmware" / "esp32" / "fuzz" / "cases"
+VECTORS = ROOT / "protocol" / "vectors"
+TARGETS = ("decoder", "session", "parameters")
+INSTALL = "sudo apt install clang libclang-rt-dev"
+
+LONGEST = 4096
+"""Bytes of an input: some hundred messages."""
+
+_MESSAGE, _PLAUSIBLE, _STEPS = b"\x01", b"\x02", b"\x03"
+_HEADER_SIZE, _CRC_SIZE = 3, 4
+
+
+def available() -> bool:
+    """Whether there is a clang with its run-time libraries, libFuzzer among them."""
+    if shutil.which("clang++") is None:
+        return False
+    command = ["clang++", "-print-resource-dir"]
+    resources = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    return any(Path(resources).glob("lib/*/libclang_rt.fuzzer*"))
+
+
+def build() -> None:
+    """Build the targets with libFuzzer and both sanitizers."""
+    command = ["make", "-C", str(ROOT), "--no-print-directory", "fuzzers"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def seed(target: str) -> Path:
+    """Write the seeds and the cases of a target, as files; returns their folder."""
+    folder = BUILD / "seeds" / target
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, data in enumerate(_SEEDS[target]()):
+        (folder / f"vector-{number:03}").write_bytes(data)
+    for case in sorted((CASES / target).glob("*.hex")):
+        (folder / case.stem).write_bytes(read_case(case))
+    return folder
+
+
+def read_case(path: Path) -> bytes:
+    """The input that a case describes: bytes in hexadecimal, and comments behind a `#`."""
+    lines = path.read_text("utf-8").splitlines()
+    return bytes.fromhex(" ".join(line.partition("#")[0] for line in lines))
+
+
+def fuzz(target: str, seconds: float) -> subprocess.CompletedProcess[str]:
+    """Fuzz one target for a time. What it finds new is kept, and the next run begins with it.
+
+    An input that fails is written to `build/fuzz`, and its name told on stderr.
+    """
+    corpus = BUILD / "corpus" / target
+    corpus.mkdir(parents=True, exist_ok=True)
+    return subprocess.run(
+        [
+            str(BUILD / f"wheelwire-fuzz-{target}"),
+            f"-max_total_time={seconds:g}",
+            f"-max_len={LONGEST}",
+            f"-artifact_prefix={BUILD}/{target}-",
+            "-print_final_stats=1",
+            str(corpus),
+            str(seed(target)),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def _vectors() -> tuple[list[bytes], list[bytes]]:
+    """Payloads of single frames, and the bytes of whole streams."""
+    handmade = json.loads((VECTORS / "handmade.json").read_text("utf-8"))
+    generated = json.loads((VECTORS / "generated.json").read_text("utf-8"))
+    frames = handmade["frames"] + generated["frames"]
+    payloads = [bytes.fromhex(frame["payload"]) for frame in frames]
+    lines = [bytes.fromhex("".join(stream["bytes"])) for stream in handmade["streams"]]
+    return payloads, [*lines, *(bytes.fromhex(frame["frame"]) for frame in frames)]
+
+
+def _decoder_seeds() -> Iterator[bytes]:
+    yield from _vectors()[1]
+
+
+def _session_seeds() -> Iterator[bytes]:
+    """Each message in an open session, then some steps; see fuzz_session.cpp for the script."""
+    payloads, _ = _vectors()
+    opening = next(read_case(path) for path in sorted((CASES / "session").glob("a_setpoint*")))
+    for payload in payloads:
+        message = payload[:1] + payload[_HEADER_SIZE:-_CRC_SIZE]
+        yield opening + _PLAUSIBLE + message + _STEPS + b"\x32"
+        yield _MESSAGE + message + _STEPS + b"\x02"
+
+
+def _parameter_seeds() -> Iterator[bytes]:
+    """Blocks of the store without magic and CRC, which the target adds; see fuzz_parameters.cpp."""
+    entries = [struct.pack("<Bf", p.id, p.default) for p in PARAMETERS]
+    limits = [struct.pack("<Bf", p.id, x) for p in PARAMETERS for x in (p.minimum, p.maximum)]
+    foreign = struct.pack("<Bf", 255, float("nan"))
+    for rows in ([], entries, entries[:3], limits, [foreign], entries * 2):
+        block = bytes([len(rows)]) + b"".join(rows)
+        yield b"\x01" + block
+        yield b"\x00WWP1" + block
+
+
+_SEEDS = {
+    "decoder": _decoder_seeds,
+    "session": _session_seeds,
+    "parameters": _parameter_seeds,
+}
