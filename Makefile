@@ -5,12 +5,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 HOST_BUILD := build/host
 ASAN_BUILD := build/asan
+FUZZ_BUILD := build/fuzz
 RV32_BUILD := build/rv32
-CXX_FILES = $(shell find firmware -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
+CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 test demo bench clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 test demo hil fuzzers fuzz corruption bench reliability soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -62,11 +63,38 @@ test: cpp-tests  ## Every test
 demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog
 	@$(BIN)/wheelwire demo --output build/demo
 
+hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE=1]
+	$(BIN)/python -m pytest tests/hardware --port $(PORT) $(if $(WHEELS_FREE),--wheels-free)
+
+fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, under the sanitizers
+	@$(call cmake,$(FUZZ_BUILD),-DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo -DWHEELWIRE_SANITIZE=ON \
+		-DWHEELWIRE_FUZZER=ON,wheelwire-fuzz-decoder wheelwire-fuzz-session wheelwire-fuzz-parameters)
+
+SECONDS ?= 60
+fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
+	@-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]'
+	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
+
+corruption: cpp-tests  ## Damage frames in every way, and count what gets through; about two minutes
+	@$(HOST_BUILD)/wheelwire-corruption --random 100000000
+
 bench: sim  ## Benchmarks: codec against its peers, control quality, cost
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python tests/bench/codec.py
 	$(BIN)/python tests/bench/control.py
+	$(BIN)/python tests/bench/drivers.py
 	$(BIN)/python tests/bench/cost.py
+
+reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 10 min
+	$(BIN)/python tests/bench/stop_times.py
+	$(BIN)/python tests/bench/rides.py
+	$(BIN)/python tests/bench/clock.py
+	$(BIN)/python tests/bench/reconnect.py
+	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
+
+MINUTES ?= 2
+soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]
+	$(BIN)/python tests/bench/soak.py --minutes $(MINUTES)
 
 clean:  ## Remove everything built
 	rm -rf build $(VENV)

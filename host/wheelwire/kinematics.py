@@ -37,6 +37,8 @@ class DifferentialDrive:
         wheel_radius: [m]
         counts_per_revolution: Ticks per wheel turn, after x4 decoding and the gearbox.
         max_velocity_mps: Limit of either wheel. [m/s]
+        left_radius_multiplier: The left wheel's real radius over `wheel_radius`, by calibration.
+        right_radius_multiplier: As `left_radius_multiplier`.
 
     Raises:
         ParameterOutOfRange: One of them is not a positive finite number.
@@ -46,6 +48,8 @@ class DifferentialDrive:
     wheel_radius: float
     counts_per_revolution: float
     max_velocity_mps: float = math.inf
+    left_radius_multiplier: float = 1.0
+    right_radius_multiplier: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -56,20 +60,22 @@ class DifferentialDrive:
 
     @property
     def metres_per_tick(self) -> float:
-        """Travel of a rim per tick, in metres."""
+        """Travel of a rim of `wheel_radius` per tick, in metres."""
         return 2 * math.pi * self.wheel_radius / self.counts_per_revolution
 
     def wheel_velocities(self, twist: Twist) -> WheelVelocities:
-        """The rims' velocities that make `twist`, without any limit."""
+        """The velocities that make `twist`, of rims of `wheel_radius`, without any limit."""
         difference = twist.angular_radps * self.wheel_separation / 2
-        return WheelVelocities(twist.linear_mps - difference, twist.linear_mps + difference)
+        return WheelVelocities(
+            (twist.linear_mps - difference) / self.left_radius_multiplier,
+            (twist.linear_mps + difference) / self.right_radius_multiplier,
+        )
 
     def twist(self, wheels: WheelVelocities) -> Twist:
-        """The body's velocity when the rims move at `wheels`."""
-        return Twist(
-            (wheels.right_mps + wheels.left_mps) / 2,
-            (wheels.right_mps - wheels.left_mps) / self.wheel_separation,
-        )
+        """The body's velocity when rims of `wheel_radius` would move at `wheels`."""
+        left = wheels.left_mps * self.left_radius_multiplier
+        right = wheels.right_mps * self.right_radius_multiplier
+        return Twist((right + left) / 2, (right - left) / self.wheel_separation)
 
     def saturate(self, wheels: WheelVelocities) -> WheelVelocities:
         """Scale both wheels by one factor, so that the faster one keeps to the limit.

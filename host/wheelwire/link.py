@@ -10,6 +10,7 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from queue import SimpleQueue
 
 from wheelwire_protocol.codes import StopMode
@@ -24,12 +25,13 @@ from .errors import (
     RequestTimeout,
     WheelwireError,
 )
+from .identify import open_board
 from .inbox import SampleInbox
 from .port_loop import PortLoop
 from .requests import Answer, Done, RequestMessage
 from .session import Phase, Session
 from .statistics import LinkStatistics
-from .transport import open_transport
+from .transport import Transport, open_transport
 
 JOIN_S = 2.0
 """Longer than the port's thread needs to end; it is a daemon in any case."""
@@ -57,9 +59,11 @@ class Link:
         connect_timeout_s: How long to look for the device.
         stream_rate_hz: Rate of the samples; None leaves it to the device.
         watched: Ids of parameters whose values are always at hand in `values`.
+        board_id: Only this board will do, at whichever free port it answers; `port` may then be
+            glob patterns, separated by commas.
 
     Raises:
-        PortUnavailable: The port cannot be opened.
+        PortUnavailable: The port cannot be opened, or the board is at none.
         DeviceSilent: Nothing came.
         ForeignDevice: Something came, but nothing of ours.
         ProtocolMismatch: Host and firmware are of different releases.
@@ -76,12 +80,14 @@ class Link:
         connect_timeout_s: float,
         stream_rate_hz: int | None = None,
         watched: Sequence[int] = (),
+        board_id: str | None = None,
     ) -> None:
         self._port = port
         self._changed = threading.Condition()
         self._session = Session(_random_nonce, stream_rate_hz, watched)
-        transport = open_transport(port, baud_rate)
-        self._loop = PortLoop(port, transport, self._session, self._changed, inbox)
+        open_port = partial(_open_port, port, board_id)
+        transport = open_port(baud_rate)
+        self._loop = PortLoop(transport, open_port, self._session, self._changed, inbox)
         self._thread = threading.Thread(
             target=self._loop.run, name=f"wheelwire {port}", daemon=True
         )
@@ -99,7 +105,7 @@ class Link:
             device, loop = self._session.device, self._loop
             if device is None:
                 raise self._session.error
-            return LinkInfo(self._port, loop.baud_rate, loop.low_latency, device)
+            return LinkInfo(loop.port, loop.baud_rate, loop.low_latency, device)
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -213,6 +219,12 @@ class Link:
         if session.bytes_received:
             return ForeignDevice(self._port, tried, session.bytes_received)
         return DeviceSilent(self._port, tried)
+
+
+def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
+    if board_id is None:
+        return open_transport(port, baud_rate)
+    return open_board(port, board_id, baud_rate)
 
 
 def _random_nonce() -> int:

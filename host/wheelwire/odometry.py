@@ -72,8 +72,8 @@ class Odometry:
         last, self._last = self._last or sample, sample
         travel = sample.since(last)
         self.rebases += travel.rebased
-        left_m = travel.left * self.drive.metres_per_tick
-        right_m = travel.right * self.drive.metres_per_tick
+        left_m = travel.left * self.drive.metres_per_tick * self.drive.left_radius_multiplier
+        right_m = travel.right * self.drive.metres_per_tick * self.drive.right_radius_multiplier
         distance = (left_m + right_m) / 2
         turn = (right_m - left_m) / self.drive.wheel_separation
         self.pose = self.pose.advance(distance, turn)

@@ -6,6 +6,7 @@ import logging
 import select
 import socket
 import threading
+from collections.abc import Callable
 
 from wheelwire_protocol.codes import StopMode
 
@@ -15,7 +16,7 @@ from .errors import LinkLost, PortUnavailable, WheelwireError
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
-from .transport import Transport, hung_up, open_transport
+from .transport import Transport, hung_up
 
 REOPEN_PERIOD_S = 0.1
 FAREWELL_US = 500_000
@@ -31,8 +32,8 @@ class PortLoop:
     """Serves a session on a port, through every loss of the port, until `finish`.
 
     Args:
-        port: Device path or URL, by which it is opened again.
         transport: The open port; the loop closes it.
+        reopen: Opens it again at a baud rate, or raises PortUnavailable.
         session: Not connected yet. Only used under `changed`.
         changed: Guards the session; notified when it opens, ends or fails to open.
         inbox: Takes the samples.
@@ -40,8 +41,8 @@ class PortLoop:
 
     def __init__(
         self,
-        port: str,
         transport: Transport,
+        reopen: Callable[[int], Transport],
         session: Session,
         changed: threading.Condition,
         inbox: SampleInbox,
@@ -52,8 +53,9 @@ class PortLoop:
         self.search = BaudSearch(transport.baud_rate, host_clock_us())
         self.low_latency = transport.low_latency
         self.baud_rate = transport.baud_rate
-        self._port = port
+        self.port = transport.port
         self._first_transport = transport
+        self._reopen_port = reopen
         self._session = session
         self._changed = changed
         self._inbox = inbox
@@ -179,11 +181,12 @@ class PortLoop:
         poller.register(self._wake_read, select.POLLIN)
         while not self._finishing:
             try:
-                transport = open_transport(self._port, self.baud_rate or 0)
+                transport = self._reopen_port(self.baud_rate or 0)
             except PortUnavailable:
                 poller.poll(REOPEN_PERIOD_S * 1000)
                 self._drain_wake_ups()
                 continue
+            self.port = transport.port
             self.low_latency = transport.low_latency
             self.reconnects += 1
             return transport
@@ -197,10 +200,10 @@ class PortLoop:
         if is_open != self._was_open:
             self._was_open = is_open
             if is_open:
-                _log.info("%s: link open", self._port)
+                _log.info("%s: link open", self.port)
             else:
                 self._inbox.interrupt()
-                _log.warning("%s: %s", self._port, self._session.error)
+                _log.warning("%s: %s", self.port, self._session.error)
         self._changed.notify_all()
 
     def _farewell_over(self) -> bool:

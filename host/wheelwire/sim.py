@@ -10,11 +10,11 @@ import shutil
 import subprocess
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, cast
+from typing import IO, Any, TypeVar, cast
 
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 
@@ -26,6 +26,8 @@ CHECKOUT_BUILD = Path(__file__).parents[2] / "build" / "host"
 ANSWER_TIMEOUT_S = 10.0
 EXIT_TIMEOUT_S = 5.0
 STATES_KEPT = 100_000
+
+Self = TypeVar("Self", bound="Simulator")
 
 
 def find_simulator() -> Path:
@@ -119,6 +121,7 @@ class Simulator:
         settings: Variables of the simulation and their values at power-on.
         truth_hz: Rate of the true states. [Hz]
         on_state: Called with each true state, from the thread that reads them.
+        arguments: More of them, as `wheelwire-fwsim --help` says.
     """
 
     def __init__(
@@ -131,6 +134,7 @@ class Simulator:
         settings: Mapping[str, float] | None = None,
         truth_hz: float = 0.0,
         on_state: Callable[[TrueState], None] | None = None,
+        arguments: Sequence[str] = (),
     ) -> None:
         options = {
             "link": link,
@@ -141,6 +145,7 @@ class Simulator:
         }
         self._arguments = [f"--{name}={value}" for name, value in options.items() if value]
         self._arguments += [f"--set={name}={value}" for name, value in (settings or {}).items()]
+        self._arguments += arguments
         self._link = link
         self._on_state = on_state
         self._process: subprocess.Popen[str] | None = None
@@ -177,6 +182,10 @@ class Simulator:
             self.close()
             raise
 
+    def wait(self) -> None:
+        """Wait until the process ends by itself."""
+        self._running().wait()
+
     def close(self) -> None:
         """End the process; the port and the link to it go with it."""
         process, self._process = self._process, None
@@ -194,7 +203,7 @@ class Simulator:
         _pipe(process.stdout).close()
         _pipe(process.stderr).close()
 
-    def __enter__(self) -> Simulator:
+    def __enter__(self: Self) -> Self:
         self.start()
         return self
 

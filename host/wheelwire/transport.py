@@ -39,11 +39,13 @@ class Transport(ABC):
     """An open byte stream.
 
     Attributes:
+        port: Its name, as it was opened.
         baud_rate: In force; None where there is none.
         low_latency: True when the kernel delivers bytes at once, False when it may hold them
             back (FTDI adapters: 16 ms), None where the question does not arise.
     """
 
+    port: str = ""
     baud_rate: int | None = None
     low_latency: bool | None = None
 
@@ -184,9 +186,10 @@ def open_transport(port: str, baud_rate: int) -> Transport:
     Raises:
         PortUnavailable: It is not there, in use, not permitted or not usable.
     """
-    if port.startswith("socket://"):
-        return SocketTransport(port)
-    return SerialTransport(port, baud_rate)
+    is_socket = port.startswith("socket://")
+    transport = SocketTransport(port) if is_socket else SerialTransport(port, baud_rate)
+    transport.port = port
+    return transport
 
 
 def hung_up() -> LinkLost:

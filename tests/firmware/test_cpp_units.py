@@ -19,3 +19,12 @@ def test_all_cases_pass(build: str, program: str) -> None:
     result = subprocess.run([path], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
     assert " cases, 0 failed checks" in result.stdout
+
+
+def test_the_counter_register_is_exact() -> None:
+    """The default run; `wheelwire-counter-endurance 1e9` is the full one."""
+    path = BUILD / "host" / "wheelwire-counter-endurance"
+    if not path.exists():
+        pytest.skip("not built: make cpp-tests")
+    result = subprocess.run([path], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout + result.stderr

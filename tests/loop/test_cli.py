@@ -132,9 +132,11 @@ def test_no_simulator_says_how_to_build_it(tmp_path: Path) -> None:
     assert str(tmp_path) in check_error(result, errors.SimulatorNotFound)
 
 
-def test_sim_is_there_until_it_is_ended(tmp_path: Path) -> None:
+@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
+def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
     link = tmp_path / "robot"
-    process = subprocess.Popen([*PROGRAM, "sim", "--link", str(link)], stdout=subprocess.PIPE)
+    command = [*PROGRAM, "sim", "--link", str(link), *options]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE)
     try:
         assert process.stdout
         process.stdout.readline()
@@ -144,6 +146,14 @@ def test_sim_is_there_until_it_is_ended(tmp_path: Path) -> None:
         process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert not link.is_symlink()
+
+
+def test_sim_on_a_line_that_cannot_be(tmp_path: Path) -> None:
+    profile = tmp_path / "mine.toml"
+    profile.write_text("[to_host]\nloss = 3")
+    line = check_error(run("sim", "--faults", str(profile)), errors.ConfigurationError)
+    assert str(profile) in line
+    assert "0 to 1" in line
 
 
 # --- the demonstration -------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -19,11 +19,33 @@ from wheelwire.errors import (
     LinkLost,
     PortUnavailable,
 )
+from wheelwire.faultline import load_profile
+from wheelwire.faultline.simulator import FaultySimulator
 from wheelwire.odometry import Odometry
+from wheelwire.samples import WheelSample
 from wheelwire.sim import Simulator
 from wheelwire_protocol.codes import RefusalCode, ResetReason, SupervisorState
 
 PATIENCE_S = 30.0
+
+
+@pytest.fixture(params=["", "noisy", "split"])
+def simulator(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Simulator]:
+    """On a good line, and on bad ones."""
+    link, profile = tmp_path / "port", request.param
+    made = FaultySimulator(load_profile(profile), link=link) if profile else Simulator(link=link)
+    with made as simulator:
+        yield simulator
+
+
+def driven(robot: SerialDriver) -> WheelSample:
+    """A sample while being driven: one setpoint may be lost, and an application sends many."""
+    robot.set_velocity(0.3, 0.0, ttl=1.0)
+    return robot.read(PATIENCE_S)
+
+
+def drive_until_driving(robot: SerialDriver) -> None:
+    wait(lambda: driven(robot).state is SupervisorState.DRIVING)
 
 
 def wait(condition: Callable[[], bool]) -> None:
@@ -51,13 +73,11 @@ def test_the_readme_example() -> None:
         assert robot.geometry.wheel_separation == 0.2
 
 
-def test_leaving_the_block_stops_the_robot_before_the_deadline() -> None:
-    with Simulator() as simulator:
-        with SerialDriver(simulator.port) as robot:
-            robot.set_velocity(0.3, 0.0, ttl=1.0)
-            wait(lambda: robot.read().left_mps > 0.1)
-        wait(lambda: simulator.get("drive_on") == 0)
-        assert simulator.get("drive_removed_us") < simulator.get("deadline_us")
+def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+        wait(lambda: driven(robot).left_mps > 0.1)
+    wait(lambda: simulator.get("drive_on") == 0)
+    assert simulator.get("drive_removed_us") < simulator.get("deadline_us")
 
 
 @pytest.mark.parametrize("baud", [115_200, 2_000_000])
@@ -93,11 +113,11 @@ def test_a_second_host_is_told_that_the_port_is_in_use() -> None:
         assert robot.read().state is SupervisorState.IDLE
 
 
-def test_unplugged_is_a_state_and_replugged_goes_on(tmp_path: Path) -> None:
-    with Simulator(link=tmp_path / "port") as simulator, SerialDriver(simulator.port) as robot:
+def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
         odometry = Odometry(robot.geometry)
-        robot.set_velocity(0.3, 0.0, ttl=0.5)
-        wait(lambda: odometry.update(robot.read()).pose.x_m > 0.05)
+        odometry.update(robot.read())
+        wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.05)
         simulator.unplug()
         wait(lambda: is_lost(robot))
         wait(lambda: simulator.get("stands_still") == 1)
@@ -109,15 +129,14 @@ def test_unplugged_is_a_state_and_replugged_goes_on(tmp_path: Path) -> None:
         )
         assert sample.state is SupervisorState.IDLE
         assert robot.statistics.reconnects >= 1
-        robot.set_velocity(0.2, 0.0)
-        wait(lambda: robot.read().state is SupervisorState.DRIVING)
+        drive_until_driving(robot)
 
 
-def test_a_reset_does_not_make_the_odometry_jump() -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+def test_a_reset_does_not_make_the_odometry_jump(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
         odometry = Odometry(robot.geometry)
-        robot.set_velocity(0.3, 0.0, ttl=1.0)
-        wait(lambda: odometry.update(robot.read()).pose.x_m > 0.1)
+        odometry.update(robot.read())
+        wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.1)
         ticks = robot.get_encoder_ticks()
         simulator.reset()
         wait(lambda: odometry.update(robot.read(PATIENCE_S)).rebased)
@@ -125,9 +144,9 @@ def test_a_reset_does_not_make_the_odometry_jump() -> None:
         assert robot.get_encoder_ticks() >= ticks
 
 
-def test_estop_latches_until_cleared() -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
-        robot.set_velocity(0.3, 0.0)
+def test_estop_latches_until_cleared(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+        drive_until_driving(robot)
         robot.estop()
         assert simulator.get("drive_on") == 0
         wait(lambda: robot.read().state is SupervisorState.ESTOPPED)
@@ -135,8 +154,7 @@ def test_estop_latches_until_cleared() -> None:
             robot.set_velocity(0.3, 0.0)
         assert refused.value.code == RefusalCode.ESTOPPED
         robot.clear_estop()
-        robot.set_velocity(0.3, 0.0)
-        wait(lambda: robot.read().state is SupervisorState.DRIVING)
+        drive_until_driving(robot)
 
 
 @pytest.mark.parametrize(

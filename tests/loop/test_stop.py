@@ -1,107 +1,72 @@
 """Whatever becomes of the host, the drive is removed by the deadline plus one control period.
 
-Read from the plant, in the device's clock. The hosts are processes of their own.
+Read from the plant, in the device's clock. The hosts are processes of their own; good lines and
+bad ones.
 """
 
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 
 import pytest
 
-from support.processes import interruptible
-from wheelwire.sim import Simulator, TrueState
+from support.stop_host import (
+    BLOWS,
+    HANG,
+    PATIENCE_S,
+    TRUTH_HZ,
+    at_speed,
+    host,
+    stop,
+    stopped,
+    wait,
+)
+from support.stop_times import PERIOD_US, TTL_S
+from wheelwire.faultline import LineProfile, load_profile
+from wheelwire.faultline.simulator import FaultySimulator
+from wheelwire.sim import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
-TTL_S = 0.3
-PERIOD_US = 1000
-PATIENCE_S = 30.0
 
-COMMANDING = """
-import signal, sys, time, wheelwire
-signal.signal(signal.SIGUSR1, lambda *_: time.sleep(3600))
-with wheelwire.open_driver("serial", port=sys.argv[1]) as robot:
-    while True:
-        robot.set_velocity(0.25, 0.0, ttl={ttl})
-        time.sleep(0.02)
-"""
-HANG = signal.SIGUSR1
-"""Makes its main thread sleep; the link's thread goes on, and pings."""
-
-
-@pytest.fixture
-def simulator() -> Iterator[Simulator]:
-    with Simulator(truth_hz=200) as simulator:
+@pytest.fixture(params=["", "noisy", "split"])
+def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
+    profile = request.param
+    made = (
+        FaultySimulator(load_profile(profile), truth_hz=TRUTH_HZ)
+        if profile
+        else Simulator(truth_hz=TRUTH_HZ)
+    )
+    with made as simulator:
         yield simulator
 
 
-@contextmanager
-def host(simulator: Simulator) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that drives the simulated robot; killed at the end."""
-    code = COMMANDING.format(ttl=TTL_S)
-    command = [sys.executable, "-c", code, simulator.port]
-    process = subprocess.Popen(command, preexec_fn=interruptible)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-
-
-def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueState:
-    """The first true state from now on that fulfils `condition`."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        for state in simulator.take_states():
-            if condition(state):
-                return state
-        time.sleep(0.005)
-    raise AssertionError("the condition never held")
-
-
-def at_speed(state: TrueState) -> bool:
-    return state.left_mps > 0.2
-
-
-def stopped(state: TrueState) -> bool:
-    return not state.drive_on and state.stands_still
-
-
-def check_stop(simulator: Simulator, blow: Callable[[], object]) -> TrueState:
-    """Wait for speed, strike, and check when the drive was removed."""
-    wait(simulator, at_speed)
-    blow()
-    struck = wait(simulator, lambda _: True)
-    end = wait(simulator, stopped)
-    late_us = end.drive_removed_us - end.deadline_us
-    assert 0 <= late_us <= PERIOD_US
-    assert end.deadline_us <= struck.device_us + (TTL_S + 0.05) * 1e6
-    return end
-
-
-def test_host_killed(simulator: Simulator) -> None:
+def check_stop(simulator: Simulator, name: str) -> None:
     with host(simulator) as process:
-        check_stop(simulator, lambda: process.send_signal(signal.SIGKILL))
+        stopping = stop(simulator, process, BLOWS[name])
+        assert stopping.time.late_us is not None
+        assert 0 <= stopping.time.late_us <= PERIOD_US
+        assert stopping.end.deadline_us <= stopping.struck.device_us + (TTL_S + 0.1) * 1e6
 
 
-def test_host_frozen(simulator: Simulator) -> None:
-    with host(simulator) as process:
-        check_stop(simulator, lambda: process.send_signal(signal.SIGSTOP))
+@pytest.mark.parametrize(
+    "name", ["host killed", "host frozen", "cable pulled", "host of a wrong schema"]
+)
+def test_a_host_or_a_cable_that_is_gone(simulator: Simulator, name: str) -> None:
+    check_stop(simulator, name)
 
 
-def test_cable_pulled(simulator: Simulator) -> None:
-    with host(simulator):
-        check_stop(simulator, simulator.unplug)
+@pytest.mark.parametrize("name", ["every byte corrupted", "babbling line"])
+def test_a_line_that_carries_nothing_but_noise(name: str) -> None:
+    with FaultySimulator(LineProfile(), truth_hz=TRUTH_HZ) as simulator:
+        check_stop(simulator, name)
 
 
 def test_application_hangs_while_the_link_goes_on(simulator: Simulator) -> None:
     with host(simulator) as process:
-        check_stop(simulator, lambda: process.send_signal(HANG))
+        time = stop(simulator, process, lambda *_: process.send_signal(HANG)).time
+        assert time.late_us is not None
+        assert 0 <= time.late_us <= PERIOD_US
         assert process.poll() is None
 
 

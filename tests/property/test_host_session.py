@@ -2,8 +2,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from support.fake_device import FakeDevice
-from support.virtual_line import Faults, VirtualLine
+from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
+from wheelwire.faultline import Faults
 from wheelwire.session import Session
 from wheelwire_protocol.codec import BY_ID
 from wheelwire_protocol.codes import SupervisorState
@@ -65,13 +66,13 @@ def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: boo
     seed=st.integers(0, 2**16),
     loss=st.floats(0, 0.2),
     repeat=st.floats(0, 0.3),
-    corrupt=st.floats(0, 0.2),
+    flip=st.floats(0, 0.2),
     jitter_us=st.integers(0, 60_000),
 )
 def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
-    seed: int, loss: float, repeat: float, corrupt: float, jitter_us: int
+    seed: int, loss: float, repeat: float, flip: float, jitter_us: int
 ) -> None:
-    faults = Faults(loss, repeat, corrupt, jitter_us=jitter_us)
+    faults = Faults(loss=loss, repeat=repeat, flip=flip, delay_us=200, jitter_us=jitter_us)
     device = FakeDevice(drift=100e-6)
     line = VirtualLine(seed, to_device=faults, to_host=faults, device=device)
     line.session.connect(line.now_us)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from random import Random
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import Board, RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.framing import Decoder, Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
@@ -71,6 +71,8 @@ class FakeDevice:
     mute: bool = False
     booting: bool = False
     ticks_per_state: tuple[int, int] = (3, 2)
+    board: Board = Board.SIMULATED
+    wheel_mps: float = 0.1
 
     def __post_init__(self) -> None:
         self.received: list[AnyMessage] = []
@@ -140,8 +142,8 @@ class FakeDevice:
             t_us=self.clock(now_us) & MASK_32,
             left_ticks=_signed(self.left_ticks),
             right_ticks=_signed(self.right_ticks),
-            left_mps=0.1,
-            right_mps=0.1,
+            left_mps=self.wheel_mps,
+            right_mps=self.wheel_mps,
             left_duty_q15=16384,
             right_duty_q15=-16384,
             command_seq=self._command_seq,
@@ -205,7 +207,7 @@ class FakeDevice:
                 boot_id=self.boot_id,
                 device_us=self.clock(now_us),
                 reset_reason=1,
-                board=0,
+                board=self.board,
                 board_id=0x240AC4123456,
                 capabilities=4,
                 version_major=9,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from random import Random
 
 from wheelwire.errors import WheelwireError
+from wheelwire.faultline import Direction, Faults
 from wheelwire.requests import Answer, RequestMessage
 from wheelwire.samples import WheelSample
 from wheelwire.session import Phase, Session
@@ -17,48 +17,7 @@ from .fake_device import FakeDevice
 
 STEP_US = 2_000
 """The longest jump of time."""
-
-
-@dataclass
-class Faults:
-    """What happens to each frame, in either direction."""
-
-    loss: float = 0.0
-    repeat: float = 0.0
-    corrupt: float = 0.0
-    delay_us: int = 200
-    jitter_us: int = 0
-
-
-class Direction:
-    """One direction of the line. Frames keep their order, as on a wire."""
-
-    def __init__(self, faults: Faults, random: Random) -> None:
-        self.faults = faults
-        self._random = random
-        self._under_way: list[tuple[int, bytes]] = []
-        self._last_us = 0
-
-    def send(self, data: bytes, now_us: int) -> None:
-        for chunk in filter(None, data.split(b"\0")):
-            if self._random.random() < self.faults.loss:
-                continue
-            frame = bytearray(b"\0" + chunk + b"\0")
-            if self._random.random() < self.faults.corrupt:
-                frame[self._random.randrange(len(frame))] ^= 1 << self._random.randrange(8)
-            copies = 2 if self._random.random() < self.faults.repeat else 1
-            jitter_us = round(self._random.random() ** 3 * self.faults.jitter_us)
-            self._last_us = max(self._last_us, now_us + self.faults.delay_us + jitter_us)
-            self._under_way += [(self._last_us, bytes(frame))] * copies
-
-    def receive(self, now_us: int) -> bytes:
-        arrived = b"".join(frame for due, frame in self._under_way if due <= now_us)
-        self._under_way = [item for item in self._under_way if item[0] > now_us]
-        return arrived
-
-    @property
-    def due_us(self) -> list[int]:
-        return [due for due, _ in self._under_way[:1]]
+GOOD = Faults(delay_us=200)
 
 
 class VirtualLine:
@@ -80,8 +39,8 @@ class VirtualLine:
         self.random = Random(seed)
         self.device = device or FakeDevice(random=Random(seed + 1))
         self.session = Session(lambda: self.random.getrandbits(32), stream_rate_hz, watched)
-        self.to_device = Direction(to_device or Faults(), self.random)
-        self.to_host = Direction(to_host or Faults(), self.random)
+        self.to_device = Direction(to_device or GOOD, self.random)
+        self.to_host = Direction(to_host or GOOD, self.random)
         self.now_us = 1_000_000
         self.samples: list[WheelSample] = []
         self.sent: list[AnyMessage] = []
@@ -90,15 +49,19 @@ class VirtualLine:
     def step(self, end_us: int) -> None:
         """Jump to what happens next, but not beyond `end_us`."""
         now = self.now_us
-        events = [*self.to_device.due_us, *self.to_host.due_us, self.device.next_us]
-        if self.session.next_deadline_us is not None:
-            events.append(self.session.next_deadline_us)
-        coming = [event for event in events if event > now]
+        events = (
+            self.to_device.next_us,
+            self.to_host.next_us,
+            self.device.next_us,
+            self.session.next_deadline_us,
+        )
+        coming = [event for event in events if event is not None and event > now]
         self.now_us = now = min([now + STEP_US, end_us, *coming])
-        self.device.feed(self.to_device.receive(now), now)
+        for piece in self.to_device.take(now):
+            self.device.feed(piece, now)
         self.device.advance(now)
-        arrived = self.to_host.receive(now)
-        self.samples += self.session.receive(arrived, now)
+        for piece in self.to_host.take(now):
+            self.samples += self.session.receive(piece, now)
         due = self.session.next_deadline_us
         if due is not None and due <= now:
             self.session.advance(now)

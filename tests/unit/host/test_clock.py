@@ -1,32 +1,7 @@
-from random import Random
-
 import pytest
 
+from support.clocks import CALM, STORMY, USB, Clocks, Coverage, Ways, session
 from wheelwire.clock import ClockEstimator, Exchange
-
-
-class Clocks:
-    """A true device clock with an even drift, and a line with unequal, jittered ways."""
-
-    def __init__(self, seed: int, drift: float, boot_us: int = 0) -> None:
-        self.random = Random(seed)
-        self.drift = drift
-        self.offset_us = self.random.randrange(10**12) + boot_us
-
-    def device_us(self, host_us: float) -> int:
-        return int(host_us * (1 + self.drift)) + self.offset_us
-
-    def way_us(self, base: float) -> float:
-        jitter = self.random.expovariate(1 / 300)
-        burst = self.random.random() < 0.02 and self.random.uniform(0, 20_000)
-        return base + jitter + float(burst)
-
-    def exchange(self, host_us: int) -> Exchange:
-        received = host_us + self.way_us(200)
-        sent = received + self.random.uniform(5, 100)
-        back = sent + self.way_us(900)
-        device = self.device_us(received), self.device_us(sent)
-        return Exchange(host_us, *device, int(back))
 
 
 @pytest.mark.parametrize("drift_ppm", [-200, -20, 0, 50, 200])
@@ -52,6 +27,15 @@ def test_the_bound_covers_the_error(drift_ppm: float) -> None:
     assert checked == 8000
     assert missed <= checked // 1000
     assert sorted(errors)[len(errors) // 2] < 500  # half the difference of the two ways is 350
+
+
+@pytest.mark.parametrize("ways", [CALM, USB, STORMY])
+@pytest.mark.parametrize("steps", [0, 4])
+def test_the_bound_is_honest_over_steps_and_delays(ways: Ways, steps: int) -> None:
+    coverage = Coverage()
+    for seed in range(4):
+        session(coverage, Clocks(seed, 200e-6, ways), step_us=100_000, steps=steps)
+    assert coverage.share >= 0.999
 
 
 @pytest.mark.parametrize("drift_ppm", [-200, 200])

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -88,3 +89,12 @@ def test_reset_moves_the_pose_and_keeps_the_counters() -> None:
     odometry.update(sample(left_ticks=100, right_ticks=100))
     odometry.reset(Pose(1.0, 2.0, 0.5))
     assert odometry.update(sample(left_ticks=100, right_ticks=100, t_us=1)).pose == (1.0, 2.0, 0.5)
+
+
+def test_a_larger_left_wheel_travels_further_by_the_same_ticks() -> None:
+    odometry = Odometry(replace(FINE, left_radius_multiplier=1.05))
+    odometry.update(sample())
+    update = odometry.update(sample(left_ticks=1000, right_ticks=1000, t_us=1))
+    travel_m = 1000 * FINE.metres_per_tick
+    assert update.distance_m == pytest.approx(1.025 * travel_m)
+    assert update.turn_rad == pytest.approx(-0.05 * travel_m / FINE.wheel_separation)

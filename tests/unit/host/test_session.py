@@ -1,8 +1,9 @@
 import pytest
 
 from support.fake_device import FakeDevice
-from support.virtual_line import Faults, VirtualLine
+from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch, RequestTimeout
+from wheelwire.faultline import Faults
 from wheelwire.session import Phase
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, StopMode, SupervisorEvent, SupervisorState
@@ -334,7 +335,7 @@ def test_a_rate_that_the_device_refuses_is_told() -> None:
 
 
 def test_an_answer_that_comes_twice_is_taken_once() -> None:
-    line = VirtualLine(to_host=Faults(repeat=1.0), watched=(1,)).open()
+    line = VirtualLine(to_host=Faults(repeat=1.0, delay_us=200), watched=(1,)).open()
     foreign = line.session.statistics(line.now_us).foreign
     assert isinstance(line.request(ParameterSet(0, 0, 1, 0.05)), ParameterValue)
     line.run(0.01)

@@ -1,0 +1,130 @@
+// The chip's counter register with its limits, edge by edge, against a count that has none.
+//
+//   wheelwire-counter-endurance [EDGES]
+//
+// Forward, back, by chance, and hovering about each limit; the firmware's total has to be exact at
+// each of its steps. Exits with 1 at the first tick that is lost or invented.
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+
+#include "counter.hpp"
+#include "encoder.hpp"
+#include "random.hpp"
+
+using wheelwire::kCounterLimit;
+using wheelwire::TickTotal;
+using wheelwire::sim::PulseCounter;
+using wheelwire::sim::Random;
+
+namespace {
+
+constexpr int64_t kDefaultEdges = 20'000'000;
+constexpr int kLongestStep = kCounterLimit / 2;
+constexpr int kHoverReach = 5;
+/// Of each phase; a run has many of each.
+constexpr int64_t kPhaseEdges = 400'000;
+
+/// A wheel's encoder at the counter's inputs, and what both sides make of it.
+class Bench {
+ public:
+  int64_t edges() const { return edges_; }
+  int64_t updates() const { return updates_; }
+  int16_t counter() const { return counter_.value(); }
+
+  /// Turns by so many ticks, then lets the firmware read. Returns false when its total is wrong.
+  bool step(int ticks) {
+    const int direction = ticks < 0 ? -1 : 1;
+    for (int edge = 0; edge != ticks; edge += direction) turn(direction);
+    ++updates_;
+    const int32_t change = total_.update(counter_.value(), false);
+    return change == ticks && total_.ticks() == static_cast<int32_t>(position_);
+  }
+
+ private:
+  void turn(int direction) {
+    position_ += direction;
+    ++edges_;
+    // Forward, A leads B by a quarter of a cycle: 00 10 11 01.
+    const auto quarter = static_cast<unsigned>(position_ & 3);
+    counter_.set_levels(quarter == 1 || quarter == 2, quarter >= 2);
+  }
+
+  PulseCounter counter_{false, false};
+  TickTotal total_;
+  int64_t position_ = 0;
+  int64_t edges_ = 0;
+  int64_t updates_ = 0;
+};
+
+class Ride {
+ public:
+  explicit Ride(uint64_t seed) : random_(seed) {}
+
+  bool run(int64_t edges) {
+    while (bench_.edges() < edges) {
+      const bool exact = run_one_way(1) && run_one_way(-1) && run_by_chance() &&
+                         hover_about(kCounterLimit) && hover_about(-kCounterLimit);
+      if (!exact) return false;
+    }
+    return true;
+  }
+
+  const Bench& bench() const { return bench_; }
+
+ private:
+  /// 1 to `limit`.
+  int draw(int limit) {
+    return 1 + static_cast<int>(random_.next() % static_cast<uint64_t>(limit));
+  }
+  int sign() { return random_.next() % 2 == 0 ? 1 : -1; }
+
+  bool run_one_way(int direction) {
+    const int64_t end = bench_.edges() + kPhaseEdges;
+    while (bench_.edges() < end) {
+      if (!bench_.step(direction * draw(kLongestStep))) return false;
+    }
+    return true;
+  }
+
+  bool run_by_chance() {
+    const int64_t end = bench_.edges() + kPhaseEdges;
+    while (bench_.edges() < end) {
+      if (!bench_.step(sign() * draw(kLongestStep))) return false;
+    }
+    return true;
+  }
+
+  /// Goes to the last count before `limit`, then to and fro across it.
+  bool hover_about(int limit) {
+    const int direction = limit < 0 ? -1 : 1;
+    while (bench_.counter() != limit - direction) {
+      if (!bench_.step(direction)) return false;
+    }
+    const int64_t end = bench_.edges() + kPhaseEdges;
+    int away = 0;  // From the limit [tick]; kept small, or it would not hover.
+    while (bench_.edges() < end) {
+      const int move = away > kHoverReach ? -1 : away < -kHoverReach ? 1 : sign();
+      const int step = move * draw(3);
+      away += step;
+      if (!bench_.step(step)) return false;
+    }
+    return true;
+  }
+
+  Random random_;
+  Bench bench_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int64_t edges = argc > 1 ? static_cast<int64_t>(std::atof(argv[1])) : kDefaultEdges;
+  Ride ride(1);
+  const bool exact = ride.run(edges);
+  std::printf("%lld edges, %lld reads, %s\n", static_cast<long long>(ride.bench().edges()),
+              static_cast<long long>(ride.bench().updates()),
+              exact ? "every total exact" : "a total is wrong");
+  return exact ? 0 : 1;
+}

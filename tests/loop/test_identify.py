@@ -1,0 +1,102 @@
+"""A board is found by what it says of itself, under whichever name its port comes back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.sim import Simulator
+
+PATIENCE_S = 30.0
+
+
+class Cables:
+    """Two robots, and the names under which their ports are to be found."""
+
+    def __init__(self, folder: Path, ours: Simulator, other: Simulator) -> None:
+        self.folder = folder
+        self.ours = ours
+        self.other = other
+
+    @property
+    def pattern(self) -> str:
+        return str(self.folder / "tty*")
+
+    def name(self, name: str, simulator: Simulator) -> None:
+        (self.folder / name).symlink_to(simulator.port)
+
+    def board_id(self, name: str) -> str:
+        with SerialDriver(str(self.folder / name)) as robot:
+            return robot.info.device.board_id
+
+
+@pytest.fixture
+def cables(tmp_path: Path) -> Iterator[Cables]:
+    with Simulator(seed=1) as ours, Simulator(seed=2) as other:
+        cables = Cables(tmp_path, ours, other)
+        cables.name("tty0", other)
+        cables.name("tty1", ours)
+        yield cables
+
+
+def wait(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        time.sleep(0.005)
+
+
+def is_lost(robot: SerialDriver) -> bool:
+    try:
+        robot.get_encoder_ticks()
+    except (LinkLost, RequestTimeout):
+        return True
+    return False
+
+
+def test_a_board_is_found_among_several_ports(cables: Cables) -> None:
+    board_id = cables.board_id("tty1")
+    with SerialDriver(cables.pattern, board_id=board_id.upper()) as robot:
+        assert robot.info.device.board_id == board_id
+        assert robot.info.port.endswith("tty1")
+    assert cables.ours.get("drive_on") == 0
+
+
+def test_a_board_that_comes_back_under_another_name_is_found(cables: Cables) -> None:
+    board_id = cables.board_id("tty1")
+    with SerialDriver(cables.pattern, board_id=board_id) as robot:
+        cables.ours.unplug()
+        (cables.folder / "tty1").unlink()
+        wait(lambda: is_lost(robot))
+        cables.ours.plug()
+        cables.name("tty7", cables.ours)
+        since = time.monotonic()
+        wait(lambda: robot.read(PATIENCE_S).stamp > since)
+        assert robot.info.device.board_id == board_id
+        assert robot.info.port.endswith("tty7")
+
+
+def test_asking_who_is_there_costs_another_robot_nothing(cables: Cables) -> None:
+    board_id = cables.board_id("tty1")
+    with SerialDriver(str(cables.folder / "tty0")) as other:
+        sessions = other.statistics.sessions
+        with SerialDriver(cables.pattern, board_id=board_id) as robot:
+            assert robot.info.device.board_id == board_id
+        other.read(PATIENCE_S)
+        assert other.statistics.sessions == sessions
+
+
+def test_a_board_that_is_not_there_is_named_with_those_that_are(cables: Cables) -> None:
+    board_id = cables.board_id("tty1")
+    with pytest.raises(PortUnavailable, match=f"{board_id} at .*tty1"):
+        SerialDriver(cables.pattern, board_id="0123456789ab")
+
+
+def test_no_port_matches(tmp_path: Path) -> None:
+    with pytest.raises(PortUnavailable, match="no board answers"):
+        SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")

@@ -1,0 +1,20 @@
+"""A short endurance run; `make soak MINUTES=...` is the long one."""
+
+from __future__ import annotations
+
+from support.soak import Lap, run
+
+MINUTES = 0.3
+LAP_S = 2.0
+
+
+def test_every_loss_is_told_and_every_incident_survived() -> None:
+    laps: list[Lap] = []
+    run(MINUTES, laps.append, LAP_S)
+    assert {lap.incident for lap in laps} == {"reset", "unplug"}
+    for lap in laps:
+        assert lap.hit > 0
+        assert lap.untold == (0, 0, 0, 0)
+        assert lap.ticks_wrong == 0
+        assert lap.sessions == 0
+    assert len({(lap.threads, lap.files) for lap in laps}) == 1

@@ -1,0 +1,126 @@
+"""Two clocks with a bad line between them, and how honest the estimate of one by the other is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from random import Random
+
+from wheelwire.clock import ClockEstimator, Exchange
+
+BURST = 8
+BURST_GAP_US = 5_000
+GAP_US = 500_000
+"""As the session pings."""
+PROBES = 10
+"""Samples between two exchanges that are mapped and judged."""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """The delays of the line, each way.
+
+    Attributes:
+        out_us: At least, towards the device.
+        back_us: At least, towards the host.
+        jitter_us: Mean of what is added, exponentially distributed.
+        burst: Chance of up to `burst_us` more.
+        burst_us: See `burst`.
+    """
+
+    out_us: float = 200.0
+    back_us: float = 900.0
+    jitter_us: float = 300.0
+    burst: float = 0.02
+    burst_us: float = 20_000.0
+
+
+USB = Ways()
+CALM = Ways(100.0, 100.0, 20.0, 0.0, 0.0)
+STORMY = Ways(200.0, 900.0, 3_000.0, 0.2, 50_000.0)
+
+
+class Clocks:
+    """A true device clock with an even drift, and a line with unequal, jittered ways."""
+
+    def __init__(self, seed: int, drift: float, ways: Ways = USB) -> None:
+        self.random = Random(seed)
+        self.drift = drift
+        self.ways = ways
+        self.offset_us = self.random.randrange(10**12)
+
+    def device_us(self, host_us: float) -> int:
+        """The device's clock at the host's `host_us`."""
+        return int(host_us * (1 + self.drift)) + self.offset_us
+
+    def way_us(self, base_us: float) -> float:
+        """One delay."""
+        ways, random = self.ways, self.random
+        jitter_us = random.expovariate(1 / ways.jitter_us)
+        burst_us = random.random() < ways.burst and random.uniform(0, ways.burst_us)
+        return base_us + jitter_us + float(burst_us)
+
+    def exchange(self, host_us: int) -> Exchange:
+        """A ping that is sent at the host's `host_us`."""
+        received = host_us + self.way_us(self.ways.out_us)
+        sent = received + self.random.uniform(5, 100)
+        back = sent + self.way_us(self.ways.back_us)
+        device = self.device_us(received), self.device_us(sent)
+        return Exchange(host_us, *device, int(back))
+
+
+@dataclass
+class Coverage:
+    """How often the bound held.
+
+    Attributes:
+        checked: Mapped samples.
+        missed: Of these, farther off than their bound.
+        errors_us: Of all.
+        bounds_us: Of all.
+    """
+
+    checked: int = 0
+    missed: int = 0
+    errors_us: list[float] = field(default_factory=list)
+    bounds_us: list[float] = field(default_factory=list)
+
+    def take(self, error_us: float, bound_us: float) -> None:
+        """One mapped sample."""
+        self.checked += 1
+        self.missed += error_us > bound_us
+        self.errors_us.append(error_us)
+        self.bounds_us.append(bound_us)
+
+    @property
+    def share(self) -> float:
+        """Of samples within their bound."""
+        return 1 - self.missed / self.checked
+
+
+def session(
+    coverage: Coverage, clocks: Clocks, exchanges: int = 200, step_us: int = 0, steps: int = 0
+) -> None:
+    """Ping as a session does, and map samples in between.
+
+    Args:
+        coverage: Takes what was found.
+        clocks: The two.
+        exchanges: Pings that are answered.
+        step_us: By how much the device's clock jumps against the host's, each way in turn.
+        steps: How often, evenly spread, and each just before an exchange: until then nobody can
+            know of it.
+    """
+    estimator = ClockEstimator()
+    now = 10**9
+    every = exchanges // (steps + 1)
+    for number in range(exchanges):
+        if steps and number and number % every == 0:
+            clocks.offset_us += step_us
+            step_us = -step_us
+        estimator.add(clocks.exchange(now))
+        gap = BURST_GAP_US if number < BURST else GAP_US
+        for _ in range(PROBES):
+            moment = now + 25_000 + clocks.random.randrange(gap)
+            host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+            coverage.take(abs(host_us - moment), bound_us)
+        now += gap

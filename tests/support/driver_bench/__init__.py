@@ -1,0 +1,1 @@
+"""Each driver's rig: encoders that turn at a given rate, and an eye on the bridge's EN."""

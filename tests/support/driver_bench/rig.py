@@ -1,0 +1,138 @@
+"""What is measured, and what a rig must offer for it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from wheelwire.local.driver import LocalDriver
+from wheelwire_protocol.codes import SupervisorState
+
+SPIN_S = 1.0
+SETTLE_S = 0.3
+TTL_S = 0.1
+STOPS = 20
+PHASE_S = 0.00137
+
+
+@dataclass(frozen=True)
+class Counting:
+    """One run of both encoders at one rate."""
+
+    asked_tps: float
+    """Ticks a second, each wheel."""
+    true_ticks: int
+    """Both wheels."""
+    counted_ticks: int
+    reported: int
+    """Illegal transitions that the driver counted meanwhile."""
+    seconds: float
+    cpu: float
+    """Of the driver's process, as a fraction of one core."""
+
+    @property
+    def lost(self) -> float:
+        """Fraction of the true ticks by which the count is off."""
+        return abs(self.true_ticks - self.counted_ticks) / self.true_ticks
+
+    @property
+    def true_tps(self) -> float:
+        """What the source really made, each wheel."""
+        return self.true_ticks / 2 / self.seconds
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Of the control loop."""
+
+    stop_late_us: list[int]
+    """EN low after the setpoint's deadline, one for each stop."""
+    worst_step_us: int
+    """From one control step, and so from one change of the PWM, to the next."""
+    period_us: int
+
+
+class Rig(ABC):
+    """A driver between its stand-ins."""
+
+    name: str
+    driver: LocalDriver
+
+    @abstractmethod
+    def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
+        """Turn both encoders; returns the true ticks of both, and the seconds they took."""
+
+    @abstractmethod
+    def en_low_us(self) -> int:
+        """When the drive was last removed, on the monotonic clock."""
+
+    def count(self, ticks_per_s: float) -> Counting:
+        """Turn the encoders, and compare."""
+        driver = self.driver
+        before, reported = driver.get_encoder_ticks(), _illegal(driver)
+        start, cpu = time.monotonic(), time.process_time()
+        true_ticks, true_seconds = self.spin(ticks_per_s, SPIN_S)
+        seconds, cpu = time.monotonic() - start, time.process_time() - cpu
+        after = self._settled_ticks()
+        return Counting(
+            asked_tps=ticks_per_s,
+            true_ticks=true_ticks,
+            counted_ticks=sum(after) - sum(before),
+            reported=_illegal(driver) - reported,
+            seconds=true_seconds,
+            cpu=cpu / seconds,
+        )
+
+    def time_stops(self) -> Timing:
+        """Let setpoints expire, and see when EN goes low."""
+        late = []
+        for index in range(STOPS):
+            ttl_s = TTL_S + index * PHASE_S  # the deadline falls anywhere in a control period
+            deadline_us = round((time.monotonic() + ttl_s) * 1e6)
+            self.driver.set_duty(0.2, 0.2, ttl=ttl_s)
+            for state in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
+                while self.driver.read().state is not state:
+                    pass
+            late.append(self.en_low_us() - deadline_us)
+        period_us = round(1e6 / self.driver.parameters["control_rate_hz"])
+        return Timing(late, self.driver.statistics.latest_step_us, period_us)
+
+    def _settled_ticks(self) -> tuple[int, int]:
+        """What is still under way arrives within SETTLE_S of silence."""
+        ticks = self.driver.get_encoder_ticks()
+        quiet_since = time.monotonic()
+        while time.monotonic() - quiet_since < SETTLE_S:
+            self.driver.read()
+            now = self.driver.get_encoder_ticks()
+            if now != ticks:
+                ticks, quiet_since = now, time.monotonic()
+        return ticks
+
+
+def _illegal(driver: LocalDriver) -> int:
+    statistics = driver.statistics
+    return statistics.left_illegal_transitions + statistics.right_illegal_transitions
+
+
+@contextmanager
+def busy(processes: int) -> Iterator[None]:
+    """That many processes that do nothing else but keep a core busy."""
+    context = multiprocessing.get_context("spawn")
+    workers = [context.Process(target=_spin_for_ever, daemon=True) for _ in range(processes)]
+    for worker in workers:
+        worker.start()
+    try:
+        yield
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.join()
+
+
+def _spin_for_ever() -> None:
+    while True:
+        pass

@@ -1,0 +1,71 @@
+"""The host's session and the firmware's core with a bad line between them, in virtual time."""
+
+from __future__ import annotations
+
+from wheelwire.errors import LinkLost
+from wheelwire.faultline import FaultLine, Happening, LineProfile
+
+from .virtual import STEP_US, VirtualRobot
+
+
+class FaultyRobot(VirtualRobot):
+    """As `VirtualRobot`, with a line that obeys a profile and a host that can stand still.
+
+    Attributes:
+        host_runs: False: the host neither reads nor writes, as when it was killed or stopped.
+        resets: Of the device, so far.
+        unplugs: Of the cable, so far.
+    """
+
+    def __init__(
+        self, seed: int = 1, profile: LineProfile | None = None, /, **settings: float
+    ) -> None:
+        super().__init__(seed, **settings)
+        self.line = FaultLine(profile or LineProfile(seed=seed))
+        self.host_runs = True
+        self.resets = 0
+        self.unplugs = 0
+        self._plugged = True
+
+    def step(self) -> None:
+        """One millisecond: the line's turn, the host's, then the device's."""
+        for happening in self.line.advance(self.now_us):
+            self._obey(happening)
+        if self.host_runs:
+            self.session.advance(self.now_us)
+            self.line.to_device.send(self.session.take_output(), self.now_us)
+        for piece in self.line.to_device.take(self.now_us):
+            self.sim.write(piece)
+        self.sim.advance_us(STEP_US)
+        self.now_us += STEP_US
+        sent = self.sim.read()
+        if self._plugged:
+            self.line.to_host.send(sent, self.now_us)
+        for piece in self.line.to_host.take(self.now_us):
+            if self.host_runs:
+                self.samples += self.session.receive(piece, self.now_us)
+
+    def reset(self) -> None:
+        """The chip starts anew."""
+        self.resets += 1
+        self.sim.reset()
+
+    def unplug(self) -> None:
+        """Pull the cable; what is under way is lost."""
+        self._plugged = False
+        self.unplugs += 1
+        self.line.clear()
+        self.session.disconnect(LinkLost("unplugged"))
+
+    def plug(self) -> None:
+        """Put it back."""
+        self._plugged = True
+        self.session.connect(self.now_us)
+
+    def _obey(self, happening: Happening) -> None:
+        if happening is Happening.RESET:
+            self.reset()
+        elif happening is Happening.UNPLUG:
+            self.unplug()
+        else:
+            self.plug()

@@ -1,0 +1,59 @@
+"""How long a link needs to come back, in real time."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import LinkLost, RequestTimeout
+from wheelwire.sim import Simulator
+
+AIM_S = 0.25
+"""p99, from the port's return."""
+PATIENCE_S = 30.0
+
+
+def after_unplug(simulator: Simulator, robot: SerialDriver) -> float:
+    """Seconds from the port's return to a sample that was latched after it."""
+    simulator.unplug()
+    _wait_lost(robot)
+    simulator.plug()
+    return _first_fresh(robot, time.monotonic())
+
+
+def after_return_elsewhere(simulator: Simulator, robot: SerialDriver, name: Path) -> float:
+    """As `after_unplug`, but the port that was at `robot.info.port` comes back as `name`."""
+    old = Path(robot.info.port)
+    simulator.unplug()
+    old.unlink()
+    _wait_lost(robot)
+    simulator.plug()
+    name.symlink_to(simulator.port)
+    return _first_fresh(robot, time.monotonic())
+
+
+def after_reset(simulator: Simulator, robot: SerialDriver) -> float:
+    """Seconds from a reset to a sample of the new boot; includes the boot's own time."""
+    begin = time.monotonic()
+    boot_id = simulator.reset()
+    while robot.read(PATIENCE_S).boot_id != boot_id:
+        assert time.monotonic() < begin + PATIENCE_S, "no sample of the new boot"
+    return time.monotonic() - begin
+
+
+def _first_fresh(robot: SerialDriver, since: float) -> float:
+    while robot.read(PATIENCE_S).stamp < since:
+        assert time.monotonic() < since + PATIENCE_S, "no fresh sample"
+    return time.monotonic() - since
+
+
+def _wait_lost(robot: SerialDriver) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        try:
+            robot.get_encoder_ticks()
+        except (LinkLost, RequestTimeout):
+            return
+        time.sleep(0.002)
+    raise AssertionError("the loss of the port was not noticed")

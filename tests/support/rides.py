@@ -1,0 +1,225 @@
+"""Rides full of resets and unpluggings in virtual time, held against the plant tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from random import Random
+from typing import NamedTuple
+
+from wheelwire.errors import WheelwireError
+from wheelwire.faultline import LineProfile
+from wheelwire.inbox import SampleInbox
+from wheelwire.kinematics import DifferentialDrive
+from wheelwire.odometry import Odometry
+from wheelwire.samples import WheelSample, tick_difference
+from wheelwire.session import Phase, Session
+
+from .faulty_robot import FaultyRobot
+
+STATE_HZ = 1000
+COMMAND_MS = 20
+TTL_S = 0.3
+TOP_MPS = 0.3
+TRUTH_KEPT = 2000
+"""Milliseconds: longer than a sample is under way."""
+GEOMETRY = DifferentialDrive(0.2, 0.033, 360, 0.6)
+"""The simulator's, as it is by default."""
+FIRST_WRAP_US = 1 << 32
+"""Of the unsigned time in a state frame."""
+FIRST_WRAP_TICKS = 1 << 31
+"""Of the signed ticks in a state frame."""
+
+
+class Unseen(NamedTuple):
+    """What a reset hides."""
+
+    milliseconds: float
+    distance_m: float
+    """Of the middle between the wheels; negative backwards."""
+
+
+@dataclass
+class Account:
+    """What a ride showed.
+
+    Attributes:
+        samples: How many were held against the plant.
+        wrong: Samples whose ticks are not the plant's at their latch, up to the boot's own zero.
+        jumps: Resets at which the odometry moved.
+        unseen: For each reset, what really happened between the last sample before it and the
+            first after it.
+        seen_ticks: What the host's running count says that the left wheel did.
+        true_ticks: What the left wheel did between the first sample and the last.
+        unseen_left: The left wheel's part of it that fell into resets.
+    """
+
+    samples: int = 0
+    wrong: int = 0
+    jumps: int = 0
+    unseen: list[Unseen] = field(default_factory=list)
+    seen_ticks: int = 0
+    true_ticks: int = 0
+    unseen_left: int = 0
+
+    @property
+    def unaccounted(self) -> int:
+        """Ticks lost or invented in the host's running count."""
+        return self.true_ticks - self.unseen_left - self.seen_ticks
+
+
+class Ride:
+    """A robot that is driven about, and all that is known of it.
+
+    The device's clock runs with simulated time, so that each control step, and with it each latch,
+    falls on the end of a simulated millisecond: the plant is read at the very same moment.
+
+    Args:
+        seed: Of the ride.
+        profile: What is wrong with the line.
+        settings: The simulator's variables.
+    """
+
+    def __init__(self, seed: int, profile: LineProfile | None = None, /, **settings: float) -> None:
+        self.random = Random(seed)
+        self.robot = FaultyRobot(seed, profile, **settings)
+        self.robot.session = Session(lambda: self.random.getrandbits(32), STATE_HZ)
+        self.account = Account()
+        self._inbox = SampleInbox()
+        self._odometry = Odometry(GEOMETRY)
+        self._truth: dict[tuple[int, int], tuple[int, int]] = {}
+        self._zero: tuple[int, int, int] | None = None
+        self._first = self._last = (0, 0)
+        self._last_sample: WheelSample | None = None
+        self._last_us = self._started_at = 0
+
+    def open(self) -> Ride:
+        """Connect, and wait for samples."""
+        self.robot.session.connect(self.robot.now_us)
+        return self.wait_open()
+
+    def wait_open(self) -> Ride:
+        """Wait for a sample of an open session."""
+        known = self.account.samples
+        self.until(lambda: self.robot.session.phase is Phase.OPEN and self.account.samples > known)
+        return self
+
+    def drive(self, milliseconds: int) -> None:
+        """At a speed of chance, as far as the link lets it."""
+        left, right = (self.random.uniform(-TOP_MPS, TOP_MPS) for _ in range(2))
+        for elapsed in range(milliseconds):
+            if elapsed % COMMAND_MS == 0:
+                with suppress(WheelwireError):
+                    self.robot.set_velocity(left, right, TTL_S)
+            self.step()
+
+    def reset(self) -> None:
+        """The chip starts anew, while driving."""
+        self.robot.reset()
+        self.wait_open()
+
+    def unplug(self, milliseconds: int) -> None:
+        """The cable is out for so long, while driving."""
+        self.robot.unplug()
+        for _ in range(milliseconds):
+            self.step()
+        self.robot.plug()
+        self.wait_open()
+
+    def until(self, condition: Callable[[], bool], patience_ms: int = 10_000) -> None:
+        """Step until it holds; fails when it does not in time."""
+        for _ in range(patience_ms):
+            if condition():
+                return
+            self.step()
+        raise AssertionError("the condition never held")
+
+    def step(self) -> None:
+        """One millisecond, and what it told."""
+        sim = self.robot.sim
+        self.robot.step()
+        moment = int(sim.get("boot_id")), int(sim.get("device_us"))
+        self._truth[moment] = self._true_ticks()
+        while len(self._truth) > TRUTH_KEPT:
+            del self._truth[next(iter(self._truth))]
+        for sample in self.robot.samples:
+            self._take(sample)
+        self.robot.samples.clear()
+
+    @property
+    def newest(self) -> WheelSample:
+        """The last sample."""
+        assert self._last_sample is not None
+        return self._last_sample
+
+    def finish(self) -> Account:
+        """The account of the whole ride."""
+        left, _ = self._inbox.ticks(0.0)
+        self.account.seen_ticks = left - self._started_at
+        self.account.true_ticks = self._last[0] - self._first[0]
+        return self.account
+
+    def _true_ticks(self) -> tuple[int, int]:
+        sim = self.robot.sim
+        return int(sim.get("true.left_ticks")), int(sim.get("true.right_ticks"))
+
+    def _take(self, sample: WheelSample) -> None:
+        account, true = self.account, self._truth[(sample.boot_id, sample.t_us)]
+        update = self._odometry.update(sample)
+        self._inbox.put(sample)
+        if self._last_sample is None:
+            self._first = true
+            self._started_at = sample.left_ticks
+        elif update.rebased:
+            unseen = true[0] - self._last[0], true[1] - self._last[1]
+            milliseconds = (self.robot.now_us - self._last_us) / 1e3
+            distance_m = sum(unseen) / 2 * GEOMETRY.metres_per_tick
+            account.unseen.append(Unseen(milliseconds, distance_m))
+            account.unseen_left += unseen[0]
+            account.jumps += (update.distance_m, update.turn_rad) != (0.0, 0.0)
+        zero = (
+            sample.boot_id,
+            tick_difference(true[0], sample.left_ticks),
+            tick_difference(true[1], sample.right_ticks),
+        )
+        if self._zero is None or self._zero[0] != sample.boot_id:
+            self._zero = zero
+        account.wrong += zero != self._zero
+        account.samples += 1
+        self._last, self._last_sample, self._last_us = true, sample, self.robot.now_us
+
+
+def ride(cycles: int, seed: int) -> Ride:
+    """Drive and strike so often, resets and unpluggings by chance; each cycle is finished."""
+    riding = Ride(seed).open()
+    random = riding.random
+    for _ in range(cycles):
+        riding.drive(random.randrange(50, 300))
+        if random.random() < 0.5:
+            riding.reset()
+        else:
+            riding.unplug(random.randrange(1, 400))
+    riding.drive(100)
+    return riding
+
+
+def across_the_time_wrap(seed: int) -> Ride:
+    """Drive across the moment at which the 32-bit time in the state frames wraps."""
+    riding = Ride(seed)
+    riding.robot.sim.advance_us((FIRST_WRAP_US // 1000 - 1000) * 1000)
+    riding.open().drive(2500)
+    return riding
+
+
+def across_the_tick_wrap(seed: int) -> Ride:
+    """Be pushed, fast and with fine encoders, until the 32-bit tick counts wrap."""
+    pushed = {"left.load_nm": -0.04, "right.load_nm": -0.04}
+    fine = {"counts_per_revolution": 200_000, "motor.no_load_rpm": 2000}
+    riding = Ride(seed, None, **pushed, **fine)
+    sim = riding.robot.sim
+    while sim.get("true.left_ticks") < FIRST_WRAP_TICKS - 12_000_000:
+        sim.advance_us(1_000_000)
+    riding.open()
+    riding.until(lambda: sim.get("true.left_ticks") > FIRST_WRAP_TICKS + 1_000_000)
+    return riding

@@ -1,0 +1,264 @@
+"""Endurance: laps of driving on a bad line, whose books are held against both ends' counters."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout
+from wheelwire.faultline import Books, Faults, LineProfile
+from wheelwire.faultline.simulator import FaultySimulator
+from wheelwire_protocol.codes import RefusalCode
+
+T = TypeVar("T")
+STATE_HZ = 1000
+COMMAND_PERIOD_S = 0.02
+TTL_S = 0.3
+CORRUPT = 0.01
+"""Of each byte, both ways."""
+LAP_S = 5.0
+UNPLUGGED_S = 0.2
+PATIENCE_S = 60.0
+SETTLED = 300
+"""Readings."""
+PROFILE = LineProfile(Faults(), Faults(), seed=11)
+
+
+class Gap(NamedTuple):
+    """What one direction's books say, less what its receiver has counted; constant if all is told.
+
+    Attributes:
+        frames: Good frames that passed, less good frames counted.
+        lost: Frames lost on the way and before, less the gaps counted in sequence numbers.
+    """
+
+    frames: int
+    lost: int
+
+
+@dataclass(frozen=True)
+class Lap:
+    """What one lap left behind.
+
+    Attributes:
+        incident: What ended it, after its books were closed.
+        frames: Given to the line, towards host and device.
+        hit: Of these, lost or damaged.
+        untold: What the counters do not tell of what the books know, host's `Gap`, then device's;
+            aim 0.
+        ticks_wrong: Of both wheels, against the plant, since the device's reset; aim 0.
+        recovery_s: From the port's return, or the reset, to a sample of a new session.
+        expired: Setpoints refused so far, because they came later than they lived.
+        sessions: Opened within the lap, which no loss should make happen; aim 0.
+        resident_kib: This process's memory, then the simulator's.
+        threads: Of this process.
+        files: Open in this process.
+    """
+
+    incident: str
+    frames: int
+    hit: int
+    untold: tuple[int, ...]
+    ticks_wrong: int
+    recovery_s: float
+    expired: int
+    sessions: int
+    resident_kib: tuple[int, int]
+    threads: int
+    files: int
+
+
+class Soak:
+    """A robot on a bad line, driven lap by lap."""
+
+    def __init__(self, simulator: FaultySimulator, robot: SerialDriver) -> None:
+        self._simulator = simulator
+        self._robot = robot
+        self._laps = 0
+        self._expired = 0
+        self._tick_base = self._ticks_against_plant()
+
+    def lap(self, seconds: float = LAP_S) -> Lap:
+        """Drive on the bad line, close the books on a good one, then a reset or an unplugging."""
+        line = self._simulator.line
+        before = replace(line.to_host.books), replace(line.to_device.books)
+        opened = self._host_gap(), self._device_gap()
+        sessions = self._robot.statistics.sessions
+        self._corrupt(CORRUPT)
+        self._drive(seconds)
+        self._corrupt(0.0)
+        self._stand()
+        closed = self._host_gap(), self._device_gap()
+        passed = (
+            _difference(line.to_host.books, before[0]),
+            _difference(line.to_device.books, before[1]),
+        )
+        sessions = self._robot.statistics.sessions - sessions
+        ticks_wrong = self._ticks_against_plant() - self._tick_base
+        self._laps += 1
+        incident = ("unplug", "reset")[self._laps % 2]
+        recovery_s = self._strike(incident)
+        return Lap(
+            incident=incident,
+            frames=sum(books.frames for books in passed),
+            hit=sum(books.hit for books in passed),
+            untold=tuple(
+                after - before
+                for pair in zip(opened, closed, strict=True)
+                for before, after in zip(*pair, strict=True)
+            ),
+            ticks_wrong=ticks_wrong,
+            recovery_s=recovery_s,
+            expired=self._expired,
+            sessions=sessions,
+            resident_kib=(resident_kib(os.getpid()), resident_kib(self._simulator.pid)),
+            threads=len(list(Path("/proc/self/task").iterdir())),
+            files=len(list(Path("/proc/self/fd").iterdir())),
+        )
+
+    # --- the lap's parts -----------------------------------------------------------------------
+
+    def _corrupt(self, chance: float) -> None:
+        line = self._simulator.line
+        line.to_host.faults.corrupt = line.to_device.faults.corrupt = chance
+
+    def _drive(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        turn = 0.8 if self._laps % 2 else -0.8
+        while time.monotonic() < end:
+            self._command(turn)
+            time.sleep(COMMAND_PERIOD_S)
+
+    def _command(self, turn: float) -> None:
+        try:
+            self._robot.set_velocity(0.2, turn, ttl=TTL_S)
+        except DeviceRefused as refused:
+            # The computer was busy elsewhere for longer than the setpoint lived: the robot stood.
+            if refused.code != RefusalCode.EXPIRED:
+                raise
+            self._expired += 1
+
+    def _stand(self) -> None:
+        retry(self._robot.stop)
+        wait(lambda: self._simulator.get("stands_still") == 1)
+
+    def _strike(self, incident: str) -> float:
+        """Unplug and plug again, or reset, on the bad line; returns the seconds to recover."""
+        self._corrupt(CORRUPT)
+        self._command(0.0)
+        sessions = self._robot.statistics.sessions
+        if incident == "unplug":
+            self._simulator.unplug()
+            time.sleep(UNPLUGGED_S)  # the fault itself
+            self._simulator.plug()
+        else:
+            self._simulator.reset()
+        begin = time.monotonic()
+        wait(lambda: self._robot.statistics.sessions > sessions and self._is_open())
+        recovery_s = time.monotonic() - begin
+        self._corrupt(0.0)
+        self._stand()
+        if incident == "reset":
+            self._tick_base = self._ticks_against_plant()
+        return recovery_s
+
+    def _is_open(self) -> bool:
+        try:
+            self._robot.get_encoder_ticks()
+        except (LinkLost, RequestTimeout):
+            return False
+        return True
+
+    def _ticks_against_plant(self) -> int:
+        """Ticks of both wheels that the host has too many, while the robot stands."""
+        started_us = self._robot.read(PATIENCE_S).t_us
+        wait(lambda: self._robot.read(PATIENCE_S).t_us != started_us)
+        measured = self._robot.get_encoder_ticks()
+        true = (self._simulator.get("true.left_ticks"), self._simulator.get("true.right_ticks"))
+        return sum(measured) - int(sum(true))
+
+    # --- the books -----------------------------------------------------------------------------
+
+    def _host_gap(self) -> Gap:
+        """On a good line: the least of many readings, for frames under way make one too high."""
+        books = self._simulator.line.to_host.books
+        least, since = Gap(sys.maxsize, sys.maxsize), 0
+        while since < SETTLED:
+            time.sleep(0.0005)  # or this thread keeps the others from handling what is under way
+            before = replace(books)
+            counted = self._robot.statistics
+            if replace(books) != before:
+                continue
+            frames = before.frames - before.hit - counted.frames_received
+            lost = before.hit + before.missing - counted.frames_lost
+            fallen = Gap(min(least.frames, frames), min(least.lost, lost))
+            since = since + 1 if fallen == least else 0
+            least = fallen
+        return least
+
+    def _device_gap(self) -> Gap:
+        """On a good line. Only an answer to the last frame that was sent covers all of them."""
+        books = self._simulator.line.to_device.books
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            before = books.frames
+            counted = retry(self._robot.device_counters)
+            if books.frames == before + 1:
+                frames = books.frames - books.hit - counted.frames_received
+                return Gap(frames, books.hit + books.missing - counted.seq_lost)
+        raise AssertionError("the line towards the device is never quiet")
+
+
+def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -> list[Lap]:
+    """Laps for so long; each is reported as it ends."""
+    laps: list[Lap] = []
+    end = time.monotonic() + minutes * 60
+    with (
+        FaultySimulator(PROFILE, seed=3) as simulator,
+        SerialDriver(simulator.port, stream_rate_hz=STATE_HZ, connect_timeout=PATIENCE_S) as robot,
+    ):
+        soak = Soak(simulator, robot)
+        while time.monotonic() < end:
+            laps.append(soak.lap(lap_s))
+            report(laps[-1])
+    return laps
+
+
+def wait(condition: Callable[[], bool]) -> None:
+    """Until it holds; fails when it does not for long."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        time.sleep(0.002)
+
+
+def retry(action: Callable[[], T]) -> T:
+    """Until the link is there: a lost answer is a time-out, and may be asked for again."""
+    answers: list[T] = []
+
+    def answered() -> bool:
+        with suppress(LinkLost, RequestTimeout):
+            answers.append(action())
+        return bool(answers)
+
+    wait(answered)
+    return answers[0]
+
+
+def resident_kib(pid: int) -> int:
+    """A process's resident memory."""
+    for text in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if text.startswith("VmRSS:"):
+            return int(text.split()[1])
+    raise AssertionError("no VmRSS")
+
+
+def _difference(later: Books, earlier: Books) -> Books:
+    return Books(frames=later.frames - earlier.frames, hit=later.hit - earlier.hit)

@@ -1,0 +1,175 @@
+"""Hosts that drive a simulated robot from a process of their own, and what can befall them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from wheelwire.faultline import FaultLine, LineProfile
+from wheelwire.faultline.simulator import FaultySimulator
+from wheelwire.sim import Simulator, TrueState
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.schema import PROTOCOL_VERSION
+from wheelwire_protocol.types import Hello, SetWheelVelocity
+
+from .processes import interruptible
+from .stop_times import NOISE_BYTES_PER_S, SPEED_MPS, TTL_S, WRONG_HASH, StopTime
+
+PATIENCE_S = 30.0
+TRUTH_HZ = 200.0
+
+COMMANDING = """
+import signal, sys, time, wheelwire
+signal.signal(signal.SIGUSR1, lambda *_: time.sleep(3600))
+with wheelwire.open_driver("serial", port=sys.argv[1], connect_timeout=30) as robot:
+    while True:
+        try:
+            robot.set_velocity({speed}, 0.0, ttl={ttl})
+        except wheelwire.LinkLost:
+            pass
+        time.sleep(0.02)
+"""
+HANG = signal.SIGUSR1
+"""Makes its main thread sleep; the link's thread goes on, and pings."""
+
+Blow = Callable[[Simulator, "subprocess.Popen[bytes]"], object]
+
+
+@contextmanager
+def host(simulator: Simulator) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that drives the simulated robot; killed at the end."""
+    code = COMMANDING.format(ttl=TTL_S, speed=SPEED_MPS)
+    command = [sys.executable, "-c", code, simulator.port]
+    process = subprocess.Popen(command, preexec_fn=interruptible)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueState:
+    """The first true state from now on that fulfils `condition`."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        for state in simulator.take_states():
+            if condition(state):
+                return state
+        time.sleep(0.005)
+    raise AssertionError("the condition never held")
+
+
+def at_speed(state: TrueState) -> bool:
+    """Nearly as fast as commanded."""
+    return state.left_mps > 0.8 * SPEED_MPS
+
+
+def stopped(state: TrueState) -> bool:
+    """No drive, no motion."""
+    return not state.drive_on and state.stands_still
+
+
+def corrupt_everything(simulator: Simulator, _process: object) -> None:
+    """Every byte, both ways, becomes another one."""
+    line = _line_of(simulator)
+    line.to_device.faults.corrupt = line.to_host.faults.corrupt = 1.0
+
+
+def babble(simulator: Simulator, _process: object) -> None:
+    """Noise towards the device, and nothing of the host's."""
+    faults = _line_of(simulator).to_device.faults
+    faults.loss, faults.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+
+
+def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[bytes]) -> None:
+    """The host is killed, and one of another release says hello and commands for a second."""
+    process.kill()
+    process.wait()
+    encoder = Encoder()
+    port = os.open(simulator.port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        for number in range(1, 51):
+            hello = Hello(77, PROTOCOL_VERSION, WRONG_HASH)
+            command = SetWheelVelocity(77, number, 1 << 60, SPEED_MPS, SPEED_MPS)
+            os.write(port, encoder.encode(hello) + encoder.encode(command))
+            time.sleep(0.02)
+    finally:
+        os.close(port)
+
+
+BLOWS: dict[str, Blow] = {
+    "host killed": lambda _, process: process.send_signal(signal.SIGKILL),
+    "host frozen": lambda _, process: process.send_signal(signal.SIGSTOP),
+    "cable pulled": lambda simulator, _: simulator.unplug(),
+    "every byte corrupted": corrupt_everything,
+    "babbling line": babble,
+    "pings, no commands": lambda _, process: process.send_signal(HANG),
+    "host of a wrong schema": take_port_with_wrong_schema,
+}
+
+
+@dataclass(frozen=True)
+class RealStop:
+    """A stop in real time; `struck` is the first true state that was reported after the blow."""
+
+    time: StopTime
+    struck: TrueState
+    end: TrueState
+
+
+def stop(simulator: Simulator, process: subprocess.Popen[bytes], blow: Blow) -> RealStop:
+    """Wait for speed, strike, and measure, in the device's clock."""
+    wait(simulator, at_speed)
+    simulator.take_states()
+    before = wait(simulator, lambda _: True)
+    blow(simulator, process)
+    end = wait(simulator, lambda state: stopped(state) and state.t_us > before.t_us)
+    return RealStop(
+        StopTime(
+            struck_to_removed_us=end.drive_removed_us - before.device_us,
+            late_us=end.drive_removed_us - end.deadline_us,
+            removed_to_standstill_us=end.standstill_us - end.drive_removed_us,
+            distance_m=end.distance_m - before.distance_m,
+        ),
+        before,
+        end,
+    )
+
+
+def reset_while_driving(simulator: Simulator, process: subprocess.Popen[bytes]) -> StopTime:
+    """Kill the host, so that nobody commands anew, and reset the device before the deadline."""
+    wait(simulator, at_speed)
+    process.kill()
+    process.wait()
+    boot_id = simulator.reset()
+    reset = wait(simulator, lambda state: state.boot_id == boot_id)
+    assert not reset.drive_on
+    end = wait(simulator, stopped)
+    return StopTime(
+        struck_to_removed_us=end.drive_removed_us,
+        late_us=None,
+        removed_to_standstill_us=end.standstill_us - end.drive_removed_us,
+        distance_m=end.distance_m - reset.distance_m,
+    )
+
+
+def real_stop_time(name: str, seed: int) -> StopTime:
+    """One stop with a robot and a host of its own."""
+    with (
+        FaultySimulator(LineProfile(seed=seed), truth_hz=TRUTH_HZ, seed=seed) as simulator,
+        host(simulator) as process,
+    ):
+        if name == "device reset":
+            return reset_while_driving(simulator, process)
+        return stop(simulator, process, BLOWS[name]).time
+
+
+def _line_of(simulator: Simulator) -> FaultLine:
+    assert isinstance(simulator, FaultySimulator)
+    return simulator.line
