@@ -48,19 +48,6 @@ class TestVirtualMock(DriverConformance):
         return MockBench(realtime=False)
 
 
-class OpeningBench(Bench):
-    """All that a third party must write."""
-
-    def open(self) -> BaseDriver:
-        return MockDriver(realtime=False)
-
-
-class TestBenchThatOnlyOpens(DriverConformance):
-    @pytest.fixture
-    def bench(self) -> Bench:
-        return OpeningBench()
-
-
 class TestRealtimeMock(DriverConformance):
     @pytest.fixture
     def bench(self) -> Bench:

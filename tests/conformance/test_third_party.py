@@ -1,0 +1,30 @@
+"""The conformance suite as the author of another driver runs it, with the least that is needed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+LEAST = """
+import pytest
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.testing import Bench, DriverConformance
+
+class OpeningBench(Bench):
+    def open(self):
+        return MockDriver(realtime=False)
+
+class TestMine(DriverConformance):
+    @pytest.fixture
+    def bench(self):
+        return OpeningBench()
+"""
+
+
+def test_a_bench_that_only_opens_is_enough_for_most_of_it(tmp_path: Path) -> None:
+    (tmp_path / "test_mine.py").write_text(LEAST, "utf-8")
+    command = [sys.executable, "-m", "pytest", "-rs", "-p", "no:cacheprovider", "test_mine.py"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stdout
+    assert "25 passed, 8 skipped" in result.stdout
+    for lack in ("cut the link", "see the bridge", "break an encoder", "know the truth"):
+        assert lack in result.stdout
