@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 test demo hil fuzzers fuzz corruption bench reliability soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 ros test demo hil fuzzers fuzz corruption bench reliability soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -29,13 +29,13 @@ gen-check: $(VENV)/installed  ## Fail when a generated file is not what the defi
 	$(BIN)/python -m wheelwire_protocol.generate --check
 
 format: $(VENV)/installed  ## Format Python and C++
-	$(BIN)/ruff format host protocol tests
-	$(BIN)/ruff check --fix host protocol tests
+	$(BIN)/ruff format host protocol ros_node tests
+	$(BIN)/ruff check --fix host protocol ros_node tests
 	@$(BIN)/clang-format -i $(CXX_FILES)
 
 lint: $(VENV)/installed  ## Style, layers, formatting
-	$(BIN)/ruff check host protocol tests
-	$(BIN)/ruff format --check host protocol tests
+	$(BIN)/ruff check host protocol ros_node tests
+	$(BIN)/ruff format --check host protocol ros_node tests
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 
@@ -56,6 +56,13 @@ cpp-tests: $(VENV)/installed  ## Build the C++ tests, plain and under the saniti
 rv32: $(VENV)/installed  ## Build the core for RV32IMC with Debian's compiler, to count its instructions
 	@$(BIN)/cmake -S firmware/esp32/rv32 -B $(RV32_BUILD) -G Ninja --log-level=WARNING >/dev/null
 	@$(BIN)/cmake --build $(RV32_BUILD)
+
+$(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests/ros/tf2_msgs/msg/*)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[ros]'
+	$(BIN)/python tests/ros/tf2_msgs/build.py
+	@touch $@
+
+ros: $(VENV)/ros-installed  ## ROS 2 Jazzy from PyPI (Linux on x86-64 only), for the tests of the node
 
 test: cpp-tests  ## Every test
 	$(BIN)/python -m pytest

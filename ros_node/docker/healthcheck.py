@@ -1,0 +1,53 @@
+"""Exit code 0 while a robot's node reports in /diagnostics that it has its robot.
+
+It says 1 when the node is dead or hangs, and when its robot is out of reach.
+
+    healthcheck.py [NODE]      hardware_robot by default; with its namespace, robot1/hardware_robot
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+PATIENCE_S = 8.0
+"""Discovery, and a report each second."""
+
+
+class LinkListener:
+    """Hears what /diagnostics says of one node's link."""
+
+    def __init__(self, robot: str) -> None:
+        self.status: DiagnosticStatus | None = None
+        self._subject = f"{robot}: link"
+
+    def hear(self, report: DiagnosticArray) -> None:
+        """Take a message."""
+        for status in report.status:
+            if status.name == self._subject:
+                self.status = status
+
+
+def main() -> str | None:
+    """Returns what is wrong."""
+    robot = sys.argv[1] if len(sys.argv) > 1 else "hardware_robot"
+    listener = LinkListener(robot)
+    rclpy.init(args=[])
+    node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)
+    node.create_subscription(DiagnosticArray, "/diagnostics", listener.hear, 10)
+    end = time.monotonic() + PATIENCE_S
+    while listener.status is None and time.monotonic() < end:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.shutdown()
+    if listener.status is None:
+        return f"{robot} reports nothing"
+    if listener.status.level != DiagnosticStatus.OK:
+        return f"{listener.status.name}: {listener.status.message}"
+    return None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""Which velocity commands are obeyed, and for how long. Nothing here sends, or sends again."""
+
+from __future__ import annotations
+
+import enum
+from collections import Counter
+from dataclasses import dataclass, field
+
+from wheelwire import Twist
+
+
+class Ignored(enum.Enum):
+    """Why a command was not obeyed."""
+
+    INACTIVE = "the node is not active"
+    ESTOPPED = "the e-stop is set"
+    STALE = "it is older than cmd_vel_timeout"
+    BEFORE_RECONNECT = "it is older than the connection to the robot"
+    INVALID = "it is not a finite velocity"
+    REFUSED = "the robot refused it"
+    OUT_OF_REACH = "the robot is out of reach"
+
+
+class CommandIgnored(Exception):  # noqa: N818 - it says what happened to the command
+    """A command is not obeyed, and will not be."""
+
+    def __init__(self, reason: Ignored, detail: str = "") -> None:
+        super().__init__(f"command ignored: {detail or reason.value}")
+        self.reason = reason
+
+
+@dataclass
+class CommandGate:
+    """Judges commands by their age.
+
+    Attributes:
+        timeout_s: The life of a fresh command; an older one has what is left of it.
+        connected_s: When the session in force was found open, on the monotonic clock.
+        obeyed: Commands handed to the robot.
+        ignored: Commands that were not, by reason.
+    """
+
+    timeout_s: float
+    connected_s: float = 0.0
+    obeyed: int = 0
+    ignored: Counter[Ignored] = field(default_factory=Counter)
+
+    def time_to_live(self, born_s: float, now_s: float) -> float:
+        """How many seconds a command that was given at `born_s` may act from `now_s`.
+
+        Raises:
+            CommandIgnored: Not at all.
+        """
+        age_s = now_s - born_s
+        if age_s >= self.timeout_s:
+            raise CommandIgnored(
+                Ignored.STALE, f"it is {age_s:.3f} s old; are the computers' clocks in step?"
+            )
+        if born_s < self.connected_s:
+            raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+        return self.timeout_s - age_s
+
+    def count(self, ignored: CommandIgnored) -> None:
+        """Note a command that was not obeyed."""
+        self.ignored[ignored.reason] += 1
+
+
+def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
+    """A command's age in seconds: since its stamp, and at least since it was received.
+
+    A sender whose clock is ahead gains no life by it.
+
+    Args:
+        stamp_ns: From the message's header; None or 0 means when it was received.
+        now_ns: On the clock of the stamps.
+        waited_ns: For how long it has been on this computer.
+    """
+    since_stamped_ns = now_ns - stamp_ns if stamp_ns else 0
+    return max(0, waited_ns, since_stamped_ns) / 1e9
+
+
+def limit(twist: Twist, max_linear_mps: float, max_angular_radps: float) -> Twist:
+    """Slow both components by one factor, so that the path keeps its curvature."""
+    excess = max(
+        1.0,
+        abs(twist.linear_mps) / max_linear_mps,
+        abs(twist.angular_radps) / max_angular_radps,
+    )
+    return Twist(twist.linear_mps / excess, twist.angular_radps / excess)

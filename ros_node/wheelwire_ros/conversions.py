@@ -1,0 +1,128 @@
+"""ROS messages from Wheelwire's values and back. Needs the message packages, not rclpy.
+
+REP-103 and REP-105: x forward, counter-clockwise positive; the pose in the odometry's frame, the
+twist in the robot's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, TransformStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, JointState
+
+from wheelwire import Twist
+
+from .estimator import RobotMotion
+
+NANOSECONDS = 1_000_000_000
+PLANAR = (0, 1, 5)
+"""Where x, y and rotation about z are among ROS's x, y, z, roll, pitch, yaw."""
+
+
+class Frames(NamedTuple):
+    """The names of the frames, with their prefix."""
+
+    odom: str
+    base: str
+
+
+def time_message(stamp_ns: int) -> Time:
+    """Nanoseconds since the epoch as a message."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def time_ns(message: Time) -> int:
+    """A time message in nanoseconds; 0 where it was left empty."""
+    return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
+def twist_of(message: Any) -> Twist:
+    """The two components that wheels can obey, of a geometry_msgs/Twist."""
+    return Twist(message.linear.x, message.angular.z)
+
+
+def heading_quaternion(heading_rad: float) -> Quaternion:
+    """A rotation about z."""
+    return Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
+
+
+def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> Any:
+    """ROS's 6 by 6 matrix, row by row.
+
+    Args:
+        planar: Of (x, y, heading), 3 by 3.
+        base_diagonal: Added: what dead reckoning does not know of.
+    """
+    matrix = np.diag(np.asarray(base_diagonal, dtype=np.float64))
+    matrix[np.ix_(PLANAR, PLANAR)] += planar
+    return matrix.reshape(36)
+
+
+def diagonal(values: Sequence[float]) -> Any:
+    """ROS's 6 by 6 matrix, row by row, with these variances and no others."""
+    return np.diag(np.asarray(values, dtype=np.float64)).reshape(36)
+
+
+def odometry_message(
+    motion: RobotMotion,
+    stamp: Time,
+    frames: Frames,
+    pose_diagonal: Sequence[float],
+    twist_covariance: Any,
+) -> Odometry:
+    """Where the robot is in the odometry's frame, and how it moves in its own."""
+    message = Odometry(child_frame_id=frames.base)
+    message.header.stamp = stamp
+    message.header.frame_id = frames.odom
+    position = message.pose.pose.position
+    position.x, position.y = motion.pose.x_m, motion.pose.y_m
+    message.pose.pose.orientation = heading_quaternion(motion.pose.heading_rad)
+    message.pose.covariance = pose_covariance(motion.covariance, pose_diagonal)
+    message.twist.twist.linear.x = motion.twist.linear_mps
+    message.twist.twist.angular.z = motion.twist.angular_radps
+    message.twist.covariance = twist_covariance
+    return message
+
+
+def transform_message(odometry: Odometry) -> TransformStamped:
+    """The same pose as a transform from the odometry's frame to the robot's."""
+    message = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
+    position = odometry.pose.pose.position
+    translation = message.transform.translation
+    translation.x, translation.y = position.x, position.y
+    message.transform.rotation = odometry.pose.pose.orientation
+    return message
+
+
+def joint_message(motion: RobotMotion, stamp: Time, names: tuple[str, str]) -> JointState:
+    """Angle and velocity of the left and the right wheel."""
+    message = JointState(name=list(names))
+    message.header.stamp = stamp
+    message.position = [motion.left.angle_rad, motion.right.angle_rad]
+    message.velocity = [motion.left.velocity_radps, motion.right.velocity_radps]
+    return message
+
+
+def battery_message(voltage_v: float, stamp: Time, frame: str) -> BatteryState:
+    """A battery of which nothing but the voltage is known."""
+    unknown = math.nan
+    message = BatteryState(
+        voltage=voltage_v,
+        temperature=unknown,
+        current=unknown,
+        charge=unknown,
+        capacity=unknown,
+        design_capacity=unknown,
+        percentage=unknown,
+        present=True,
+    )
+    message.header.stamp = stamp
+    message.header.frame_id = frame
+    return message

@@ -1,0 +1,144 @@
+"""What /diagnostics says. Needs the message packages, not rclpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from wheelwire import BaseDriver, WheelSample, WheelwireError
+
+from .connection import RobotConnection
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+STALE = DiagnosticStatus.STALE
+
+IN_ORDER = ("IDLE", "DRIVING")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What the statuses of an open robot are made of."""
+
+    connection: RobotConnection
+    sample: WheelSample | None
+    """The newest."""
+    silence: WheelwireError | None
+    """Why no sample came lately."""
+    ros_offset_error_s: float
+    """Bound of the error of the ROS clock's offset."""
+    rebases: int
+    """How often the odometry had to begin anew with the device's counters."""
+    unheard_types: list[str]
+    """Of commands that others publish, but this node does not subscribe to."""
+
+
+def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
+    """There is no robot, for this reason."""
+    return [_status(f"{name}: link", ERROR, reason, "", {"driver": driver_type})]
+
+
+def open_statuses(name: str, driver_type: str, report: Report) -> list[DiagnosticStatus]:
+    """Link, robot and commands of an open robot."""
+    robot = report.connection.robot
+    identity = identity_of(robot)
+    hardware = identity.get("board_id", "")
+    return [
+        _link(name, hardware, driver_type, report, identity),
+        _robot(name, hardware, report),
+        _commands(name, hardware, report),
+    ]
+
+
+def identity_of(robot: BaseDriver) -> dict[str, str]:
+    """What a driver that has a device says of it; empty for one that is none."""
+    info = getattr(robot, "info", None)
+    if info is None:
+        return {}
+    device = info.device
+    return {
+        "port": info.port,
+        "baud_rate": str(info.baud_rate),
+        "board": device.board.name,
+        "board_id": device.board_id,
+        "firmware": device.release.release,
+        "reset_reason": device.reset_reason.name,
+    }
+
+
+def _link(
+    name: str, hardware: str, driver_type: str, report: Report, identity: dict[str, str]
+) -> DiagnosticStatus:
+    robot = report.connection.robot
+    problem = report.silence or report.connection.problem
+    level, message = OK, "connected"
+    if problem is not None:
+        level, message = ERROR, str(problem)
+    values = {"driver": driver_type, **identity, **asdict(robot.statistics)}
+    if report.sample is not None:
+        values["sample_time_error_s"] = report.sample.stamp_error_s
+    values["ros_clock_offset_error_s"] = report.ros_offset_error_s
+    values["odometry_rebases"] = report.rebases
+    return _status(f"{name}: link", level, message, hardware, values)
+
+
+def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
+    sample, subject = report.sample, f"{name}: robot"
+    if sample is None:
+        return _status(subject, WARN, "nothing was measured yet", hardware, {})
+    faults = [fault for fault in type(sample.faults) if fault in sample.faults]
+    values = {
+        "state": sample.state.name,
+        "faults": " ".join(str(fault.name) for fault in faults),
+        "control_overruns": sample.overruns,
+        "command_seq": sample.command_seq,
+        "boot_id": f"{sample.boot_id:08x}",
+    }
+    if sample.battery_v is not None:
+        values["battery_v"] = sample.battery_v
+    if report.connection.estopped or sample.state.name == "ESTOPPED":
+        return _status(subject, ERROR, "the e-stop is set", hardware, values)
+    if report.silence is not None:
+        return _status(subject, STALE, "as it was before the silence", hardware, values)
+    if faults:
+        return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
+    level = OK if sample.state.name in IN_ORDER else WARN
+    return _status(subject, level, sample.state.doc, hardware, values)
+
+
+def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
+    gate = report.connection.gate
+    ignored = {f"ignored_{r.name.lower()}": n for r, n in sorted(gate.ignored.items(), key=str)}
+    values = {"obeyed": gate.obeyed, "ignored": sum(gate.ignored.values()), **ignored}
+    level, message = OK, f"{gate.obeyed} obeyed, {sum(gate.ignored.values())} ignored"
+    if report.unheard_types:
+        level = WARN
+        message = (
+            f"commands of type {', '.join(report.unheard_types)} are not heard: "
+            "look at use_stamped_vel"
+        )
+    return _status(f"{name}: commands", level, message, hardware, values)
+
+
+def _status(
+    name: str, level: bytes, message: str, hardware_id: str, values: dict[str, Any]
+) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id=hardware_id,
+        values=list(_key_values(values)),
+    )
+
+
+def _key_values(values: dict[str, Any]) -> Iterable[KeyValue]:
+    for key, value in values.items():
+        if isinstance(value, float):
+            text = "" if math.isnan(value) else f"{value:.6g}"
+        else:
+            text = str(value)
+        yield KeyValue(key=key, value=text)

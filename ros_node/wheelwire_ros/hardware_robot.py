@@ -1,0 +1,112 @@
+"""The node of a real robot, by any of Wheelwire's drivers: the executable `hardware_robot`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, ParameterException
+from rclpy.executors import ExternalShutdownException
+
+from wheelwire import BaseDriver, Pins, driver_names, open_driver
+
+from .node import BaseRobotNode
+from .parameters import Setting
+
+CONNECT_TIMEOUT_S = 2.0
+"""Shorter than patience: every callback waits meanwhile."""
+NO_PIN = NO_CHIP = -1
+PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
+"""The wiring guide's."""
+
+
+def _pin(name: str, default: int) -> Setting:
+    doc = "l298n, pigpio: GPIO, BCM number."
+    if default == NO_PIN:
+        doc += f" {NO_PIN}: there is none."
+    return Setting(f"pins.{name}", default, doc, min(default, 0), 27)
+
+
+# fmt: off
+SETTINGS = (
+    Setting("driver_type", "serial",
+            f"How the wheels are reached: {', '.join(driver_names())}."),
+    Setting("port", "/dev/wheelwire", "serial: device path, or socket://host:port."),
+    Setting("baud_rate", 921_600, "serial: tried first; then the usual ones. [baud]",
+            1200, 4_000_000),
+    Setting("board_id", "", "serial: only this board will do, 12 hex digits; port may then be glob "
+            "patterns, separated by commas."),
+    Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: it is looked "
+            "for.", NO_CHIP, 99),
+    Setting("pigpio_host", "localhost", "pigpio: where the daemon runs."),
+    Setting("pigpio_port", 8888, "pigpio: the daemon's TCP port.", 1, 65_535),
+    *(_pin(name, default) for name, default in PINS.items()),
+)
+# fmt: on
+
+
+class HardwareRobot(BaseRobotNode):
+    """A robot whose driver is chosen by the parameter `driver_type`."""
+
+    def __init__(self) -> None:
+        super().__init__("hardware_robot", SETTINGS)
+
+    @property
+    def driver_type(self) -> str:
+        """The driver's name."""
+        return str(self.setting("driver_type"))
+
+    def open_driver(self) -> BaseDriver:
+        """By the node's parameters."""
+        return open_driver(self.driver_type, **self._options())
+
+    def _options(self) -> dict[str, Any]:
+        local: dict[str, Any] = {"parameters": self.given_parameters}
+        if self.driver_type == "serial":
+            return {
+                "port": self.setting("port"),
+                "baud_rate": self.setting("baud_rate"),
+                "connect_timeout": CONNECT_TIMEOUT_S,
+                "stream_rate_hz": math.ceil(self.setting("publish_rate")),
+                "board_id": self.setting("board_id") or None,
+            }
+        if self.driver_type == "mock":
+            return local
+        if self.driver_type == "l298n":
+            chip = self.setting("pwm_chip")
+            pwm_chip = None if chip == NO_CHIP else chip
+            return {**local, "pins": self._pins(), "pwm_chip": pwm_chip}
+        if self.driver_type == "pigpio":
+            daemon = {"host": self.setting("pigpio_host"), "port": self.setting("pigpio_port")}
+            return {**local, **daemon, "pins": self._pins()}
+        return {}
+
+    def _pins(self) -> Pins:
+        numbers: dict[str, int] = {name: self.setting(f"pins.{name}") for name in PINS}
+        return Pins(**{name: number for name, number in numbers.items() if number != NO_PIN})
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted; whatever ends it, the wheels stop first."""
+    rclpy.init(args=args)
+    try:
+        node = HardwareRobot()
+        try:
+            rclpy.spin(node)
+        finally:
+            node.close()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except InvalidParameterTypeException as error:
+        sys.exit(f"hardware_robot: {error}: a real number has a point (1.0), a whole one has not")
+    except ParameterException as error:
+        sys.exit(f"hardware_robot: {error}")
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,138 @@
+"""Everything that a node has while its robot is open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+from wheelwire import BaseDriver, WheelSample, WheelwireError
+
+from . import diagnostics, robot_settings
+from .command_subscriber import CommandSubscriber
+from .commands import CommandGate
+from .connection import RobotConnection
+from .estimator import MotionEstimator
+from .pacing import Pacer
+from .parameter_bridge import ParameterBridge
+from .publishers import MotionPublisher
+from .reader import SampleReader
+from .services import RobotServices
+from .time_base import TimeBase
+
+LOG_PERIOD_S = 1.0
+
+
+class OpenRobot:
+    """A robot, its topics and services, and the thread that takes its samples.
+
+    Args:
+        node: The lifecycle node, with all parameters declared.
+        robot: Its driver; closed here, also when this raises.
+        bridge: Of the node's parameters.
+        on_failure: Called in the reader's thread when it fails; the wheels have been stopped.
+
+    Raises:
+        WheelwireError: The robot does not take its parameters, or measures nothing.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        robot: BaseDriver,
+        bridge: ParameterBridge,
+        on_failure: Callable[[Exception], None],
+    ) -> None:
+        self._node = node
+        self._bridge = bridge
+        self._on_failure = on_failure
+        self._newest: WheelSample | None = None
+        self._closing = False
+        self._time_base = TimeBase(lambda: int(node.get_clock().now().nanoseconds))
+        with ExitStack() as resources:
+            resources.callback(robot.shutdown)
+            self._prepare(robot)
+            self._join_graph(robot, resources)
+            self._resources = resources.pop_all()
+
+    def close(self) -> None:
+        """Stop the wheels, then give everything back, the latest first."""
+        self._closing = True
+        self.connection.active = False
+        self.connection.robot.shutdown()  # it stops first
+        self._resources.close()
+
+    def follow(self) -> None:
+        """The session may be a new one."""
+        try:
+            self.connection.follow()
+        except WheelwireError as error:
+            self._node.get_logger().warning(str(error), throttle_duration_sec=LOG_PERIOD_S)
+
+    def use_settings(self) -> None:
+        """Take the parameters that can change while the robot is open."""
+        get, connection = self._node.setting, self.connection
+        connection.gate.timeout_s = get("cmd_vel_timeout")
+        connection.tuning = robot_settings.tuning(get)
+        self._estimator.drive = connection.drive
+
+    def statuses(self, name: str, driver_type: str) -> list[Any]:
+        """What there is to say in /diagnostics."""
+        self._time_base.measure()
+        report = diagnostics.Report(
+            self.connection,
+            self._newest,
+            self._reader.silence,
+            self._time_base.error_s,
+            self._estimator.rebases,
+            self._commands.unheard_types(),
+        )
+        return diagnostics.open_statuses(name, driver_type, report)
+
+    def _prepare(self, robot: BaseDriver) -> None:
+        get = self._node.setting
+        self.connection = RobotConnection(
+            robot,
+            CommandGate(get("cmd_vel_timeout")),
+            self._bridge.given,
+            robot_settings.tuning(get),
+            self._on_session,
+        )
+        self._estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
+        self._pacer = Pacer(get("publish_rate"))
+        self.connection.follow()
+
+    def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
+        node, connection = self._node, self.connection
+        has_battery = robot.read().battery_v is not None
+        self._publisher = MotionPublisher(
+            node, robot_settings.topics(node.setting, has_battery=has_battery)
+        )
+        resources.callback(self._publisher.destroy)
+        resources.callback(RobotServices(node, connection, self._estimator).destroy)
+        stamped = node.setting("use_stamped_vel")
+        self._commands = CommandSubscriber(node, connection, stamped=stamped)
+        resources.callback(self._commands.destroy)
+        returned = node.create_guard_condition(self.follow)
+        resources.callback(node.destroy_guard_condition, returned)
+        self._reader = SampleReader(robot, self._on_sample, returned.trigger, self._fail)
+        resources.callback(self._reader.close)
+
+    def _on_session(self) -> None:
+        """A robot that was reset or flashed may have other numbers."""
+        self._bridge.mirror(self.connection.robot)
+        self.use_settings()
+
+    def _on_sample(self, sample: WheelSample) -> None:
+        """In the reader's thread."""
+        self._newest = sample
+        motion = self._estimator.update(sample)
+        if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
+            self._publisher.publish(motion, self._time_base.to_ros_ns(sample.stamp))
+
+    def _fail(self, error: Exception) -> None:
+        """In the reader's thread."""
+        if self._closing or not self._node.context.ok():
+            return
+        self.connection.robot.shutdown()
+        self._on_failure(error)

@@ -1,0 +1,34 @@
+"""Which samples are published, when the robot measures more often than was asked for."""
+
+from __future__ import annotations
+
+from wheelwire import WheelSample
+
+EARLY = 0.125
+"""Of a period: a sample this early counts as on time."""
+
+
+class Pacer:
+    """Lets samples through at a rate, by their own clock.
+
+    Args:
+        rate_hz: At most.
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_us = 1e6 / rate_hz
+        self._due_us = 0.0
+        self._boot_id: int | None = None
+
+    def is_due(self, sample: WheelSample) -> bool:
+        """Whether this one is to be published."""
+        if sample.boot_id != self._boot_id:
+            self._boot_id = sample.boot_id
+            self._due_us = sample.t_us
+        if sample.t_us < self._due_us - EARLY * self._period_us:
+            return False
+        late_us = sample.t_us - self._due_us
+        if late_us > self._period_us:
+            self._due_us = sample.t_us  # a gap is not made good by a burst
+        self._due_us += self._period_us
+        return True

@@ -1,0 +1,208 @@
+"""The node's parameters: their names, aliases, types, ranges and descriptions.
+
+Two kinds. The node's own have a default. The robot's are the firmware's, by its names: one that is
+not given is not set until the robot is open, and then shows the value that the robot has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
+from rclpy.parameter import Parameter as RosParameter
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
+
+Value = bool | int | float | str | list[float]
+
+NOT_OFFERED = {"stream_rate_hz"}
+"""Of the firmware's: publish_rate rules it."""
+ROBOT_PARAMETERS = {n: p for n, p in PARAMETER_BY_NAME.items() if n not in NOT_OFFERED}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One of the node's own parameters.
+
+    Attributes:
+        live: It can be changed while the robot is open.
+        low: Inclusive; NaN for none.
+        high: As `low`.
+    """
+
+    name: str
+    default: Value
+    doc: str
+    low: float = math.nan
+    high: float = math.nan
+    live: bool = False
+
+
+def _diagonal(name: str, default: list[float], doc: str) -> Setting:
+    return Setting(name, default, f"Variances of x, y, z, roll, pitch, yaw. {doc}")
+
+
+# A table reads best in rows.
+# fmt: off
+SETTINGS: tuple[Setting, ...] = (
+    Setting("autostart", True, "Configure and activate without being asked, again until it works."),
+    Setting("use_stamped_vel", False, "cmd_vel is TwistStamped, not Twist."),
+    Setting("cmd_vel_timeout", 0.5, "A command acts for this long from its stamp. [s]",
+            0.02, 5, live=True),
+    Setting("publish_rate", 50.0, "Messages of odom a second. [Hz]", 1, 1000),
+    Setting("odom_frame_id", "odom", "Frame of the odometry."),
+    Setting("base_frame_id", "base_link", "Frame of the robot."),
+    Setting("tf_frame_prefix", "", "Put before both frames; for several robots on one graph."),
+    Setting("enable_odom_tf", True, "Publish the transform odom_frame_id -> base_frame_id."),
+    Setting("left_wheel_name", "left_wheel_joint", "In joint_states."),
+    Setting("right_wheel_name", "right_wheel_joint", "In joint_states."),
+    Setting("linear.x.max_velocity", 10.0, "Limit of the robot's velocity. [m/s]",
+            0.001, 10, live=True),
+    Setting("angular.z.max_velocity", 100.0, "Limit of the robot's turn rate. [rad/s]",
+            0.001, 100, live=True),
+    Setting("wheel_separation_multiplier", 1.0, "Real over nominal, by calibration.",
+            0.5, 2, live=True),
+    Setting("left_wheel_radius_multiplier", 1.0, "Real over nominal, by calibration.",
+            0.5, 2, live=True),
+    Setting("right_wheel_radius_multiplier", 1.0, "Real over nominal, by calibration.",
+            0.5, 2, live=True),
+    Setting("wheel_variance", 2.5e-5,
+            "Variance of a wheel's travel per metre of it; the pose's covariance grows by it. "
+            "[m^2/m]", 0, 1),
+    _diagonal("pose_covariance_diagonal", [0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0],
+              "Added to what dead reckoning has gathered."),
+    _diagonal("twist_covariance_diagonal", [1e-3, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2],
+              "Of the measured velocity."),
+)
+# fmt: on
+
+ALIASES = {
+    "serial_port": "port",
+    "wheel_base": "wheel_separation",
+    "cpr": "counts_per_revolution",
+    "max_speed": "max_velocity_mps",
+    "pwm_frequency": "pwm_frequency_hz",
+    "linear.x.max_acceleration": "max_acceleration_mps2",
+}
+"""Names that users bring along -> ours. Only read at the start."""
+
+_KIND_TYPES = {
+    Kind.REAL: RosParameter.Type.DOUBLE,
+    Kind.WHOLE: RosParameter.Type.INTEGER,
+    Kind.SWITCH: RosParameter.Type.BOOL,
+}
+
+
+class ConflictingParameters(ParameterException):  # type: ignore[misc]
+    """One parameter was given twice, by two names."""
+
+    def __init__(self, alias: str, name: str) -> None:
+        super().__init__(f"give {name} or {alias}, which is another name of it, not both", alias)
+
+
+class ParameterRefused(ParameterException):  # type: ignore[misc]
+    """A parameter cannot have the value that it was given."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(reason, name)
+
+
+def declare(node: Any, own: Iterable[Setting] = ()) -> dict[str, float]:
+    """Declare all parameters on a node, and settle the aliases.
+
+    Args:
+        node: An rclpy node.
+        own: The settings of its class, beyond those of every node.
+
+    Returns:
+        Those of the robot's parameters that were given, by name, as the robot takes them.
+
+    Raises:
+        ParameterException: A value is of another type, or out of range.
+        ConflictingParameters: Alias and name were both given.
+    """
+    settings = {s.name: s for s in (*SETTINGS, *own)}
+    for setting in settings.values():
+        node.declare_parameter(setting.name, _type_of(setting.default), _describe(setting))
+    for parameter in ROBOT_PARAMETERS.values():
+        node.declare_parameter(
+            parameter.name, _KIND_TYPES[parameter.kind], describe_robot(parameter)
+        )
+    for alias, name in ALIASES.items():
+        if node.has_parameter(name):
+            _settle(node, alias, name)
+    for setting in settings.values():
+        if not is_set(node, setting.name):
+            _set(node, RosParameter(setting.name, value=setting.default))
+    given = [name for name in ROBOT_PARAMETERS if is_set(node, name)]
+    return {name: float(node.get_parameter(name).value) for name in given}
+
+
+def is_set(node: Any, name: str) -> bool:
+    """Whether a parameter has a value."""
+    return bool(node.get_parameter_or(name).type_ != RosParameter.Type.NOT_SET)
+
+
+def from_robot(name: str, value: float) -> RosParameter:
+    """A robot's value as a ROS parameter."""
+    kind = PARAMETER_BY_NAME[name].kind
+    native = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}[kind](value)
+    return RosParameter(name, value=native)
+
+
+def describe_robot(parameter: Parameter) -> ParameterDescriptor:
+    """Of one of the robot's parameters."""
+    descriptor = ParameterDescriptor(
+        description=f"{parameter.doc} [{parameter.unit.value or 'no unit'}]",
+        additional_constraints="Lives on the robot: when not given, it is as the robot has it.",
+    )
+    _limit(descriptor, _KIND_TYPES[parameter.kind], parameter.minimum, parameter.maximum)
+    return descriptor
+
+
+def _describe(setting: Setting) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=setting.doc)
+    if not setting.live:
+        descriptor.additional_constraints = "Read when the node is configured."
+    if not math.isnan(setting.low):
+        _limit(descriptor, _type_of(setting.default), setting.low, setting.high)
+    return descriptor
+
+
+def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float) -> None:
+    if type_ is RosParameter.Type.DOUBLE:
+        limits = FloatingPointRange(from_value=float(low), to_value=float(high))
+        descriptor.floating_point_range = [limits]
+    elif type_ is RosParameter.Type.INTEGER:
+        whole = IntegerRange(from_value=int(low), to_value=int(high), step=1)
+        descriptor.integer_range = [whole]
+
+
+def _settle(node: Any, alias: str, name: str) -> None:
+    """Declare an alias; what it was given goes to the parameter that it names."""
+    description = f"Another name of {name}, read at the start."
+    node.declare_parameter(
+        alias,
+        RosParameter.Type(node.describe_parameter(name).type),
+        ParameterDescriptor(description=description, read_only=True),
+    )
+    if not is_set(node, alias):
+        return
+    if is_set(node, name):
+        raise ConflictingParameters(alias, name)
+    _set(node, RosParameter(name, value=node.get_parameter(alias).value))
+    node.get_logger().info(f"parameter {alias} is taken as {name}")
+
+
+def _set(node: Any, parameter: RosParameter) -> None:
+    (result,) = node.set_parameters([parameter])
+    if not result.successful:
+        raise ParameterRefused(parameter.name, result.reason)
+
+
+def _type_of(value: Value) -> Any:
+    return RosParameter.Type.from_parameter_value(value)

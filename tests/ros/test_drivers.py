@@ -1,0 +1,62 @@
+"""Each driver under the node, but for the serial one, which is under all other tests of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from support.pigpio_process import PigpioProcess
+from support.ros import Diagnostics, Graph, Repeater, RobotNode, wait
+from support.ros_rig import SPEED_MPS, twist
+
+PATIENT_US = 1_000_000
+"""A busy test machine is no fault of the robot's."""
+
+ON_MODEL_PINS = """
+import tempfile
+from pathlib import Path
+from gpiozero import Device
+from support.gpio_robot import GpioRobot
+from wheelwire_ros import hardware_robot
+
+with tempfile.TemporaryDirectory() as root:
+    with GpioRobot(Path(root), kernel_pwm=False) as robot:
+        Device.pin_factory = robot.factory
+        hardware_robot.main()
+"""
+
+
+def check_driving(graph: Graph, driver: str, **options: Any) -> None:
+    """There and to a halt, by odom."""
+    diagnostics = Diagnostics(graph)
+    odometry = graph.listen(Odometry, "odom")
+    with RobotNode(graph, driver_type=driver, overrun_limit_us=PATIENT_US, **options):
+        commands = graph.publisher(Twist, "cmd_vel")
+        wait(lambda: odometry, "odom")
+        with Repeater(commands, lambda: twist(SPEED_MPS)):
+            wait(lambda: odometry[-1].pose.pose.position.x > 0.1, "10 cm")
+            link = diagnostics.wait("link", lambda *_: True)
+        wait(lambda: odometry[-1].twist.twist.linear.x == 0, "the halt")
+    assert link["driver"] == driver
+    assert abs(odometry[-1].pose.pose.position.y) < 0.02
+
+
+def test_mock(graph: Graph) -> None:
+    check_driving(graph, "mock")
+
+
+def test_pigpio(graph: Graph) -> None:
+    with PigpioProcess() as daemon:
+        check_driving(graph, "pigpio", pigpio_host="127.0.0.1", pigpio_port=daemon.port)
+        assert not daemon.command("truth")["driven"]
+
+
+def test_l298n(graph: Graph) -> None:
+    pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
+    check_driving(graph, "l298n", code=ON_MODEL_PINS)

@@ -1,0 +1,76 @@
+"""Transitions by service, and the start without being asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+from lifecycle_msgs.msg import Transition
+from nav_msgs.msg import Odometry
+
+from support.ros import Diagnostics, Graph, RobotNode, wait
+from support.ros_rig import NODE, SPEED_MPS, twist
+from wheelwire.sim import Simulator
+
+OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
+
+
+def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
+    diagnostics = Diagnostics(graph)
+    odometry = graph.listen(Odometry, "odom")
+    with RobotNode(graph, port=simulator.port, autostart=False):
+        diagnostics.wait("link", lambda status, _: status.message == "not configured")
+        assert graph.state(NODE) == "unconfigured"
+
+        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        diagnostics.wait("link", lambda status, _: status.level == OK)
+        commands = graph.publisher(Twist, "cmd_vel")
+        commands.publish(twist(SPEED_MPS))
+        diagnostics.wait("commands", lambda _, values: "ignored_inactive" in values)
+        assert not odometry
+
+        assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+        wait(lambda: odometry, "odom")
+        assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+        assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
+        wait(lambda: commands.get_subscription_count() == 0, "the subscription's end")
+        assert graph.state(NODE) == "unconfigured"
+
+        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+        odometry.clear()
+        wait(lambda: odometry, "odom once more")
+        assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        assert graph.state(NODE) == "finalized"
+
+
+def test_a_transition_that_the_state_does_not_have_is_refused(graph: Graph) -> None:
+    """As by a lifecycle manager that comes after the node has started by itself."""
+    with RobotNode(graph, driver_type="mock"):
+        graph.wait_active()
+        assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        assert graph.state(NODE) == "active"
+
+
+def test_without_a_device_it_tries_again_and_says_why(graph: Graph, tmp_path: Path) -> None:
+    port = tmp_path / "port"
+    diagnostics = Diagnostics(graph)
+    with RobotNode(graph, port=port):
+        diagnostics.wait(
+            "link", lambda status, _: status.level == ERROR and str(port) in status.message
+        )
+        assert graph.state(NODE) == "unconfigured"
+        with Simulator(link=port):
+            graph.wait_active()
+
+
+def test_without_a_clock_it_is_started_and_heard(graph: Graph) -> None:
+    """use_sim_time, and nobody publishes /clock: neither hangs."""
+    diagnostics = Diagnostics(graph)
+    with RobotNode(graph, driver_type="mock", use_sim_time=True):
+        diagnostics.wait("link", lambda status, _: status.level == OK)

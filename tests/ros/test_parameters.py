@@ -1,0 +1,126 @@
+"""Parameters: what they say of themselves, and whether they reach the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from std_srvs.srv import Trigger
+
+from support.ros import PATIENCE_S, Repeater, RobotNode, open_graph, wait
+from support.ros_rig import NODE, Rig, open_rig, twist
+from wheelwire import open_driver
+from wheelwire.sim import Simulator
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    with open_rig(tmp_path_factory.mktemp("rig"), max_velocity_mps=0.35) as rig:
+        yield rig
+
+
+def fastest_mps(rig: Rig, linear_mps: float) -> float:
+    """The speed that is reached, by the plant."""
+    with Repeater(rig.commands, lambda: twist(linear_mps)):
+        rig.truth(lambda state: state.left_mps > 0.05)
+        odometry = len(rig.odometry)
+        wait(lambda: len(rig.odometry) > odometry + 50, "a second of odom")
+        return max(state.left_mps for state in rig.simulator.take_states())
+
+
+def test_they_describe_themselves_with_their_ranges(rig: Rig) -> None:
+    gain = rig.graph.describe(NODE, "proportional_gain")
+    definition = PARAMETER_BY_NAME["proportional_gain"]
+    assert gain.floating_point_range[0].from_value == definition.minimum
+    assert gain.floating_point_range[0].to_value == definition.maximum
+    assert definition.doc in gain.description
+    counts = rig.graph.describe(NODE, "counts_per_revolution")
+    assert counts.integer_range[0].to_value == 200_000
+    assert rig.graph.describe(NODE, "cmd_vel_timeout").floating_point_range
+
+
+def test_those_that_were_not_given_are_as_the_robot_has_them(rig: Rig) -> None:
+    for name in ("static_feedforward", "counts_per_revolution", "left_motor_inverted"):
+        assert rig.graph.parameter(NODE, name) == PARAMETER_BY_NAME[name].default
+    assert rig.graph.parameter(NODE, "max_velocity_mps") == 0.35
+
+
+def test_a_limit_of_the_node_is_in_force_at_once(rig: Rig) -> None:
+    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 0.1).successful
+    assert fastest_mps(rig, 0.3) == pytest.approx(0.1, abs=0.03)
+    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 10.0).successful
+
+
+def test_a_limit_of_the_robot_is_in_force_at_once(rig: Rig) -> None:
+    assert rig.graph.set_parameter(NODE, "max_velocity_mps", 0.2).successful
+    assert fastest_mps(rig, 0.4) == pytest.approx(0.2, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("proportional_gain", -1.0, "out of range"),
+        ("cmd_vel_timeout", float("nan"), "out of range"),
+        ("odom_frame_id", "elsewhere", "read when the node is configured"),
+        ("wheel_base", 0.3, "read-only"),
+        ("control_rate_hz", 333.0, "type"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason(
+    rig: Rig, name: str, value: Any, reason: str
+) -> None:
+    result = rig.graph.set_parameter(NODE, name, value)
+    assert not result.successful
+    assert reason in result.reason
+
+
+def test_aliases_and_changes_reach_the_firmware_and_saved_ones_stay(tmp_path: Path) -> None:
+    """Read back by another host, when the node has ended."""
+    with open_graph() as graph, Simulator(link=tmp_path / "port") as simulator:
+        with RobotNode(
+            graph, serial_port=simulator.port, wheel_base=0.25, cpr=720, max_speed=0.3
+        ) as node:
+            graph.wait_active()
+            assert graph.parameter(NODE, "wheel_separation") == 0.25
+            assert graph.set_parameter(NODE, "proportional_gain", 2.5).successful
+            assert graph.call(Trigger, f"{NODE}/save_parameters").success
+            assert graph.set_parameter(NODE, "proportional_gain", 3.5).successful
+        assert node.process.returncode == 0
+        assert gain_and_geometry(simulator) == (3.5, 0.25, 720, 0.3)
+        simulator.reset()
+        assert gain_and_geometry(simulator) == (2.5, 0.25, 720, 0.3)
+
+
+def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
+    with open_driver("serial", port=simulator.port, connect_timeout=PATIENCE_S) as robot:
+        drive = robot.geometry
+        return (
+            robot.parameters.get("proportional_gain"),
+            drive.wheel_separation,
+            drive.counts_per_revolution,
+            drive.max_velocity_mps,
+        )
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"wheel_base": 0.2, "wheel_separation": 0.2}, "not both"),
+        ({"wheel_base": 9.0}, "wheel_separation out of range"),
+        ({"max_speed": 1}, "a real number has a point"),
+        ({"publish_rate": 0.0}, "publish_rate out of range"),
+    ],
+)
+def test_a_start_with_what_cannot_be_ends_with_one_line(
+    parameters: dict[str, Any], words: str
+) -> None:
+    with open_graph() as graph, RobotNode(graph, **parameters) as node:
+        assert node.process.wait(PATIENCE_S) == 1
+        (line,) = node.errors().splitlines()
+        assert words in line

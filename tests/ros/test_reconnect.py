@@ -1,0 +1,110 @@
+"""The device goes away and comes back while the node runs."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.ros import Diagnostics, RobotNode, open_graph, wait
+from support.ros_rig import NODE, Rig, open_rig
+from support.stop_host import stopped
+
+LIMIT_MPS = 0.25
+STEP_M = 0.05
+"""Odometry that jumps makes a longer one between two samples; driving, it is 6 mm."""
+OK, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    directory = tmp_path_factory.mktemp("rig")
+    with open_rig(directory, stamped=True, max_velocity_mps=LIMIT_MPS) as rig:
+        yield rig
+
+
+def longest_step_m(rig: Rig) -> float:
+    """Between two messages of odom, since it was cleared."""
+    at = [message.pose.pose.position for message in tuple(rig.odometry)]
+    return max(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(at))
+
+
+def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
+    with rig.driving_stamped():
+        rig.truth(lambda state: state.drive_on)
+        rig.simulator.unplug()
+        rig.diagnostics.wait("link", lambda status, _: status.level == ERROR)
+        rig.diagnostics.wait("robot", lambda status, _: status.level == STALE)
+        rig.truth(stopped)
+        assert rig.ignored("out_of_reach") > 0
+        result = rig.graph.set_parameter(NODE, "integral_gain", 20.0)
+        assert not result.successful
+        assert result.reason
+        assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 5.0).successful
+    rest = rig.simulator.get("true.left_ticks")
+    rig.simulator.plug()
+    link = rig.diagnostics.wait("link", lambda status, _: status.level == OK)
+    assert int(link["reconnects"]) == 1
+    assert rig.simulator.get("true.left_ticks") == rest  # nothing was kept for later
+    with rig.driving_stamped():
+        rig.truth(lambda state: state.drive_on)
+    end = rig.truth(stopped)
+    wait(lambda: abs(rig.x_m() - end.x_m) < 0.01, "odom where the robot is")
+
+
+def test_reset_it_goes_on_with_the_parameters_that_were_given(rig: Rig) -> None:
+    rig.odometry.clear()
+    with rig.driving_stamped():
+        rig.truth(lambda state: state.drive_on)
+        boot_id = rig.simulator.reset()
+        rig.truth(lambda state: state.boot_id == boot_id and state.left_mps > LIMIT_MPS / 2)
+        link = rig.diagnostics.wait("link", lambda _, values: values["device_resets"] == "1")
+        assert link["odometry_rebases"] == "1"
+        rig.simulator.take_states()
+        seen = len(rig.odometry)
+        wait(lambda: len(rig.odometry) > seen + 25, "half a second of odom")
+        fastest = max(state.left_mps for state in rig.simulator.take_states())
+        assert fastest == pytest.approx(LIMIT_MPS, abs=0.03)  # SPEED_MPS was commanded
+    rig.truth(stopped)
+    assert longest_step_m(rig) < STEP_M
+
+
+def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
+    """The node stands still while the command waits for it, and the device starts anew."""
+    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", 5.0).successful
+    rig.node.process.send_signal(signal.SIGSTOP)
+    rig.commands.publish(rig.stamped(0.3))
+    boot_id = rig.simulator.reset()
+    rig.truth(lambda state: state.boot_id == boot_id)
+    rig.simulator.take_states()
+    rig.node.process.send_signal(signal.SIGCONT)
+    rig.diagnostics.wait("link", lambda s, v: s.level == OK and v["device_resets"] == "2")
+    rig.diagnostics.wait("commands", lambda _, v: int(v["ignored"]) > 0)
+    assert not any(state.drive_on for state in rig.simulator.take_states())
+
+
+def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:
+    path = tmp_path / "port"
+    with open_graph() as graph, PtyDevice(path) as device:
+        diagnostics = Diagnostics(graph)
+        with RobotNode(graph, port=path) as node:
+            graph.wait_active()
+            right, device.device = device.device, FakeDevice(schema_hash=1)
+            device.unplug()
+            device.plug()
+            diagnostics.wait("link", lambda status, _: "do not match" in status.message)
+            device.device = right
+            device.unplug()
+            device.plug()
+            diagnostics.wait("link", lambda status, _: status.level == OK)
+            assert node.process.poll() is None

@@ -1,0 +1,41 @@
+"""Two robots on one graph, each in a namespace of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool
+
+from support.ros import Diagnostics, Graph, Repeater, RobotNode, wait
+from support.ros_rig import SPEED_MPS, twist
+from wheelwire.sim import Simulator
+from wheelwire_protocol.codes import SupervisorState
+
+
+def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
+    left_odometry = graph.listen(Odometry, "/left/odom")
+    right_odometry = graph.listen(Odometry, "/right/odom")
+    with (
+        Simulator(link=tmp_path / "left") as left,
+        Simulator(link=tmp_path / "right") as right,
+        RobotNode(graph, namespace="/left", port=left.port, tf_frame_prefix="left"),
+        RobotNode(graph, namespace="/right", port=right.port, tf_frame_prefix="right/"),
+    ):
+        with Repeater(graph.publisher(Twist, "/left/cmd_vel"), lambda: twist(SPEED_MPS)):
+            wait(lambda: left_odometry and left_odometry[-1].pose.pose.position.x > 0.1, "10 cm")
+        wait(lambda: right_odometry, "/right/odom")
+        assert right.get("true.distance_m") == 0
+        assert right_odometry[-1].pose.pose.position.x == 0
+        assert left_odometry[-1].header.frame_id == "left/odom"
+        assert right_odometry[-1].child_frame_id == "right/base_link"
+        assert graph.call(SetBool, "/right/hardware_robot/estop", data=True).success
+        assert right.get("state") == SupervisorState.ESTOPPED
+        assert left.get("state") != SupervisorState.ESTOPPED
+        link = Diagnostics(graph, "left/hardware_robot").wait("link", lambda *_: True)
+        assert link["port"] == left.port

@@ -1,0 +1,143 @@
+"""As much of ROS's launch and launch_ros as it takes to see what a launch file would start.
+
+Neither is on PyPI. What a file asks for beyond this is an error here, so that nothing goes unseen.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import patch
+
+
+@dataclass
+class LaunchContext:
+    launch_configurations: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LaunchConfiguration:
+    variable_name: str
+
+    def perform(self, context: LaunchContext) -> str:
+        return context.launch_configurations[self.variable_name]
+
+
+@dataclass
+class DeclareLaunchArgument:
+    name: str
+    default_value: str = field(kw_only=True)
+    description: str = field(kw_only=True)
+    choices: list[str] | None = field(default=None, kw_only=True)
+
+
+@dataclass
+class OpaqueFunction:
+    function: Callable[[LaunchContext], list[Node]] = field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class IfCondition:
+    predicate: LaunchConfiguration
+
+    def holds(self, context: LaunchContext) -> bool:
+        return {"true": True, "false": False}[self.predicate.perform(context)]
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    value: Any
+    value_type: type = field(kw_only=True)
+
+
+@dataclass(kw_only=True)
+class Node:
+    package: str
+    executable: str
+    name: str | None = None
+    namespace: Any = None
+    parameters: list[Any] = field(default_factory=list)
+    remappings: list[tuple[str, str]] = field(default_factory=list)
+    output: str = "log"
+    respawn: bool = False
+    respawn_delay: float | None = None
+    condition: IfCondition | None = None
+
+
+@dataclass
+class LaunchDescription:
+    entities: list[DeclareLaunchArgument | OpaqueFunction | Node]
+
+
+MODULES: dict[str, list[type]] = {
+    "launch": [LaunchContext, LaunchDescription],
+    "launch.actions": [DeclareLaunchArgument, OpaqueFunction],
+    "launch.conditions": [IfCondition],
+    "launch.substitutions": [LaunchConfiguration],
+    "launch_ros": [],
+    "launch_ros.actions": [Node],
+    "launch_ros.parameter_descriptions": [ParameterValue],
+}
+
+
+def load(file: Path) -> LaunchDescription:
+    """What a launch file describes."""
+    modules = {name: ModuleType(name) for name in MODULES}
+    for name, contents in MODULES.items():
+        vars(modules[name]).update({item.__name__: item for item in contents})
+    with patch.dict(sys.modules, modules):
+        description = runpy.run_path(str(file))["generate_launch_description"]()
+    assert isinstance(description, LaunchDescription)
+    return description
+
+
+def arguments(description: LaunchDescription) -> dict[str, DeclareLaunchArgument]:
+    """Those that a launch file takes."""
+    declared = [e for e in description.entities if isinstance(e, DeclareLaunchArgument)]
+    return {argument.name: argument for argument in declared}
+
+
+def started(description: LaunchDescription, **given: str) -> dict[str, Node]:
+    """The nodes that these arguments start, by their executable, with all substitutions done."""
+    context = LaunchContext(_configurations(arguments(description), given))
+    nodes: list[Node] = []
+    for entity in description.entities:
+        if isinstance(entity, OpaqueFunction):
+            nodes += entity.function(context)
+        elif isinstance(entity, Node):
+            nodes.append(entity)
+    starting = [n for n in nodes if n.condition is None or n.condition.holds(context)]
+    return {node.executable: _resolved(node, context) for node in starting}
+
+
+def _configurations(
+    declared: dict[str, DeclareLaunchArgument], given: dict[str, str]
+) -> dict[str, str]:
+    assert given.keys() <= declared.keys()
+    for name, value in given.items():
+        choices = declared[name].choices
+        assert choices is None or value in choices
+    return {name: given.get(name, argument.default_value) for name, argument in declared.items()}
+
+
+def _resolved(node: Node, context: LaunchContext) -> Node:
+    return replace(
+        node,
+        namespace=_value(node.namespace, context),
+        parameters=[_value(parameter, context) for parameter in node.parameters],
+    )
+
+
+def _value(value: Any, context: LaunchContext) -> Any:
+    if isinstance(value, LaunchConfiguration):
+        return value.perform(context)
+    if isinstance(value, ParameterValue):
+        return value.value_type(value.value)
+    if isinstance(value, dict):
+        return {name: _value(entry, context) for name, entry in value.items()}
+    return value

@@ -1,0 +1,272 @@
+"""A ROS graph on loopback: a client in this process, robots' nodes in processes of their own."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from support.processes import interruptible
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import lark  # noqa: F401 - rclpy imports it at first use, and it imports what is deprecated
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter as RosParameter
+
+PATIENCE_S = 30.0
+MESSAGES_KEPT = 10_000
+ENVIRONMENT = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("ros_discovery.xml")),
+}
+"""Of every process on the graph."""
+_FIRST_DOMAIN = os.getpid() % 80
+_domains = itertools.count()
+
+
+def wait(condition: Callable[[], Any], what: str) -> None:
+    """Until it holds."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"it never came: {what}"
+        time.sleep(0.005)
+
+
+class Graph:
+    """A domain of its own, and a client node in it that spins in a thread."""
+
+    def __init__(self) -> None:
+        self.domain = 1 + (_FIRST_DOMAIN + next(_domains)) % 100
+        os.environ.update(ENVIRONMENT)
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=self.domain)
+        self.node = rclpy.create_node("client", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, name="client")
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+    def close(self) -> None:
+        """Leave the domain."""
+        rclpy.shutdown(context=self._context)
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+    def listen(self, type_: Any, topic: str, depth: int = 100) -> deque[Any]:
+        """What is published, as it comes."""
+        messages: deque[Any] = deque(maxlen=MESSAGES_KEPT)
+        self.node.create_subscription(type_, topic, lambda m: messages.append(m), depth)
+        return messages
+
+    def first(self, type_: Any, topic: str) -> Any:
+        """The first message that comes."""
+        messages = self.listen(type_, topic)
+        wait(lambda: messages, topic)
+        return messages[0]
+
+    def publisher(self, type_: Any, topic: str) -> Any:
+        """One that has found its subscriber."""
+        publisher = self.node.create_publisher(type_, topic, 1)
+        wait(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        return publisher
+
+    def call(self, type_: Any, name: str, **fields: Any) -> Any:
+        """A service's answer."""
+        client = self.node.create_client(type_, name)
+        wait(client.service_is_ready, name)
+        future = client.call_async(type_.Request(**fields))
+        wait(future.done, f"the answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def set_parameter(self, node: str, name: str, value: Any) -> Any:
+        """The result."""
+        parameter = RosParameter(name, value=value).to_parameter_msg()
+        return self.set_parameters(node, [parameter])[0]
+
+    def set_parameters(self, node: str, parameters: list[Parameter]) -> Any:
+        """The results, each by itself."""
+        answer = self.call(SetParameters, f"{node}/set_parameters", parameters=parameters)
+        return answer.results
+
+    def parameter(self, node: str, name: str) -> Any:
+        """Its value; None when it is not set."""
+        answer = self.call(GetParameters, f"{node}/get_parameters", names=[name])
+        return RosParameter.from_parameter_msg(Parameter(name=name, value=answer.values[0])).value
+
+    def describe(self, node: str, name: str) -> Any:
+        """Its descriptor."""
+        answer = self.call(DescribeParameters, f"{node}/describe_parameters", names=[name])
+        return answer.descriptors[0]
+
+    def state(self, node: str) -> str:
+        """Of its lifecycle."""
+        return str(self.call(GetState, f"{node}/get_state").current_state.label)
+
+    def change_state(self, node: str, transition: int) -> bool:
+        """Whether it succeeded."""
+        request = Transition(id=transition)
+        return bool(self.call(ChangeState, f"{node}/change_state", transition=request).success)
+
+    def wait_active(self, node: str = "/hardware_robot") -> None:
+        """Until it obeys commands."""
+        wait(lambda: self.state(node) == "active", f"{node} active")
+
+
+class Diagnostics:
+    """What /diagnostics says of a robot now."""
+
+    def __init__(self, graph: Graph, robot: str = "hardware_robot") -> None:
+        self._robot = robot
+        self._messages = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def wait(
+        self, subject: str, condition: Callable[[Any, dict[str, str]], bool]
+    ) -> dict[str, str]:
+        """Until a status from now on fulfils a condition on it and its values; returns these."""
+        found: dict[str, str] = {}
+        self._messages.clear()
+
+        def look() -> bool:
+            while self._messages:
+                for status in self._messages.popleft().status:
+                    values = {pair.key: pair.value for pair in status.values}
+                    if status.name == f"{self._robot}: {subject}" and condition(status, values):
+                        found.update(values)
+                        return True
+            return False
+
+        wait(look, f"a condition of {subject} in /diagnostics")
+        return found
+
+
+class RobotNode:
+    """The node in a process of its own.
+
+    Args:
+        graph: Whose domain it joins.
+        code: Run instead of the executable, with the same arguments.
+        name: The node's namespace and name, for remapping: `/a` is namespace a.
+        parameters: By name.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        code: str | None = None,
+        namespace: str = "",
+        **parameters: Any,
+    ) -> None:
+        program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
+        arguments = ["--ros-args"]
+        for name, value in parameters.items():
+            arguments += ["-p", f"{name.replace('__', '.')}:={_yaml(value)}"]
+        if namespace:
+            arguments += ["-r", f"__ns:={namespace}"]
+        tests = str(Path(__file__).parents[1])
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self.process = subprocess.Popen(
+            [sys.executable, *program, *arguments],
+            env={
+                **os.environ,
+                "ROS_DOMAIN_ID": str(graph.domain),
+                "PYTHONPATH": os.pathsep.join([tests, *sys.path]),
+            },
+            stderr=self._errors,
+            preexec_fn=interruptible,
+        )
+
+    def errors(self) -> str:
+        """What it has written to standard error."""
+        file = self._errors.fileno()
+        return os.pread(file, os.fstat(file).st_size, 0).decode()
+
+    def end(self, blow: signal.Signals) -> int:
+        """Send a signal and wait; returns the exit code."""
+        self.process.send_signal(blow)
+        return self.process.wait(PATIENCE_S)
+
+    def close(self) -> None:
+        """Interrupt it, if it still runs."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+        finally:
+            sys.stderr.write(self.errors())
+            self._errors.close()
+
+    def __enter__(self) -> RobotNode:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Repeater:
+    """Publishes a message again and again from a thread, as a program that drives does."""
+
+    def __init__(self, publisher: Any, make: Callable[[], Any], rate_hz: float = 50) -> None:
+        self._publisher = publisher
+        self._make = make
+        self._period_s = 1 / rate_hz
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="repeater")
+
+    def _run(self) -> None:
+        while not self._end.wait(self._period_s):
+            self._publisher.publish(self._make())
+
+    def __enter__(self) -> Repeater:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join()
+
+
+@contextmanager
+def open_graph() -> Iterator[Graph]:
+    """A client on a domain of its own."""
+    graph = Graph()
+    try:
+        yield graph
+    finally:
+        graph.close()
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,93 @@
+"""A simulated robot, its node, and a client that commands it: what most tests of the node need."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped, Vector3
+from nav_msgs.msg import Odometry
+
+from support import stop_host
+from support.ros import Diagnostics, Graph, Repeater, RobotNode, open_graph, wait
+from wheelwire.sim import Simulator, TrueState
+
+NODE = "/hardware_robot"
+SPEED_MPS = 0.3
+TRUTH_HZ = 200.0
+SECOND = 1_000_000_000
+
+
+def twist(linear_mps: float, angular_radps: float = 0.0) -> Any:
+    return Twist(linear=Vector3(x=linear_mps), angular=Vector3(z=angular_radps))
+
+
+class Rig:
+    """One robot on a graph of its own.
+
+    Attributes:
+        odometry: What came on odom, the newest last.
+        commands: The publisher of cmd_vel.
+    """
+
+    def __init__(
+        self, graph: Graph, simulator: Simulator, node: RobotNode, *, stamped: bool
+    ) -> None:
+        self.graph = graph
+        self.simulator = simulator
+        self.node = node
+        self.odometry: deque[Any] = graph.listen(Odometry, "odom")
+        self.diagnostics = Diagnostics(graph)
+        self.commands = graph.publisher(TwistStamped if stamped else Twist, "cmd_vel")
+        wait(lambda: self.odometry, "odom")
+
+    def stamped(self, linear_mps: float, age_s: float = 0.0) -> Any:
+        """A command given `age_s` ago."""
+        message = TwistStamped(twist=twist(linear_mps))
+        stamp_ns = self.graph.node.get_clock().now().nanoseconds - round(age_s * 1e9)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, SECOND)
+        return message
+
+    def truth(self, condition: Callable[[TrueState], bool]) -> TrueState:
+        """The plant's first state from now on that fulfils a condition."""
+        self.simulator.take_states()
+        return stop_host.wait(self.simulator, condition)
+
+    def drive_on(self) -> TrueState:
+        """Command once, and wait until the robot drives."""
+        self.simulator.take_states()
+        self.commands.publish(twist(SPEED_MPS))
+        return stop_host.wait(self.simulator, lambda state: state.drive_on)
+
+    def driving(self) -> Repeater:
+        """A program that drives, for a `with` block."""
+        return Repeater(self.commands, lambda: twist(SPEED_MPS))
+
+    def driving_stamped(self) -> Repeater:
+        """As `driving`, with stamps."""
+        return Repeater(self.commands, lambda: self.stamped(SPEED_MPS))
+
+    def x_m(self) -> float:
+        """By odom."""
+        return float(self.odometry[-1].pose.pose.position.x)
+
+    def ignored(self, reason: str) -> int:
+        """How many commands were not obeyed for a reason; waits for the first."""
+        key = f"ignored_{reason}"
+        return int(self.diagnostics.wait("commands", lambda _, values: key in values)[key])
+
+
+@contextmanager
+def open_rig(
+    directory: Path, *, code: str | None = None, stamped: bool = False, **parameters: Any
+) -> Iterator[Rig]:
+    """A rig whose node is active; `code` as for `RobotNode`."""
+    with (
+        open_graph() as graph,
+        Simulator(link=directory / "port", truth_hz=TRUTH_HZ) as simulator,
+        RobotNode(graph, code, port=simulator.port, use_stamped_vel=stamped, **parameters) as node,
+    ):
+        yield Rig(graph, simulator, node, stamped=stamped)

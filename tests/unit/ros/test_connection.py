@@ -1,0 +1,196 @@
+"""Sessions as the node sees them, with a robot that writes down what it is told."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, cast
+
+import pytest
+
+from wheelwire import (
+    BaseDriver,
+    DeviceRefused,
+    DifferentialDrive,
+    LinkLost,
+    LinkStatistics,
+    ParameterOutOfRange,
+    Twist,
+)
+from wheelwire_protocol.codes import RefusalCode
+from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
+from wheelwire_ros.connection import RobotConnection, Tuning
+
+GIVEN = {"proportional_gain": 2.0, "wheel_radius": 0.04}
+
+
+class RecordingRobot:
+    """Only what a connection uses of a driver."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+        self.values = {"proportional_gain": 1.0, "integral_gain": 16.0, "wheel_radius": 0.033}
+        self.geometry = DifferentialDrive(0.2, 0.033, 360)
+        self.sessions = 1
+        self.error: Exception | None = None
+        self.parameters = self
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        return LinkStatistics(sessions=self.sessions)
+
+    def get(self, name: str) -> float:
+        if self.error is not None:
+            raise self.error
+        return self.values[name]
+
+    def set(self, name: str, value: float) -> float:
+        if value < 0:
+            raise ParameterOutOfRange(name, value, "at least 0")
+        self._tell((name, value))
+        self.values[name] = value
+        return value
+
+    def set_wheel_velocity(self, left: float, right: float, ttl: float) -> None:
+        self._tell(("drive", left, right, ttl))
+
+    def estop(self) -> None:
+        self._tell("estop")
+
+    def clear_estop(self) -> None:
+        self._tell("clear_estop")
+
+    def _tell(self, what: Any) -> None:
+        if self.error is not None:
+            raise self.error
+        self.told.append(what)
+
+
+@pytest.fixture
+def robot() -> RecordingRobot:
+    return RecordingRobot()
+
+
+@pytest.fixture
+def connection(robot: RecordingRobot) -> RobotConnection:
+    connection = RobotConnection(
+        cast("BaseDriver", robot),
+        CommandGate(0.5),
+        dict(GIVEN),
+        Tuning(max_linear_mps=10, max_angular_radps=100),
+        lambda: None,
+    )
+    connection.active = True
+    connection.follow()
+    robot.told.clear()
+    return connection
+
+
+def ignored(connection: RobotConnection, born_s: float | None = None) -> Ignored:
+    """Why a command is not obeyed."""
+    with pytest.raises(CommandIgnored) as error:
+        connection.command(Twist(0.2, 0), time.monotonic() if born_s is None else born_s)
+    return error.value.reason
+
+
+def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.gate.connected_s = 0
+    connection.command(Twist(0.2, 1.0), time.monotonic() - 0.2)
+    ((_, left, right, ttl_s),) = robot.told
+    assert (left, right) == pytest.approx((0.1, 0.3))
+    assert 0.2 < ttl_s <= 0.3
+    assert connection.gate.obeyed == 1
+
+
+def test_a_new_session_gets_the_parameters_and_the_estop_before_any_command(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.estop()
+    robot.told.clear()
+    robot.sessions += 1
+    connection.follow()
+    assert robot.told == ["estop", *GIVEN.items()]
+    assert ignored(connection) is Ignored.ESTOPPED
+    connection.clear_estop()
+    connection.command(Twist(0.2, 0), time.monotonic())
+    assert robot.told[-2:-1] == ["clear_estop"]
+
+
+def test_a_command_of_the_former_session_is_not_replayed(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    born_s = time.monotonic()
+    robot.sessions += 1
+    assert ignored(connection, born_s) is Ignored.BEFORE_RECONNECT
+    assert robot.told == list(GIVEN.items())
+    connection.command(Twist(0.2, 0), time.monotonic())
+
+
+def test_a_robot_that_does_not_take_its_parameters_is_not_driven(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.sessions += 1
+    robot.error = DeviceRefused(RefusalCode.OUT_OF_RANGE, "ParameterSet")
+    assert ignored(connection) is Ignored.REFUSED
+    assert connection.problem is robot.error
+    assert robot.told == []
+    robot.error = None
+    connection.follow()
+    assert connection.problem is None
+
+
+def test_an_estop_that_did_not_arrive_is_told_later(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = LinkLost("gone")
+    with pytest.raises(LinkLost):
+        connection.estop()
+    robot.error = None
+    assert ignored(connection) is Ignored.ESTOPPED
+    robot.sessions += 1
+    connection.follow()
+    assert robot.told[0] == "estop"
+
+
+def test_nothing_is_kept_for_a_robot_out_of_reach(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = LinkLost("gone")
+    assert ignored(connection) is Ignored.OUT_OF_REACH
+    robot.error = None
+    robot.sessions += 1
+    connection.follow()
+    assert robot.told == list(GIVEN.items())
+
+
+def test_an_inactive_node_drives_nothing(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.active = False
+    assert ignored(connection) is Ignored.INACTIVE
+    assert robot.told == []
+
+
+def test_parameters_are_set_together_or_not_at_all(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    before = dict(robot.values)
+    with pytest.raises(ParameterOutOfRange, match="integral_gain"):
+        connection.set_parameters({"proportional_gain": 5.0, "integral_gain": -1.0})
+    assert robot.values == before
+
+
+def test_parameters_of_a_robot_out_of_reach_are_refused(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = LinkLost("gone")
+    with pytest.raises(LinkLost):
+        connection.set_parameters({"proportional_gain": 5.0})
+
+
+def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -> None:
+    connection.tuning = Tuning(10, 100, 1.1, 0.9, 1.05)
+    drive = connection.drive
+    assert drive.wheel_separation == pytest.approx(0.22)
+    assert (drive.left_radius_multiplier, drive.right_radius_multiplier) == (0.9, 1.05)

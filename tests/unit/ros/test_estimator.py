@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from support.host_samples import sample
+from wheelwire import DifferentialDrive, Pose
+from wheelwire_ros.estimator import MotionEstimator
+
+DRIVE = DifferentialDrive(wheel_separation=0.2, wheel_radius=0.05, counts_per_revolution=1000)
+
+
+def estimator() -> MotionEstimator:
+    return MotionEstimator(DRIVE, wheel_variance_m=1e-4)
+
+
+def test_one_turn_of_both_wheels() -> None:
+    motions = estimator()
+    motions.update(sample(left_ticks=70, right_ticks=-5))
+    motion = motions.update(
+        sample(left_ticks=1070, right_ticks=995, t_us=10**6, left_mps=0.3, right_mps=0.3)
+    )
+    assert motion.pose.x_m == pytest.approx(2 * math.pi * 0.05)
+    assert motion.left == pytest.approx((2 * math.pi, 6.0))
+    assert motion.twist == pytest.approx((0.3, 0.0))
+    assert motion.covariance[0, 0] > 0
+
+
+def test_a_reset_of_the_device_moves_nothing() -> None:
+    motions = estimator()
+    motions.update(sample())
+    before = motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))
+    after = motions.update(sample(boot_id=2))
+    assert after.pose == before.pose
+    assert (after.left.angle_rad, after.right.angle_rad) == (
+        before.left.angle_rad,
+        before.right.angle_rad,
+    )
+    assert motions.rebases == 1
+
+
+def test_resetting_the_odometry_leaves_the_wheels_where_they_are() -> None:
+    motions = estimator()
+    motions.update(sample())
+    motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))
+    motions.reset()
+    motion = motions.update(sample(left_ticks=500, right_ticks=900, t_us=2 * 10**6))
+    assert motion.pose == Pose()
+    assert np.all(motion.covariance == 0)
+    assert motion.left.angle_rad == pytest.approx(math.pi)
+
+
+def test_new_numbers_count_from_now_on() -> None:
+    motions = estimator()
+    motions.update(sample())
+    one = motions.update(sample(left_ticks=100, right_ticks=100, t_us=1)).pose.x_m
+    motions.drive = replace(DRIVE, wheel_radius=0.1)
+    two = motions.update(sample(left_ticks=200, right_ticks=200, t_us=2)).pose.x_m
+    assert two == pytest.approx(3 * one)

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import queue
+from typing import Any, cast
+
+from support.host_samples import sample
+from wheelwire import BaseDriver, LinkLost, WheelSample, WheelwireError
+from wheelwire_ros.reader import SampleReader
+
+PATIENCE_S = 30.0
+
+
+class ScriptedRobot:
+    """Reads what it was given, in order; then nothing."""
+
+    def __init__(self, *script: WheelSample | Exception) -> None:
+        self._script = list(script)
+
+    def read(self, timeout: float) -> WheelSample:
+        assert timeout > 0
+        step = self._script.pop(0) if self._script else LinkLost("the end")
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+
+def events(*script: WheelSample | Exception, count: int) -> list[Any]:
+    """The first `count` calls of a reader."""
+    seen: queue.Queue[Any] = queue.Queue()
+    robot = cast("BaseDriver", ScriptedRobot(*script))
+    reader = SampleReader(robot, seen.put, lambda: seen.put("return"), seen.put)
+    try:
+        return [seen.get(timeout=PATIENCE_S) for _ in range(count)]
+    finally:
+        reader.close()
+
+
+def test_the_first_sample_a_silence_and_another_boot_may_be_a_new_session() -> None:
+    one, two, three = sample(t_us=1), sample(t_us=2), sample(t_us=3)
+    other = sample(boot_id=2)
+    script = (one, two, LinkLost("gone"), three, other)
+    expected = ["return", one, two, "return", three, "return", other]
+    assert events(*script, count=len(expected)) == expected
+
+
+def test_a_device_that_was_flashed_with_another_release_is_a_silence_too() -> None:
+    one, two = sample(t_us=1), sample(t_us=2)
+    script = (one, WheelwireError("host and firmware do not match"), two)
+    assert events(*script, count=4) == ["return", one, "return", two]
+
+
+def test_what_fails_is_handed_over() -> None:
+    error = RuntimeError("a defect")
+    assert events(sample(), error, count=3)[-1] is error

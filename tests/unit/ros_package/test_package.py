@@ -1,0 +1,109 @@
+"""package.xml and setup.py against each other, the distribution, and what is imported."""
+
+from __future__ import annotations
+
+import ast
+import runpy
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from unittest.mock import patch
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import wheelwire
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[3]
+PACKAGE = ROOT / "ros_node"
+NAME = "wheelwire_ros"
+OURS = {"wheelwire", "wheelwire_protocol", NAME}
+FROM_PIP = {"numpy", "setuptools"}
+
+
+@pytest.fixture
+def manifest() -> ET.Element:
+    return ET.parse(PACKAGE / "package.xml").getroot()  # noqa: S314 - our own file
+
+
+@pytest.fixture
+def setup(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What setup.py hands to setuptools."""
+    handed: dict[str, Any] = {}
+    setuptools = ModuleType("setuptools")
+    setuptools.setup = lambda **options: handed.update(options)  # type: ignore[attr-defined]
+    monkeypatch.chdir(PACKAGE)
+    with patch.dict(sys.modules, {"setuptools": setuptools}):
+        runpy.run_path("setup.py")
+    return handed
+
+
+def test_one_version(manifest: ET.Element, setup: dict[str, Any]) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert manifest.findtext("version") == setup["version"] == project["version"]
+    assert setup["install_requires"] == [f"wheelwire=={project['version']}"]
+    assert wheelwire.__version__ == project["version"]
+
+
+def test_the_manifest_is_an_ament_python_package(manifest: ET.Element) -> None:
+    assert manifest.get("format") == "3"
+    assert manifest.findtext("name") == NAME
+    assert manifest.findtext("export/build_type") == "ament_python"
+
+
+def test_ament_finds_the_package(setup: dict[str, Any]) -> None:
+    installed = dict(setup["data_files"])
+    marker = f"resource/{NAME}"
+    assert installed["share/ament_index/resource_index/packages"] == [marker]
+    assert (PACKAGE / marker).is_file()
+    assert installed[f"share/{NAME}"] == ["package.xml"]
+    assert setup["packages"] == [NAME]
+
+
+@pytest.mark.parametrize("folder", ["launch", "config", "urdf", "udev"])
+def test_whole_folders_are_installed(setup: dict[str, Any], folder: str) -> None:
+    installed = dict(setup["data_files"])[f"share/{NAME}/{folder}"]
+    files = [p for p in (PACKAGE / folder).iterdir() if p.is_file()]
+    assert files
+    assert sorted(installed) == sorted(str(path.relative_to(PACKAGE)) for path in files)
+
+
+def test_the_executable_exists(setup: dict[str, Any]) -> None:
+    (script,) = setup["entry_points"]["console_scripts"]
+    assert script == f"hardware_robot = {NAME}.hardware_robot:main"
+    functions = _tree(PACKAGE / NAME / "hardware_robot.py").body
+    assert "main" in {f.name for f in functions if isinstance(f, ast.FunctionDef)}
+
+
+def test_ros2_run_finds_the_executable() -> None:
+    lines = (PACKAGE / "setup.cfg").read_text().splitlines()
+    assert f"install_scripts=$base/lib/{NAME}" in lines
+    assert f"script_dir=$base/lib/{NAME}" in lines
+
+
+def test_the_manifest_names_what_is_imported(manifest: ET.Element) -> None:
+    declared = {element.text for element in manifest.findall("exec_depend")}
+    sources = [*(PACKAGE / NAME).glob("*.py"), *(PACKAGE / "launch").glob("*.py")]
+    imported = {module for source in sources for module in _imports(_tree(source))}
+    known = OURS | FROM_PIP | sys.stdlib_module_names
+    assert imported - known <= declared
+    assert "rclpy" in imported
+
+
+def _tree(source: Path) -> ast.Module:
+    return ast.parse(source.read_text())
+
+
+def _imports(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module.partition(".")[0]
