@@ -18,7 +18,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .bulk import decode_capture, dtype
+    from .bulk import decode_capture, dtype, iter_capture
     from .codec import message_id
     from .framing import Counters, Decoder, Encoder, encode_frame
     from .schema import PROTOCOL_VERSION, schema_hash
@@ -33,6 +33,7 @@ else:
         "decode_capture": "bulk",
         "dtype": "bulk",
         "encode_frame": "framing",
+        "iter_capture": "bulk",
         "message_id": "codec",
         "schema_hash": "schema",
     }
@@ -52,6 +53,7 @@ __all__ = [
     "decode_capture",
     "dtype",
     "encode_frame",
+    "iter_capture",
     "message_id",
     "schema_hash",
 ]

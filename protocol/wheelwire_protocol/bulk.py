@@ -8,15 +8,15 @@ step of decoding is done to a whole column of it.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .codec import BY_TYPE
-from .framing import CRC_RESIDUE
-from .message import CRC_SIZE, HEADER_SIZE, Field
+from .framing import CRC_RESIDUE, DELIMITER, MAX_ENCODED
+from .payload import CRC_SIZE, HEADER_SIZE
 from .types import AnyMessage
 
 _BLOCK_SIZE = 1 << 19
@@ -26,15 +26,15 @@ _REFLECTED_POLYNOMIAL = 0xEDB88320
 """CRC-32's 0x04C11DB7 with its bits in reverse."""
 
 
-def _scalar(field: Field) -> str:
-    kind = "f" if field.format == "f" else "u" if field.format.isupper() else "i"
-    return f"<{kind}{struct.calcsize('<' + field.format)}"
+def _scalar(letter: str) -> str:
+    kind = "f" if letter == "f" else "u" if letter.isupper() else "i"
+    return f"<{kind}{struct.calcsize('<' + letter)}"
 
 
 def dtype(message_type: type[AnyMessage]) -> np.dtype[np.void]:
     """The structured dtype of a message's body: its fields, packed and little-endian."""
-    fields = BY_TYPE[message_type].definition.fields
-    return np.dtype([(field.name, _scalar(field)) for field in fields])
+    formats = map(_scalar, BY_TYPE[message_type].formats)
+    return np.dtype(list(zip(message_type._fields, formats, strict=True)))
 
 
 def decode_capture(
@@ -52,13 +52,42 @@ def decode_capture(
     """
     codec = BY_TYPE[message_type]
     stream = np.frombuffer(data, np.uint8)
-    bodies = [np.empty((0, codec.definition.body_size), np.uint8)]
+    bodies = [np.empty((0, codec.size - HEADER_SIZE - CRC_SIZE), np.uint8)]
     for starts in _chunk_starts(stream, codec.size + 1):
         payloads, good = _decode_cobs(stream, starts, codec.size)
-        good &= payloads[:, 0] == codec.definition.id
+        good &= payloads[0] == codec.id
         good &= _crc32(payloads) == CRC_RESIDUE
-        bodies.append(payloads[good, HEADER_SIZE:-CRC_SIZE])
+        rows = np.ascontiguousarray(payloads[HEADER_SIZE:-CRC_SIZE].T)
+        bodies.append(rows if good.all() else rows[good])
     return np.concatenate(bodies).view(dtype(message_type)).reshape(-1)
+
+
+def iter_capture(
+    parts: Iterable[bytes], message_type: type[AnyMessage]
+) -> Iterator[NDArray[np.void]]:
+    """Decode a capture that is too large for memory, part by part.
+
+    ```python
+    with path.open("rb") as file:
+        for states in iter_capture(iter(partial(file.read, 1 << 22), b""), WheelState):
+            ...
+    ```
+
+    Args:
+        parts: The capture in order, cut anywhere. A few megabytes each are read fastest.
+        message_type: The class of the message that is wanted.
+
+    Yields:
+        An array for each part, together the rows of `decode_capture`. Besides it and its part
+        only the beginning of one frame is kept.
+    """
+    partial = b""
+    for part in parts:
+        data = partial + part
+        end = data.rfind(DELIMITER) + 1
+        yield decode_capture(memoryview(data)[:end], message_type)
+        # Of what is too long for a frame enough is kept to stay too long.
+        partial = data[max(end, len(data) - MAX_ENCODED - 1) :]
 
 
 def _chunk_starts(stream: NDArray[np.uint8], length: int) -> Iterator[NDArray[np.intp]]:
@@ -77,18 +106,18 @@ def _chunk_starts(stream: NDArray[np.uint8], length: int) -> Iterator[NDArray[np
 def _decode_cobs(
     stream: NDArray[np.uint8], starts: NDArray[np.intp], size: int
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Decode chunks of `size` + 1 bytes: payloads in rows, and which of the chunks are COBS."""
+    """Decode chunks of `size` + 1 bytes: payloads in columns, and which of the chunks are COBS."""
     chunks = np.lib.stride_tricks.sliding_window_view(stream, size + 1)[starts]
-    columns = np.ascontiguousarray(chunks.T)
-    # Where each row's next code byte is. A code that points beyond column 255 wraps to a column
-    # already passed: no further code is found, and the row does not end where a chunk must.
+    chunks = np.ascontiguousarray(chunks.T)
+    # Where each chunk's next code byte is. A code that points beyond byte 255 wraps to a byte
+    # already passed: no further code is found, and the chunk does not end where it must.
     code_at = np.zeros(len(starts), np.uint8)
-    for position, column in enumerate(columns):
+    for position, place in enumerate(chunks):
         is_code = np.negative((code_at == position).view(np.uint8))
-        code = column & is_code
+        code = place & is_code
         code_at += code
-        column ^= code  # a code byte stands for a zero
-    return np.ascontiguousarray(columns[1:].T), code_at == size + 1
+        place ^= code  # a code byte stands for a zero
+    return chunks[1:], code_at == size + 1
 
 
 @cache
@@ -100,13 +129,13 @@ def _crc_table() -> NDArray[np.uint32]:
     return table
 
 
-def _crc32(rows: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """The CRC-32 of each row, two bytes a step."""
+def _crc32(columns: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """The CRC-32 of each column, two bytes a step: 54 ns for 46 bytes, one a step takes 71."""
     table = _crc_table()
-    even = rows.shape[1] // 2 * 2
-    register = np.full(len(rows), 0xFFFFFFFF, np.uint32)
-    for word in np.ascontiguousarray(rows[:, :even].view("<u2").T):
+    even = len(columns) // 2 * 2
+    register = np.full(columns.shape[1], 0xFFFFFFFF, np.uint32)
+    for word in columns[:even:2] | columns[1:even:2].astype(np.uint16) << 8:
         register = table.take(register.astype(np.uint16) ^ word) ^ register >> 16
-    for byte in rows[:, even:].T:
+    for byte in columns[even:]:
         register = table[::256].take(register.astype(np.uint8) ^ byte) ^ register >> 8
     return ~register

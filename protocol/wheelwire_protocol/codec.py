@@ -1,7 +1,7 @@
 """The fast path between typed messages and payload bytes, derived from the definitions.
 
-A payload is `id u8, seq u16, body, crc u32`, little-endian. Each message's construct yields one
-`struct.Struct`; a property test holds it to construct itself.
+A payload is `id u8, seq u16, body, crc u32`, little-endian. Each message's layout, generated from
+its construct, yields one `struct.Struct`; a property test holds it to construct itself.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from . import types
-from .message import CRC_SIZE, HEADER_SIZE, Message
-from .messages import MESSAGES
+from .payload import CRC_SIZE, HEADER_SIZE
 from .types import AnyMessage
 
 
 class Codec(NamedTuple):
     """How one message is packed and unpacked."""
 
+    id: int
     size: int
     """Bytes of the whole payload, header and CRC included."""
     unpack: Callable[[bytes], tuple[Any, ...]]
@@ -26,23 +26,26 @@ class Codec(NamedTuple):
     type: type[Any]
     pack: Callable[..., bytes]
     """(id, seq, *body) -> payload without its CRC."""
-    definition: Message
+    formats: str
+    """The body in the letters of `struct`, one a field."""
 
 
-def _codec(message: Message) -> Codec:
+def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Codec:
+    payload = struct.Struct(f"<{HEADER_SIZE}x{formats}{CRC_SIZE}x")
     return Codec(
-        size=message.payload_size,
-        unpack=struct.Struct(f"<{HEADER_SIZE}x{message.body_format}{CRC_SIZE}x").unpack,
-        type=getattr(types, message.name),
-        pack=struct.Struct(f"<BH{message.body_format}").pack,
-        definition=message,
+        id=message_id,
+        size=payload.size,
+        unpack=payload.unpack,
+        type=message_type,
+        pack=struct.Struct(f"<BH{formats}").pack,
+        formats=formats,
     )
 
 
-BY_ID: dict[int, Codec] = {message.id: _codec(message) for message in MESSAGES}
+BY_ID: dict[int, Codec] = {layout[0]: _codec(*layout) for layout in types.LAYOUTS}
 BY_TYPE: dict[type[Any], Codec] = {codec.type: codec for codec in BY_ID.values()}
 
 
 def message_id(message_type: type[AnyMessage]) -> int:
     """The id byte of a message class."""
-    return BY_TYPE[message_type].definition.id
+    return BY_TYPE[message_type].id

@@ -15,8 +15,7 @@ from zlib import crc32
 from cobs import cobs
 
 from .codec import BY_ID, BY_TYPE
-from .message import CRC_SIZE
-from .messages import MAX_PAYLOAD, MIN_PAYLOAD
+from .payload import CRC_SIZE, HEADER_SIZE
 from .types import AnyMessage
 
 DELIMITER = b"\x00"
@@ -24,6 +23,8 @@ DELIMITER = b"\x00"
 CRC_RESIDUE = 0x2144DF1C
 """CRC-32 of any payload followed by its own CRC-32, little-endian: one call checks it."""
 
+MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE
+MAX_PAYLOAD = max(codec.size for codec in BY_ID.values())
 MAX_ENCODED = MAX_PAYLOAD + 1
 """Bytes between delimiters at most: COBS adds one byte to payloads below 255."""
 
@@ -32,7 +33,7 @@ REPEAT_WINDOW = 64
 """A frame at most this far behind is a repeat; further behind, the sender started anew."""
 
 _HEADER = struct.Struct("<BH")
-_KNOWN = {codec.definition.id: (codec.type, codec.unpack) for codec in BY_ID.values()}
+_KNOWN = {codec.id: (codec.type, codec.unpack) for codec in BY_ID.values()}
 _NEW: Any = tuple.__new__
 """Makes a message of its class and the tuple of its fields, without their names being checked."""
 
@@ -173,7 +174,7 @@ class Encoder:
 def encode_payload(message: AnyMessage, seq: int) -> bytes:
     """The payload of `message`: id, seq, body, CRC."""
     codec = BY_TYPE[type(message)]
-    head = codec.pack(codec.definition.id, seq, *message)
+    head = codec.pack(codec.id, seq, *message)
     return head + crc32(head).to_bytes(CRC_SIZE, "little")
 
 

@@ -10,30 +10,9 @@ from typing import Any
 
 import construct
 
-HEADER_SIZE = 3
-"""Bytes before the body: id and seq."""
-CRC_SIZE = 4
-
-
-class Unit(enum.Enum):
-    """The unit of a field, as written in MESSAGES.md."""
-
-    NONE = ""
-    TICK = "tick"
-    MICROSECOND = "us"
-    NANOSECOND = "ns"
-    SECOND = "s"
-    METRE = "m"
-    METRE_PER_SECOND = "m/s"
-    METRE_PER_SECOND_SQUARED = "m/s^2"
-    HERTZ = "Hz"
-    MILLIVOLT = "mV"
-    DUTY = "duty (-1..1)"
-    DUTY_Q15 = "duty x 32767"
-    DUTY_PER_SECOND = "duty/s"
-    DUTY_PER_MPS = "duty/(m/s)"
-    DUTY_PER_MPS2 = "duty/(m/s^2)"
-    DUTY_PER_METRE = "duty/m"
+from .payload import CRC_SIZE as CRC_SIZE
+from .payload import HEADER_SIZE as HEADER_SIZE
+from .units import Unit as Unit
 
 
 class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from .message import Unit
+from .units import Unit
 
 
 class Kind(enum.Enum):
@@ -54,7 +54,8 @@ PARAMETERS: tuple[Parameter, ...] = (
           "Between the contact points of the wheels. Kept here so that it travels with the robot."),
     _whole(3, "counts_per_revolution", Unit.TICK, 360, 4, 200_000,
            "Ticks per wheel turn, after x4 decoding and the gearbox."),
-    _whole(4, "control_rate_hz", Unit.HERTZ, 1000, 100, 1000, "Rate of the control loop."),
+    _whole(4, "control_rate_hz", Unit.HERTZ, 1000, 100, 5000,
+           "Rate of the control loop. Beyond 1000 it has been run in simulation only."),
     _whole(5, "pwm_frequency_hz", Unit.HERTZ, 20_000, 100, 40_000,
            "PWM frequency on the bridge's enable inputs. In force after a restart."),
     _real(6, "max_velocity_mps", Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
@@ -95,7 +96,7 @@ PARAMETERS: tuple[Parameter, ...] = (
             "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop."),
     _whole(29, "glitch_filter_ns", Unit.NANOSECOND, 1000, 0, 12_787,
            "Shorter encoder pulses are ignored. In force after a restart."),
-    _whole(30, "stream_rate_hz", Unit.HERTZ, 100, 0, 1000,
+    _whole(30, "stream_rate_hz", Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
 )
 # fmt: on

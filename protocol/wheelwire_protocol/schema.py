@@ -2,29 +2,11 @@
 
 from __future__ import annotations
 
-import enum
-import hashlib
-from functools import cache
-
-from .codes import ENUMERATIONS, FLAGS
-from .messages import MESSAGES
-from .parameters import PARAMETERS
-
 PROTOCOL_VERSION = 1
 
 
-def wire_layout() -> str:
-    """The layout as text: all that must agree between host and device, and no prose."""
-    lines = [
-        f"{m.id} {m.name} " + " ".join(f"{f.name}:{f.format}" for f in m.fields) for m in MESSAGES
-    ]
-    lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
-    codes: tuple[type[enum.Enum], ...] = (*ENUMERATIONS, *FLAGS)
-    lines += [f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in e) for e in codes]
-    return "\n".join(lines)
-
-
-@cache
 def schema_hash() -> int:
-    """First four bytes of the SHA-256 of `wire_layout`, little-endian."""
-    return int.from_bytes(hashlib.sha256(wire_layout().encode()).digest()[:4], "little")
+    """Which layout this is, in 32 bits: what host and device must agree on."""
+    from .types import SCHEMA_HASH  # here, for the generator runs while `types` is out of date
+
+    return SCHEMA_HASH

@@ -384,3 +384,33 @@ AnyMessage = (
     | Event
     | LinkCounters
 )
+
+LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
+    (0x01, Hello, "LHL"),
+    (0x02, Stop, "LHLB"),
+    (0x03, Estop, "LH"),
+    (0x04, SetWheelVelocity, "LLQff"),
+    (0x05, SetDuty, "LLQhh"),
+    (0x06, Ping, "LHQ"),
+    (0x07, ClearEstop, "LH"),
+    (0x08, ClearFault, "LH"),
+    (0x09, SetStreamRate, "LHH"),
+    (0x0A, ParameterGet, "LHB"),
+    (0x0B, ParameterSet, "LHBf"),
+    (0x0C, ParameterSave, "LH"),
+    (0x0D, ParameterReset, "LH"),
+    (0x0E, ParameterList, "LHB"),
+    (0x0F, LinkCountersGet, "LH"),
+    (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
+    (0x81, WheelState, "LLllffhhLBHHH"),
+    (0x82, Refuse, "LBBL"),
+    (0x83, Ack, "LHB"),
+    (0x84, Pong, "LHQQQ"),
+    (0x85, ParameterValue, "LHBf"),
+    (0x86, ParameterEntry, "LHBBBffff"),
+    (0x87, Event, "LLBBBBH"),
+    (0x88, LinkCounters, "LHLLLLLLLLL"),
+)
+"""Id, class, and the body in the letters of `struct`, one a field."""
+
+SCHEMA_HASH = 0x6282A831

@@ -28,7 +28,7 @@ _RANGES = {
 def any_message(draw: st.DrawFn) -> AnyMessage:
     """A well-formed message of any kind, with any values in it."""
     codec = BY_ID[draw(st.sampled_from(sorted(BY_ID)))]
-    values = [draw(_RANGES[field.format]) for field in codec.definition.fields]
+    values = [draw(_RANGES[letter]) for letter in codec.formats]
     message: AnyMessage = codec.type(*values)
     return message
 

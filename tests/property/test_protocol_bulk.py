@@ -1,13 +1,15 @@
 """Bulk decoding finds the frames that the stream decoder finds."""
 
+import itertools
+from collections.abc import Iterator
 from unittest.mock import patch
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of
-from wheelwire_protocol import bulk, codec, decode_capture, types
-from wheelwire_protocol.framing import Decoder
+from wheelwire_protocol import bulk, codec, decode_capture, iter_capture, types
+from wheelwire_protocol.framing import MAX_ENCODED, Decoder, encode_frame
 from wheelwire_protocol.types import AnyMessage, ParameterGet, WheelState
 
 message_types = st.sampled_from(list(codec.BY_TYPE))
@@ -16,6 +18,15 @@ message_types = st.sampled_from(list(codec.BY_TYPE))
 def check(data: bytes, message_type: type[AnyMessage]) -> None:
     expected = [tuple(m) for m in Decoder().feed(data) if type(m) is message_type]
     assert decode_capture(data, message_type).tolist() == expected
+
+
+def cut(data: bytes, sizes: list[int]) -> Iterator[bytes]:
+    """The data in parts of these sizes, over and over, and the rest."""
+    at = 0
+    for size in itertools.islice(itertools.cycle(sizes), len(data)):
+        yield data[at : at + size]
+        at += size
+    yield data[at:]
 
 
 @given(data=corrupted_captures(), message_type=message_types)
@@ -31,6 +42,27 @@ def test_any_message_in_a_mixed_capture(data: bytes, message_type: type[AnyMessa
 def test_any_size_of_block(data: bytes, block: int) -> None:
     with patch.object(bulk, "_BLOCK_SIZE", block):
         check(data, WheelState)
+
+
+@given(
+    data=corrupted_captures(st.one_of(messages_of(WheelState), any_message)),
+    sizes=st.lists(st.integers(0, 120), min_size=1, max_size=8),
+)
+def test_any_cutting_into_parts(data: bytes, sizes: list[int]) -> None:
+    expected = [tuple(m) for m in Decoder().feed(data) if type(m) is WheelState]
+    arrays = iter_capture(cut(data, sizes), WheelState)
+    assert [row for array in arrays for row in array.tolist()] == expected
+
+
+@given(
+    noise=st.binary(min_size=1).map(lambda noise: noise.replace(b"\0", b"\1")),
+    sizes=st.lists(st.integers(1, 9), min_size=1, max_size=8),
+)
+def test_the_end_of_what_is_too_long_is_no_frame(noise: bytes, sizes: list[int]) -> None:
+    frame = encode_frame(types.Estop(session_id=0x1A2B3C4D, request_id=7), 5)
+    overlong = (noise * (MAX_ENCODED + 1) + frame[1:]) + frame
+    arrays = iter_capture(cut(overlong, sizes), types.Estop)
+    assert [row for array in arrays for row in array.tolist()] == [(0x1A2B3C4D, 7)]
 
 
 @given(data=corrupted_captures(messages_of(ParameterGet)))

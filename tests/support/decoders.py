@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from wheelwire_protocol.codec import BY_ID, BY_TYPE
 from wheelwire_protocol.framing import Counters, Decoder
-from wheelwire_protocol.message import CRC_SIZE, HEADER_SIZE
+from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.types import AnyMessage
 
 from .fwsim import BUILD
@@ -35,6 +35,13 @@ def by_firmware(data: bytes) -> Decoded:
     counted = _COUNTERS()
     size = _library().wheelwire_decode(data, len(data), out, counted)
     return Decoded([_packed(message) for message in _split(out.raw[:size])], Counters(*counted))
+
+
+def count_by_firmware(data: bytes, out: ctypes.Array[ctypes.c_char]) -> int:
+    """Feed `data` to the firmware's decoder, all frames to `out`; returns how many there were."""
+    counted = _COUNTERS()
+    _library().wheelwire_decode(data, len(data), out, counted)
+    return Counters(*counted).frames
 
 
 def by_host(pieces: Iterable[bytes]) -> Decoded:
@@ -70,4 +77,4 @@ def _split(records: bytes) -> Iterable[AnyMessage]:
 
 def _packed(message: AnyMessage) -> bytes:
     codec = BY_TYPE[type(message)]
-    return codec.pack(codec.definition.id, 0, *message)
+    return codec.pack(codec.id, 0, *message)

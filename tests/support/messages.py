@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codec import BY_ID, BY_TYPE
 from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.message import Field, Message
 from wheelwire_protocol.messages import MESSAGES
@@ -15,6 +15,7 @@ from wheelwire_protocol.types import AnyMessage
 
 definitions = st.sampled_from(MESSAGES)
 seqs = st.integers(0, 0xFFFF)
+_DEFINITIONS = {BY_ID[definition.id].type: definition for definition in MESSAGES}
 
 
 def values_of(field: Field) -> st.SearchStrategy[Any]:
@@ -33,7 +34,7 @@ def bodies(definition: Message) -> st.SearchStrategy[dict[str, Any]]:
 
 def messages_of(message_type: type[AnyMessage]) -> st.SearchStrategy[Any]:
     """Any message of one class."""
-    return bodies(BY_TYPE[message_type].definition).map(lambda body: message_type(**body))
+    return bodies(_DEFINITIONS[message_type]).map(lambda body: message_type(**body))
 
 
 any_message: st.SearchStrategy[AnyMessage] = st.sampled_from(list(BY_TYPE)).flatmap(messages_of)

@@ -976,7 +976,8 @@ enum class ParameterId : uint8_t {
   kWheelSeparation = 2,  ///< Between the contact points of the wheels. Kept here so that it travels
                          ///< with the robot. [m]
   kCountsPerRevolution = 3,  ///< Ticks per wheel turn, after x4 decoding and the gearbox. [tick]
-  kControlRateHz = 4,        ///< Rate of the control loop. [Hz]
+  kControlRateHz =
+      4,  ///< Rate of the control loop. Beyond 1000 it has been run in simulation only. [Hz]
   kPwmFrequencyHz =
       5,  ///< PWM frequency on the bridge's enable inputs. In force after a restart. [Hz]
   kMaxVelocityMps =
@@ -1032,7 +1033,7 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, 0.033f, 0.005f, 1.0f},
     {ParameterId::kWheelSeparation, ParameterKind::kReal, 0.2f, 0.02f, 5.0f},
     {ParameterId::kCountsPerRevolution, ParameterKind::kWhole, 360.0f, 4.0f, 200000.0f},
-    {ParameterId::kControlRateHz, ParameterKind::kWhole, 1000.0f, 100.0f, 1000.0f},
+    {ParameterId::kControlRateHz, ParameterKind::kWhole, 1000.0f, 100.0f, 5000.0f},
     {ParameterId::kPwmFrequencyHz, ParameterKind::kWhole, 20000.0f, 100.0f, 40000.0f},
     {ParameterId::kMaxVelocityMps, ParameterKind::kReal, 0.4f, 0.01f, 10.0f},
     {ParameterId::kMaxAccelerationMps2, ParameterKind::kReal, 1.5f, 0.05f, 100.0f},
@@ -1058,7 +1059,7 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kRightEncoderInverted, ParameterKind::kSwitch, 0.0f, 0.0f, 1.0f},
     {ParameterId::kEstopInputEnabled, ParameterKind::kSwitch, 1.0f, 0.0f, 1.0f},
     {ParameterId::kGlitchFilterNs, ParameterKind::kWhole, 1000.0f, 0.0f, 12787.0f},
-    {ParameterId::kStreamRateHz, ParameterKind::kWhole, 100.0f, 0.0f, 1000.0f},
+    {ParameterId::kStreamRateHz, ParameterKind::kWhole, 100.0f, 0.0f, 5000.0f},
 };
 
 }  // namespace wheelwire

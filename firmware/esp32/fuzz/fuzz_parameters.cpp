@@ -60,7 +60,7 @@ bool same(const Parameters& a, const Parameters& b) {
 
 void check_config(const Parameters& parameters) {
   const ControlConfig config = make_config(parameters);
-  REQUIRE(config.period_us >= 1000 && config.period_us <= 10'000);
+  REQUIRE(config.period_us >= 200 && config.period_us <= 10'000);
   REQUIRE(config.um_per_tick_q10 >= 0 && config.max_velocity_umps > 0);
   REQUIRE(config.velocity_slew_umps > 0 && config.duty_slew_q15 > 0);
   REQUIRE(config.gains.limit_q15 > 0 && config.gains.limit_q15 <= 32767);

@@ -8,8 +8,9 @@ from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES
 from ..parameters import PARAMETERS, Kind, Parameter
-from ..schema import PROTOCOL_VERSION, schema_hash
+from ..schema import PROTOCOL_VERSION
 from .text import banner, constant_name
+from .wire_layout import layout_hash
 
 _CPP_TYPES = {
     "B": "uint8_t",
@@ -147,7 +148,7 @@ def generate() -> str:
         "",
         "namespace schema {",
         f"constexpr uint16_t kVersion = {PROTOCOL_VERSION};",
-        f"constexpr uint32_t kHash = 0x{schema_hash():08x};",
+        f"constexpr uint32_t kHash = 0x{layout_hash():08x};",
         "}  // namespace schema",
         "",
         "/// Bytes of the longest payload: id, seq, body, CRC.",

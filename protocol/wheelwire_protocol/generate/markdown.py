@@ -10,8 +10,9 @@ from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
 from ..message import Field, Message
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS, Kind, Parameter
-from ..schema import PROTOCOL_VERSION, schema_hash
+from ..schema import PROTOCOL_VERSION
 from .text import banner
+from .wire_layout import layout_hash
 
 FRAMING_SIZE = 3
 """Bytes a frame has beyond its payload: one COBS code, two delimiters."""
@@ -150,7 +151,7 @@ def generate() -> str:
         f"<!-- {banner('Tables')} -->",
         "# Messages",
         "",
-        _INTRODUCTION.format(version=PROTOCOL_VERSION, hash=schema_hash()),
+        _INTRODUCTION.format(version=PROTOCOL_VERSION, hash=layout_hash()),
         "",
         *_contents(from_host, from_device),
         "## From the host",

@@ -1,10 +1,15 @@
-"""The typed message classes: static types for editors and mypy, tuples for speed."""
+"""The typed message classes: static types for editors and mypy, tuples for speed.
+
+The layouts beside them are all that the fast path knows: construct takes longer to import than all
+of the rest, and is the generator's and the tests' only.
+"""
 
 from __future__ import annotations
 
 from ..message import Field, Message
 from ..messages import MESSAGES
 from .text import banner
+from .wire_layout import layout_hash
 
 _PYTHON_TYPES = {"f": "float"}
 
@@ -42,4 +47,16 @@ def generate() -> str:
     for message in MESSAGES:
         lines += _message(message)
     alternatives = "\n    | ".join(message.name for message in MESSAGES)
-    return "\n".join([*lines, "AnyMessage = (", f"    {alternatives}", ")", ""])
+    return "\n".join([*lines, "AnyMessage = (", f"    {alternatives}", ")", "", *_layouts()])
+
+
+def _layouts() -> list[str]:
+    return [
+        "LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (",
+        *(f'    (0x{m.id:02X}, {m.name}, "{m.body_format}"),' for m in MESSAGES),
+        ")",
+        '"""Id, class, and the body in the letters of `struct`, one a field."""',
+        "",
+        f"SCHEMA_HASH = 0x{layout_hash():08X}",
+        "",
+    ]

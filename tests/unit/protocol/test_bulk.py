@@ -1,7 +1,10 @@
+import itertools
+import tracemalloc
+
 import numpy as np
 import pytest
 
-from wheelwire_protocol import decode_capture, dtype
+from wheelwire_protocol import decode_capture, dtype, iter_capture
 from wheelwire_protocol.framing import Decoder, encode_frame
 from wheelwire_protocol.types import Estop, WheelState
 
@@ -18,6 +21,19 @@ def test_columns_are_the_fields() -> None:
 @pytest.mark.parametrize("buffer", [bytes, bytearray, memoryview])
 def test_any_bytes_like_capture(buffer: type) -> None:
     assert decode_capture(buffer(FRAME), Estop).tolist() == [(0x1A2B3C4D, 7)]
+
+
+@pytest.mark.parametrize("byte", [b"\0", b"\1"], ids=["delimiters", "no delimiter"])
+def test_memory_is_bounded_whatever_the_capture(byte: bytes) -> None:
+    part = byte * (1 << 20)
+    tracemalloc.start()
+    try:
+        rows = sum(len(array) for array in iter_capture(itertools.repeat(part, 64), Estop))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert rows == 0
+    assert peak < 32 * len(part)
 
 
 def test_last_code_byte_must_point_to_the_end() -> None:

@@ -22,7 +22,7 @@ def test_unknown_name_is_an_attribute_error() -> None:
         getattr(wheelwire_protocol, "no_such_name")  # noqa: B009  # mypy knows that it is not there
 
 
-def test_a_decoder_needs_neither_numpy_nor_crcmod() -> None:
+def test_a_decoder_needs_no_numpy_crcmod_or_construct() -> None:
     loaded = modules_after("import wheelwire_protocol; wheelwire_protocol.Decoder().feed(b'')")
     assert "wheelwire_protocol.framing" in loaded
-    assert not {"numpy", "crcmod", "wheelwire_protocol.bulk"} & loaded
+    assert not {"numpy", "crcmod", "construct", "wheelwire_protocol.bulk"} & loaded

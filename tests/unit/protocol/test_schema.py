@@ -1,28 +1,24 @@
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from construct import Int16ul, Int32ul, Struct
 
-from wheelwire_protocol import schema
+from wheelwire_protocol import schema_hash
 from wheelwire_protocol.codes import ENUMERATIONS
+from wheelwire_protocol.generate import wire_layout
 from wheelwire_protocol.message import Message, Unit, field
 from wheelwire_protocol.messages import MESSAGES
 from wheelwire_protocol.parameters import PARAMETERS
 
 
-@pytest.fixture(autouse=True)
-def _uncached() -> Iterator[None]:
-    schema.schema_hash.cache_clear()
-    yield
-    schema.schema_hash.cache_clear()
-
-
 def hash_with(monkeypatch: pytest.MonkeyPatch, name: str, value: Any) -> int:
-    monkeypatch.setattr(schema, name, value)
-    schema.schema_hash.cache_clear()
-    return schema.schema_hash()
+    monkeypatch.setattr(wire_layout, name, value)
+    return wire_layout.layout_hash()
+
+
+def test_the_hash_in_force_is_that_of_the_definitions() -> None:
+    assert schema_hash() == wire_layout.layout_hash()
 
 
 def ping(subcon: Any, name: str, unit: Unit, doc: str) -> Message:
@@ -56,16 +52,16 @@ def test_hash_changes_with_layout(changed: Message, monkeypatch: pytest.MonkeyPa
 
 
 def test_hash_changes_with_a_message_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = schema.schema_hash()
+    before = schema_hash()
     assert hash_with(monkeypatch, "MESSAGES", (*MESSAGES, PING)) != before
 
 
 def test_hash_changes_with_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = schema.schema_hash()
+    before = schema_hash()
     renamed = (replace(PARAMETERS[0], name="radius"), *PARAMETERS[1:])
     assert hash_with(monkeypatch, "PARAMETERS", renamed) != before
 
 
 def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = schema.schema_hash()
+    before = schema_hash()
     assert hash_with(monkeypatch, "ENUMERATIONS", ENUMERATIONS[1:]) != before

@@ -1,0 +1,26 @@
+"""The units of fields and parameters."""
+
+from __future__ import annotations
+
+import enum
+
+
+class Unit(enum.Enum):
+    """The unit of a field, as written in MESSAGES.md."""
+
+    NONE = ""
+    TICK = "tick"
+    MICROSECOND = "us"
+    NANOSECOND = "ns"
+    SECOND = "s"
+    METRE = "m"
+    METRE_PER_SECOND = "m/s"
+    METRE_PER_SECOND_SQUARED = "m/s^2"
+    HERTZ = "Hz"
+    MILLIVOLT = "mV"
+    DUTY = "duty (-1..1)"
+    DUTY_Q15 = "duty x 32767"
+    DUTY_PER_SECOND = "duty/s"
+    DUTY_PER_MPS = "duty/(m/s)"
+    DUTY_PER_MPS2 = "duty/(m/s^2)"
+    DUTY_PER_METRE = "duty/m"
