@@ -42,9 +42,10 @@ def test_no_steady_error(target: float) -> None:
     assert robot.sim.get("true.left_mps") == pytest.approx(target, rel=0.03)
 
 
-def test_the_same_at_a_slower_control_rate() -> None:
+@pytest.mark.parametrize("rate_hz", [200, 5000])
+def test_the_same_at_another_control_rate(rate_hz: int) -> None:
     robot = VirtualRobot().open()
-    robot.set_parameter("control_rate_hz", 200)
+    robot.set_parameter("control_rate_hz", rate_hz)
     robot.drive(0.3, 0.3, 2.0)
     assert robot.sim.get("true.left_mps") == pytest.approx(0.3, rel=0.03)
 

@@ -63,6 +63,18 @@ void Line::carry(double seconds, bool listening) {
   }
 }
 
+double Line::until_idle() const {
+  const double to_device = seconds_for(wire_to_device_.size(), credit_to_device_);
+  const double to_host = seconds_for(send_.size(), credit_to_host_);
+  return to_device > 0.0 && to_host > 0.0 ? std::min(to_device, to_host)
+                                          : std::max(to_device, to_host);
+}
+
+double Line::seconds_for(size_t queued, double credit) const {
+  if (baud_ == 0 || queued == 0) return 0.0;
+  return (static_cast<double>(queued) - credit) * kBitsPerByte / baud_;
+}
+
 void Line::deliver_to_host(uint8_t byte) {
   if (to_host_.size() < kHostCapacity) {
     to_host_.push_back(byte);

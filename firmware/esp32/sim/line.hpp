@@ -32,6 +32,8 @@ class Line final : public ByteStream {
 
   /// Carries bytes over the wire for `seconds`. A device that is not `listening` loses what comes.
   void carry(double seconds, bool listening);
+  /// Until the last byte on either wire has arrived, whichever is first [s]; 0 when both are idle.
+  double until_idle() const;
   /// The chip's buffers are empty after a reset.
   void reset();
   /// Bytes that the chip sends without the firmware, at its boot ROM's baud rate.
@@ -42,6 +44,7 @@ class Line final : public ByteStream {
 
  private:
   size_t wire_share(double seconds, size_t queued, double& credit) const;
+  double seconds_for(size_t queued, double credit) const;
   void deliver_to_host(uint8_t byte);
 
   uint32_t baud_ = 0;

@@ -1,5 +1,7 @@
 #include "simulator.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace wheelwire::sim {
@@ -36,9 +38,9 @@ Simulator::Simulator(uint64_t seed)
 void Simulator::advance(Nanoseconds duration) {
   const Nanoseconds end = board.now() + duration;
   for (;;) {
-    const Nanoseconds event = board.clock.when(next_event_us());
-    if (event > end) break;
-    run_until(event);
+    const Nanoseconds step = next_step();
+    if (step > end) break;
+    run_until(step);
     if (robot_) {
       control_step();
     } else {
@@ -48,7 +50,16 @@ void Simulator::advance(Nanoseconds duration) {
   run_until(end);
 }
 
-uint64_t Simulator::next_event_us() const { return robot_ ? next_step_us_ : boot_time_us; }
+Nanoseconds Simulator::next_step() const {
+  return board.clock.when(robot_ ? next_step_us_ : boot_time_us);
+}
+
+Nanoseconds Simulator::next_event() const {
+  const double line_s = board.line.until_idle();
+  if (line_s == 0.0) return next_step();
+  const auto line_ns = static_cast<Nanoseconds>(std::ceil(line_s * 1e9));
+  return std::min(next_step(), board.now() + line_ns);
+}
 
 void Simulator::run_until(Nanoseconds end) {
   if (end <= board.now()) return;

@@ -27,6 +27,8 @@ class Simulator {
 
   /// Runs the device and the world for `duration`.
   void advance(Nanoseconds duration);
+  /// When something happens without the host: a control step, or a byte is the last on its wire.
+  Nanoseconds next_event() const;
   /// Lets the firmware read and answer what has arrived, as its UART event does between steps.
   void service_link();
   /// The device starts again, with a new boot id and its outputs off for boot_time_us.
@@ -48,7 +50,8 @@ class Simulator {
   bool boot_text = false;          ///< The ROM prints at each reset.
 
  private:
-  uint64_t next_event_us() const;
+  /// The next control step, or the end of the boot.
+  Nanoseconds next_step() const;
   void run_until(Nanoseconds end);
   void boot();
   void control_step();

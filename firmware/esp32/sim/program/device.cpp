@@ -8,10 +8,9 @@ namespace wheelwire::sim {
 
 namespace {
 
-/// What one end receives of the other's bytes. An end at 0 baud understands any rate.
+/// What one end receives of the other's bytes. A port that hung up garbles nothing.
 Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
-  if (from_baud == 0 || to_baud == 0) return data;
-  return resample(data, from_baud, to_baud);
+  return from_baud == 0 || to_baud == 0 ? data : resample(data, from_baud, to_baud);
 }
 
 }  // namespace
@@ -35,10 +34,10 @@ void Device::plug() {
 
 void Device::receive() {
   if (!port_) return;
-  const Bytes data = port_->read();
+  Bytes data = port_->read();
   Line& line = simulator_.board.line;
-  const Bytes arriving = over_uart(data, port_->host_baud(), line.baud());
-  line.host_write(arriving.data(), arriving.size());
+  if (line.baud() != 0) data = over_uart(data, port_->host_baud(), line.baud());
+  line.host_write(data.data(), data.size());
 }
 
 void Device::send() {
@@ -46,7 +45,9 @@ void Device::send() {
   if (line.host_waiting() == 0) return;
   Bytes data(line.host_waiting());
   line.host_read(data.data(), data.size());
-  if (port_) port_->write(over_uart(data, line.baud(), port_->host_baud()));
+  if (!port_) return;
+  if (line.baud() != 0) data = over_uart(data, line.baud(), port_->host_baud());
+  port_->write(data);
 }
 
 }  // namespace wheelwire::sim

@@ -22,14 +22,11 @@ class Pacer {
     return due > kLongestGap || due < 0 ? 0 : due;
   }
 
-  /// Until the wall clock reaches the tick after simulated time `now`.
-  Nanoseconds until_next_tick(Nanoseconds now) const {
-    const Nanoseconds next = (now / kTick + 1) * kTick;
+  /// Until the wall clock reaches simulated time `due`.
+  Nanoseconds until(Nanoseconds due) const {
     const Nanoseconds wall = anchor_ + (WallClock::now() - wall_anchor_).count();
-    return next > wall ? next - wall : 0;
+    return due > wall ? due - wall : 0;
   }
-
-  static constexpr Nanoseconds kTick = 1'000'000;
 
  private:
   static constexpr Nanoseconds kLongestGap = 1'000'000'000;

@@ -62,12 +62,18 @@ Bytes PtyPort::read() {
 
 void PtyPort::write(const Bytes& data) {
   const Clock::time_point now = Clock::now();
+  // An answer shall not wait for a question that need not be asked each time.
+  const bool in_doubt = now - sign_of_life_ > kNobodyReads / 2;
+  if (in_doubt) look_for_reader(now);
+  // A full pseudo-terminal takes what it can; the rest is lost, as on a serial port.
+  [[maybe_unused]] const ssize_t taken = ::write(master_.get(), data.data(), data.size());
+  if (in_doubt) unread_ = unread();
+}
+
+void PtyPort::look_for_reader(Clock::time_point now) {
   const size_t unread_now = unread();
   if (unread_now == 0 || unread_now < unread_) sign_of_life_ = now;
   if (now - sign_of_life_ > kNobodyReads) ::tcflush(slave_.get(), TCIFLUSH);
-  // A full pseudo-terminal takes what it can; the rest is lost, as on a serial port.
-  [[maybe_unused]] const ssize_t taken = ::write(master_.get(), data.data(), data.size());
-  unread_ = unread();
 }
 
 size_t PtyPort::unread() const {

@@ -32,13 +32,14 @@ class PtyPort {
  private:
   using Clock = std::chrono::steady_clock;
 
+  void look_for_reader(Clock::time_point now);
   size_t unread() const;
 
   Descriptor master_;
   std::string name_;
   Descriptor slave_;  ///< Held open: a host that closes the port must not hang it up.
   std::optional<LinkFile> link_;
-  size_t unread_ = 0;
+  size_t unread_ = 0;                              ///< After the last write that was in doubt.
   Clock::time_point sign_of_life_ = Clock::now();  ///< When the host last read or wrote.
 };
 

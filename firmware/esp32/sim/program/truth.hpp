@@ -1,6 +1,8 @@
 // The robot's true state as lines of JSON: at a rate, and whenever the drive changes.
 #pragma once
 
+#include <limits>
+
 #include "console.hpp"
 #include "simulator.hpp"
 
@@ -14,6 +16,10 @@ class TruthStream {
 
   /// To be called after every advance.
   void report(const Simulator& simulator, Console& console);
+  /// When the next one is due, whatever the drive does.
+  Nanoseconds due() const {
+    return interval_ == 0 ? std::numeric_limits<Nanoseconds>::max() : next_;
+  }
 
  private:
   Nanoseconds interval_;

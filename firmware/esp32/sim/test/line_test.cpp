@@ -56,3 +56,18 @@ TEST(line_takes_all_of_a_write_or_nothing) {
   line.carry(1.0, true);
   CHECK(line.host_waiting() == Line::kSendCapacity);
 }
+
+TEST(line_tells_when_the_next_wire_falls_idle) {
+  Line line;
+  const Bytes data(100, 0x55);
+  CHECK(line.until_idle() == 0.0);
+  line.set_baud(10'000);  // 1 ms a byte
+  line.host_write(data.data(), 100);
+  CHECK(line.until_idle() == 0.1);
+  CHECK(line.write(data.data(), 20));
+  CHECK(line.until_idle() == 0.02);
+  line.carry(0.02, true);
+  CHECK(line.until_idle() == 0.08);
+  line.carry(line.until_idle(), true);
+  CHECK(line.until_idle() == 0.0 && read_all(line) == 100);
+}
