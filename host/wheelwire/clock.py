@@ -13,6 +13,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 from .samples import tick_difference
@@ -22,6 +23,9 @@ WINDOW = 64
 GROUP = 4
 FIT_FROM = 4 * GROUP
 """A line through fewer exchanges says nothing of the drift."""
+SPACING_US = 400_000
+"""Exchanges in quicker succession are only compared with a line through as many: the window is to
+span half a minute, and a fit costs more than all else that an idle link does."""
 MAX_DRIFT = 500e-6
 """Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
 WANDER = 2e-6
@@ -49,15 +53,21 @@ class Exchange(NamedTuple):
         on_host = self.host_received_us - self.host_sent_us
         return max(0, on_host - (self.device_sent_us - self.device_received_us))
 
-    @property
-    def host_us(self) -> int:
-        """The host's clock in the middle of the exchange."""
-        return (self.host_sent_us + self.host_received_us) // 2
 
-    @property
-    def device_us(self) -> int:
-        """The device's clock in the middle of the exchange."""
-        return (self.device_sent_us + self.device_received_us) // 2
+class _Reading(NamedTuple):
+    """What an exchange says, worked out once: it is looked at again with each later one."""
+
+    host_us: int
+    """The host's clock in the middle of the exchange."""
+    offset_us: int
+    """The device's clock in the middle of the exchange, less the host's."""
+    round_trip_us: int
+
+    @classmethod
+    def of(cls, exchange: Exchange) -> _Reading:
+        host_us = (exchange.host_sent_us + exchange.host_received_us) // 2
+        device_us = (exchange.device_sent_us + exchange.device_received_us) // 2
+        return cls(host_us, device_us - host_us, exchange.round_trip_us)
 
 
 class _Line(NamedTuple):
@@ -83,10 +93,9 @@ class _Line(NamedTuple):
         elapsed = device_us - self.base_us - self.origin_us - self.a_us
         return self.origin_us + round(elapsed / (1 + self.b))
 
-    def contradicts(self, exchange: Exchange) -> bool:
-        offset = exchange.device_us - exchange.host_us - self.base_us
-        error = abs(offset - self.offset_us(exchange.host_us))
-        return error > self.bound_us(exchange.host_us) + exchange.round_trip_us / 2
+    def contradicts(self, reading: _Reading) -> bool:
+        error = abs(reading.offset_us - self.base_us - self.offset_us(reading.host_us))
+        return error > self.bound_us(reading.host_us) + reading.round_trip_us / 2
 
     def bound_us(self, host_us: float) -> float:
         slope = self.error_slope * (host_us - self.origin_us - self.mean_us)
@@ -98,7 +107,7 @@ class ClockEstimator:
     """Keeps the exchanges of one session and converts times between the two clocks."""
 
     def __init__(self) -> None:
-        self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
+        self._readings: deque[_Reading] = deque(maxlen=WINDOW)
         self._lines: list[_Line] = []
 
     @property
@@ -108,12 +117,19 @@ class ClockEstimator:
 
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
-        if any(line.contradicts(exchange) for line in self._lines):
-            self._exchanges.clear()  # a clock was stepped (the host slept?): the past is void
-        self._exchanges.append(exchange)
-        self._lines = [_through_best(self._exchanges, exchange.host_received_us)]
-        if len(self._exchanges) >= FIT_FROM:
-            self._lines.append(_fit(list(self._exchanges)))
+        reading = _Reading.of(exchange)
+        if any(line.contradicts(reading) for line in self._lines):
+            self._readings.clear()  # a clock was stepped (the host slept?): the past is void
+        elif self._has_enough(reading.host_us):
+            return
+        self._readings.append(reading)
+        self._lines = [_through_best(self._readings)]
+        if len(self._readings) >= FIT_FROM:
+            self._lines.append(_fit(list(self._readings)))
+
+    def _has_enough(self, host_us: int) -> bool:
+        fitted = len(self._readings) >= FIT_FROM
+        return fitted and host_us < self._readings[-1].host_us + SPACING_US
 
     def host_to_device(self, host_us: int) -> int:
         """The device's clock, in us, at the host's `host_us`."""
@@ -123,9 +139,13 @@ class ClockEstimator:
     def device_to_host(self, device_us: int) -> tuple[int, float]:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
         self._check()
-        candidates = [(line.host_us(device_us), line) for line in self._lines]
-        error_us, host_us = min((line.bound_us(host_us), host_us) for host_us, line in candidates)
-        return host_us, error_us
+        best_us, best_error_us = 0, math.inf
+        for line in self._lines:  # a plain loop, half as long: this is done for each sample
+            host_us = line.host_us(device_us)
+            error_us = line.bound_us(host_us)
+            if error_us < best_error_us:
+                best_us, best_error_us = host_us, error_us
+        return best_us, best_error_us
 
     def error_us(self, host_us: int) -> float:
         """Bound of the conversions' error, in us, at the host's `host_us`."""
@@ -133,7 +153,9 @@ class ClockEstimator:
 
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
-        near = self.host_to_device(host_us)
+        self._check()
+        line = self._lines[0]  # either is near enough
+        near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
 
     def _best_at(self, host_us: int) -> _Line:
@@ -145,16 +167,14 @@ class ClockEstimator:
             raise RuntimeError("the clock is not synchronised")
 
 
-def _through_best(exchanges: Sequence[Exchange], now_us: int) -> _Line:
-    """No drift assumed, nor excluded: through the exchange that bounds the present best."""
-
-    def bound(e: Exchange) -> float:
-        return e.round_trip_us / 2 + MAX_DRIFT * (now_us - e.host_us)
-
-    best = min(exchanges, key=bound)
+def _through_best(readings: Sequence[_Reading]) -> _Line:
+    """No drift assumed, nor excluded: through the reading that bounds the present best."""
+    # Twice their bounds, round_trip / 2 + MAX_DRIFT (now - host), without what they share.
+    bounds = [r.round_trip_us - 2 * MAX_DRIFT * r.host_us for r in readings]
+    best = readings[bounds.index(min(bounds))]
     return _Line(
         origin_us=best.host_us,
-        base_us=best.device_us - best.host_us,
+        base_us=best.offset_us,
         a_us=0.0,
         b=0.0,
         mean_us=0.0,
@@ -165,19 +185,19 @@ def _through_best(exchanges: Sequence[Exchange], now_us: int) -> _Line:
     )
 
 
-def _fit(exchanges: Sequence[Exchange]) -> _Line:
+def _fit(readings: Sequence[_Reading]) -> _Line:
     """Least squares through the shortest round trip of every few in turn: short, and spread out."""
-    groups = [exchanges[start : start + GROUP] for start in range(0, len(exchanges), GROUP)]
-    chosen = [min(group, key=lambda e: e.round_trip_us) for group in groups]
+    groups = [readings[start : start + GROUP] for start in range(0, len(readings), GROUP)]
+    chosen = [min(group, key=attrgetter("round_trip_us")) for group in groups]
     n = len(chosen)
-    origin, base = chosen[0].host_us, chosen[0].device_us - chosen[0].host_us
-    times = [e.host_us - origin for e in chosen]
-    offsets = [e.device_us - e.host_us - base for e in chosen]
+    origin, base = chosen[0].host_us, chosen[0].offset_us
+    times = [r.host_us - origin for r in chosen]
+    offsets = [r.offset_us - base for r in chosen]
     mean_time, mean_offset = sum(times) / n, sum(offsets) / n
     spread = sum((t - mean_time) ** 2 for t in times) or 1.0
     products = zip(times, offsets, strict=True)
     b = sum((t - mean_time) * (o - mean_offset) for t, o in products) / spread
-    length = math.sqrt(sum(e.round_trip_us**2 for e in chosen))
+    length = math.sqrt(sum(r.round_trip_us**2 for r in chosen))
     return _Line(
         origin_us=origin,
         base_us=base,
@@ -186,6 +206,6 @@ def _fit(exchanges: Sequence[Exchange]) -> _Line:
         mean_us=mean_time,
         error_us=length / 2 / math.sqrt(n),
         error_slope=length / 2 / math.sqrt(spread),
-        last_us=exchanges[-1].host_us,
+        last_us=readings[-1].host_us,
         growth=WANDER,
     )

@@ -9,7 +9,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.codes import Fault, RefusalCode
+
+NO_FAULT = Fault(0)
 
 
 class WheelwireError(Exception):
@@ -81,17 +83,25 @@ class ProtocolMismatch(WheelwireError):  # noqa: N818
 
 
 class DeviceRefused(WheelwireError):  # noqa: N818
-    """The device refused a request or a setpoint; nothing moved or changed because of it."""
+    """The device refused a request or a setpoint; nothing moved or changed because of it.
+
+    Args:
+        code: Of `RefusalCode`, if this library knows it.
+        subject: What was refused.
+        faults: Those latched, if they are why.
+    """
 
     exit_code = 7
 
-    def __init__(self, code: int, subject: str) -> None:
+    def __init__(self, code: int, subject: str, faults: Fault = NO_FAULT) -> None:
         self.code = code
+        self.faults = faults
         try:
             text = RefusalCode(code).doc
         except ValueError:
             text = f"Code {code}, which this host library does not know."
-        super().__init__(f"the device refused {subject}: {text}")
+        latched = [f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults]
+        super().__init__(" ".join([f"the device refused {subject}: {text}", *latched]))
 
 
 class LinkLost(WheelwireError):  # noqa: N818

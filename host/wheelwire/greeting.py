@@ -11,7 +11,7 @@ from wheelwire_protocol.types import DeviceHello, Hello
 from .device import DeviceInfo, device_release, host_release
 from .errors import DeviceRefused, LinkLost, ProtocolMismatch
 
-PERIOD_US = 100_000
+PERIOD_US = 30_000
 
 
 class Greeting:

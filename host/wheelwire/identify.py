@@ -20,7 +20,7 @@ from wheelwire_protocol.types import DeviceHello, Hello
 from .clock import host_clock_us
 from .errors import LinkLost, PortUnavailable
 from .greeting import PERIOD_US
-from .ports import is_in_use
+from .ports import final_name, is_in_use
 from .transport import Transport, open_transport
 
 NO_VERSION = 0
@@ -75,15 +75,14 @@ class _Asked:
             self._output = self._output[self.transport.write(self._output) :]
 
     def listen(self) -> bool:
-        """Read what has come; False when the port is gone."""
-        try:
-            messages = self._decoder.feed(self.transport.read())
-        except LinkLost:
-            return False
-        for message in messages:
+        """Read what has come; False when the port is gone: it is readable, and nothing comes."""
+        data = b""
+        with suppress(LinkLost):
+            data = self.transport.read()
+        for message in self._decoder.feed(data):
             if isinstance(message, DeviceHello):
                 self.board_id = f"{message.board_id:012x}"
-        return True
+        return bool(data)
 
 
 def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
@@ -96,8 +95,12 @@ def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
 
 
 def _is_free(name: str) -> bool:
+    final = final_name(name)
     # A pseudo-terminal is held open by whoever simulates the device, too; the lock will tell.
-    return str(Path(name).resolve()).startswith(_PSEUDO) or is_in_use(name) is not True
+    if final.startswith(_PSEUDO):
+        return True
+    # Looking through all processes takes long: not for a name that has vanished meanwhile.
+    return Path(final).exists() and is_in_use(final) is not True
 
 
 def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:

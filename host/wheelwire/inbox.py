@@ -5,8 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+from .clock import host_clock_us
 from .errors import RequestTimeout, WheelwireError
 from .samples import WheelSample
+
+ATTENTION_US = 200_000
+"""Whoever asked for a sample this lately is about to ask for the next."""
 
 
 class SampleInbox:
@@ -20,6 +24,7 @@ class SampleInbox:
         self._left = 0
         self._right = 0
         self._failure: WheelwireError | None = None
+        self._asked_us = -ATTENTION_US
 
     def put(self, sample: WheelSample) -> None:
         """A new sample was measured."""
@@ -76,8 +81,15 @@ class SampleInbox:
                 raise self._why_none(timeout_s)
             return self._left, self._right
 
+    def is_read(self, now_us: int) -> bool:
+        """Somebody asks for samples: the next one is worth having at once."""
+        return now_us < self._asked_us + ATTENTION_US
+
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
-        self._changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
+        self._asked_us = host_clock_us()
+        if not ready():
+            self._changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
+            self._asked_us = host_clock_us()
 
     def _why_none(self, timeout_s: float) -> WheelwireError:
         if self._failure is not None:

@@ -12,15 +12,18 @@ from wheelwire_protocol.codes import StopMode
 
 from .baud import BaudSearch
 from .clock import host_clock_us
+from .coalescing import Coalescing
 from .errors import LinkLost, PortUnavailable, WheelwireError
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
 from .transport import Transport, hung_up
 
-REOPEN_PERIOD_S = 0.1
+REOPEN_PERIOD_S = 0.05
 FAREWELL_US = 500_000
 """How long the end waits for the device to acknowledge the stop."""
+IDLE_US = 1_000_000
+"""How long the loop may sleep when nothing is due."""
 OUTPUT_LIMIT = 4096
 """Bytes that wait for the port at most: older ones are worth nothing to a robot."""
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
@@ -61,12 +64,18 @@ class PortLoop:
         self._inbox = inbox
         self._was_open = False
         self._output = b""
+        self._coalescing = Coalescing()
+        self._due_us = 0
+        self._expectant = True
+        """Another thread, or an answer that is under way, may have given the session work."""
         self._finishing = False
         self._farewell_until_us: int | None = None
         self._farewell_done = False
         self._wake_read, self._wake_write = socket.socketpair()
         self._wake_read.setblocking(False)
         self._wake_write.setblocking(False)
+        self._poller = select.poll()
+        self._poller.register(self._wake_read, select.POLLIN)
 
     def wake(self) -> None:
         """Make the loop look at the session; from any thread."""
@@ -91,6 +100,7 @@ class PortLoop:
             while transport is not None:
                 with self._changed:
                     self._session.connect(host_clock_us())
+                    self._expectant, self._due_us = True, 0
                 lost = self._serve(transport)
                 transport = self._reopen() if lost else None
         except BaseException as error:
@@ -104,6 +114,7 @@ class PortLoop:
 
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost: True; or until the end: False. Closes the port."""
+        self._poller.register(transport)
         try:
             while not (self._finishing and self._farewell_over()):
                 self._turn(transport)
@@ -111,49 +122,68 @@ class PortLoop:
             self._lose(error)
             return True
         finally:
+            self._poller.unregister(transport)
             transport.close()
         return False
 
     def _turn(self, transport: Transport) -> None:
-        """Do what is due, write, wait, read."""
+        """Wait, read, do what is due, write."""
+        events = self._wait_for_port(transport)
+        data = transport.read() if events & select.POLLIN else b""
+        # An unplugged port is readable for ever, and nothing comes.
+        if events & _BROKEN and not data:
+            raise hung_up()
+        now_us = host_clock_us()
         with self._changed:
-            now_us = host_clock_us()
-            self._search_baud_rate(transport, now_us)
-            self._session.advance(now_us)
-            self._output += self._session.take_output()
-            due_us = self._session.next_deadline_us
-            self._tell_changes()
+            if data:
+                self._receive(data, now_us)
+            if self._has_work(now_us):
+                self._advance(transport, now_us)
         if self._output:
             self._output = self._output[transport.write(self._output) :]
             if len(self._output) > OUTPUT_LIMIT:
                 self._output = b""
-        events = self._wait_for_port(transport, due_us)
-        got_data = bool(events & select.POLLIN) and self._read(transport)
-        # An unplugged port is readable for ever, and nothing comes.
-        if events & _BROKEN and not got_data:
-            raise hung_up()
 
-    def _read(self, transport: Transport) -> bool:
-        data = transport.read()
-        arrived_us = host_clock_us()
-        with self._changed:
-            samples = self._session.receive(data, arrived_us)
-            self._tell_changes()
-        for sample in samples:
-            self._inbox.put(sample)
-        return bool(data)
-
-    def _wait_for_port(self, transport: Transport, due_us: int | None) -> int:
-        """Wait until a deadline, a wake-up or the port; returns the port's poll events."""
-        poller = select.poll()
-        poller.register(self._wake_read, select.POLLIN)
-        wanted = select.POLLIN | (select.POLLOUT if self._output else 0)
-        poller.register(transport.fileno(), wanted)
-        timeout_ms = None if due_us is None else max(0.0, (due_us - host_clock_us()) / 1000)
-        events = dict(poller.poll(timeout_ms))
+    def _wait_for_port(self, transport: Transport) -> int:
+        """Wait until a deadline, a wake-up or the port; returns what the port has to do."""
+        now_us, until_us, wanted = host_clock_us(), self._due_us, select.POLLIN
+        rests = self._may_rest(now_us)
+        if rests:
+            until_us, wanted = min(until_us, self._coalescing.rest_until_us), 0
+        self._poller.modify(transport, wanted | select.POLLOUT if self._output else wanted)
+        events = dict(self._poller.poll(max(0.0, (until_us - now_us) / 1000)))
         if self._wake_read.fileno() in events:
             self._drain_wake_ups()
-        return events.get(transport.fileno(), 0)
+            self._expectant = True
+        found = events.get(transport.fileno(), 0)
+        rested = rests and host_clock_us() >= self._coalescing.rest_until_us
+        return found | select.POLLIN if rested else found
+
+    def _may_rest(self, now_us: int) -> bool:
+        """Nobody misses what the port has before the rest is over."""
+        resting = now_us < self._coalescing.rest_until_us
+        return resting and not self._expectant and not self._inbox.is_read(now_us)
+
+    # --- the session, always with the lock held ------------------------------------------------
+
+    def _receive(self, data: bytes, now_us: int) -> None:
+        samples = self._session.receive(data, now_us)
+        self._coalescing.note_read(self._session.frames_received, now_us)
+        for sample in samples:
+            self._inbox.put(sample)
+
+    def _has_work(self, now_us: int) -> bool:
+        """State frames alone make none, and most reads bring nothing else."""
+        return self._expectant or now_us >= self._due_us or self._session.phase is not Phase.OPEN
+
+    def _advance(self, transport: Transport, now_us: int) -> None:
+        self._search_baud_rate(transport, now_us)
+        self._session.advance(now_us)
+        self._output += self._session.take_output()
+        due_us = self._session.next_deadline_us
+        self._due_us = now_us + IDLE_US if due_us is None else due_us
+        self._expectant = self._session.awaits_answer(now_us)
+        self._tell_changes()
 
     def _drain_wake_ups(self) -> None:
         try:
@@ -177,13 +207,11 @@ class PortLoop:
 
     def _reopen(self) -> Transport | None:
         """Try again and again, until the port is there; None when the end has come."""
-        poller = select.poll()
-        poller.register(self._wake_read, select.POLLIN)
         while not self._finishing:
             try:
                 transport = self._reopen_port(self.baud_rate or 0)
             except PortUnavailable:
-                poller.poll(REOPEN_PERIOD_S * 1000)
+                self._poller.poll(REOPEN_PERIOD_S * 1000)
                 self._drain_wake_ups()
                 continue
             self.port = transport.port

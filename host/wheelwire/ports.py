@@ -57,7 +57,7 @@ def list_serial_ports(by_path: Path = Path("/dev/serial/by-path")) -> list[Seria
         found.append(
             SerialPort(
                 device=port.device,
-                by_path=stable.get(str(Path(port.device).resolve())),
+                by_path=stable.get(final_name(port.device)),
                 description=port.description,
                 vendor_id=port.vid,
                 product_id=port.pid,
@@ -72,11 +72,19 @@ def list_serial_ports(by_path: Path = Path("/dev/serial/by-path")) -> list[Seria
 
 def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     """Whether some process has `device` open; None when not all processes can be looked into."""
-    target = str(Path(device).resolve())
+    target = final_name(device)
     answers = {_has_open(process, target) for process in proc.glob("[0-9]*")}
     if True in answers:
         return True
     return None if None in answers else False
+
+
+def final_name(device: str | Path) -> str:
+    """Where links to a device lead; its own name when one vanishes meanwhile: it was unplugged."""
+    try:
+        return str(Path(device).resolve())
+    except FileNotFoundError:
+        return str(device)
 
 
 def _has_open(process: Path, target: str) -> bool | None:
@@ -98,4 +106,4 @@ def _link_target(file: Path) -> str | None:
 def _stable_names(folder: Path) -> dict[str, str]:
     if not folder.is_dir():
         return {}
-    return {str(link.resolve()): str(link) for link in sorted(folder.iterdir())}
+    return {final_name(link): str(link) for link in sorted(folder.iterdir())}

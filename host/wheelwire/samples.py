@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
@@ -29,8 +28,7 @@ class Travel(NamedTuple):
     """The device was reset in between: what it travelled meanwhile is unknown, and given as 0."""
 
 
-@dataclass(frozen=True, slots=True)
-class WheelSample:
+class WheelSample(NamedTuple):
     """Both encoders, latched by the device at one instant.
 
     Attributes:

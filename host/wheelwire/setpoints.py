@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from wheelwire_protocol.types import AnyMessage, Refuse, SetDuty, SetWheelVelocity
 
-from .errors import DeviceRefused
+from .errors import NO_FAULT, DeviceRefused
 
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
@@ -40,7 +40,9 @@ class SetpointSender:
     repeat_due_us: int | None = None
     supervisor: SupervisorState | None = None
     """The newest known; None when it is about to change, or no session is open."""
-    _refusal: DeviceRefused | None = None
+    faults: Fault = NO_FAULT
+    """The newest known to be latched."""
+    _refusal: int | None = None
     _unseen: Setpoint | None = None
     _expiry_host_us: int = 0
 
@@ -54,6 +56,7 @@ class SetpointSender:
         self._forget()
         self._refusal = None
         self.supervisor = None
+        self.faults = NO_FAULT
 
     def check(self) -> None:
         """Find out before sending that the device will not drive.
@@ -62,10 +65,11 @@ class SetpointSender:
             DeviceRefused: The last setpoint was refused (told once), or the device is latched.
         """
         refusal, self._refusal = self._refusal, None
+        if refusal is None and self.supervisor is not None:
+            refusal = _LATCHED.get(self.supervisor)
         if refusal is not None:
-            raise refusal
-        if self.supervisor in _LATCHED:
-            raise DeviceRefused(_LATCHED[self.supervisor], "the setpoint")
+            faults = self.faults if refusal == RefusalCode.FAULT else NO_FAULT
+            raise DeviceRefused(refusal, "the setpoint", faults)
 
     def submit(self, setpoint: Setpoint, expiry_host_us: int, now_us: int) -> None:
         """Number and send a setpoint; its expiry on the device's clock is already in it."""
@@ -91,7 +95,7 @@ class SetpointSender:
 
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
-        self._refusal = DeviceRefused(refuse.code, "the setpoint")
+        self._refusal = refuse.code
         if refuse.reference == self.last_seq:
             self._forget()
 

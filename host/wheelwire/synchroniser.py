@@ -11,10 +11,11 @@ from .clock import ClockEstimator, Exchange
 
 BURST = 8
 """Pings at the start of a session, each sent when the former is answered, or lost."""
-BURST_TIMEOUT_US = 50_000
+BURST_TIMEOUT_US = 25_000
+"""Also between pings until the first answer; one that comes later is taken all the same."""
 PERIOD_US = 500_000
-OPEN_PINGS = 16
-"""Unanswered pings remembered; older ones are taken for lost."""
+OPEN_PINGS = 80
+"""Unanswered pings remembered, two seconds of them; older ones are taken for lost."""
 MAX_DEVICE_US = 1 << 62
 SLACK_US = 1000
 """A device may seem to have held a ping this much longer than the whole exchange took."""
@@ -45,6 +46,10 @@ class Synchroniser:
     def ready(self) -> bool:
         """The first burst is sent and the clock is known."""
         return self._burst_left <= 0 and self.clock.synchronised
+
+    def awaits_pong(self, now_us: int) -> bool:
+        """Whether an answer is likely still to come."""
+        return bool(self._open) and now_us < self.sent_us + BURST_TIMEOUT_US
 
     def ping(self, now_us: int) -> None:
         """Send a ping. A lost one is never repeated: its time would be wrong."""

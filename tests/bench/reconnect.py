@@ -11,10 +11,20 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from support.reconnect import AIM_S, after_reset, after_return_elsewhere, after_unplug
+from support.reconnect import (
+    AIM_S,
+    PATIENCE_S,
+    after_reset,
+    after_return_elsewhere,
+    after_unplug,
+)
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.faultline import Faults, LineProfile
+from wheelwire.faultline.simulator import FaultySimulator
 from wheelwire.sim import Simulator
 from wheelwire.statistics import quantile
+
+CORRUPT = Faults(corrupt=0.01)
 
 
 def same_name(folder: Path, cycles: int) -> tuple[list[float], list[float], float]:
@@ -40,6 +50,16 @@ def other_names(folder: Path, cycles: int) -> list[float]:
             ]
 
 
+def bad_line(cycles: int) -> list[float]:
+    """Seconds after resets, less the boot, with 1 % of the bytes corrupted both ways."""
+    with (
+        FaultySimulator(LineProfile(CORRUPT, CORRUPT)) as simulator,
+        SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot,
+    ):
+        boot_s = simulator.get("boot_time_us") / 1e6
+        return [after_reset(simulator, robot) - boot_s for _ in range(cycles)]
+
+
 def main() -> int:
     """Print the table; fail when the port's return takes too long."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -48,12 +68,14 @@ def main() -> int:
     with TemporaryDirectory() as folder:
         returned, reset, boot_s = same_name(Path(folder), arguments.cycles)
         elsewhere = other_names(Path(folder), arguments.cycles)
+    corrupted = bad_line(arguments.cycles)
     table = Table(title=f"To the first fresh sample, {arguments.cycles} each", title_justify="left")
     for column in ("from", "p50", "p99", "max", "aim"):
         table.add_column(column)
     table.add_row("the port's return", *_numbers(returned), f"p99 <= {AIM_S * 1e3:g} ms")
     table.add_row("... under another name, by board_id", *_numbers(elsewhere), "")
     table.add_row(f"a reset, less the {boot_s * 1e3:g} ms of boot", *_numbers(reset), "")
+    table.add_row("... with 1 % of the bytes corrupted", *_numbers(corrupted), "")
     Console(width=100).print(table)
     return int(quantile(returned, 0.99) > AIM_S)
 

@@ -104,6 +104,7 @@ def test_a_fault_is_cleared_and_driving_goes_on() -> None:
     with pytest.raises(DeviceRefused) as refused:
         robot.set_velocity(0.2, 0.2)
     assert refused.value.code == RefusalCode.FAULT
+    assert refused.value.faults == Fault.LEFT_NOT_COUNTING
     robot.sim.set("left.encoder_dead", 0)
     robot.request(ClearFault(0, 0))
     robot.run(0.05)

@@ -1,4 +1,7 @@
-"""The command, as a person and a script use it, against the simulated robot."""
+"""The command, as a person and a script use it, against the simulated robot.
+
+What opens a link is tested on a good line and a bad one; the demonstration brings its own robot.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from typing import Any
 
 import pytest
 
+from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from wheelwire import errors
 from wheelwire.sim import Simulator
@@ -22,9 +26,9 @@ PROGRAM = [sys.executable, "-m", "wheelwire"]
 PATIENCE_S = 60.0
 
 
-@pytest.fixture(scope="module")
-def simulator() -> Iterator[Simulator]:
-    with Simulator() as simulator:
+@pytest.fixture(scope="module", params=[GOOD, "noisy"])
+def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
+    with simulator_on(request.param) as simulator:
         yield simulator
 
 
@@ -72,6 +76,25 @@ def test_drive_drives_and_stops(simulator: Simulator) -> None:
     assert pose["x_m"] == pytest.approx(driven, abs=0.01)
     assert 0.1 < driven < 0.3
     assert simulator.get("stands_still")
+
+
+def test_an_estop_holds_until_it_is_cleared(simulator: Simulator) -> None:
+    assert "wheelwire clear" in run("estop", simulator.port).stdout
+    line = check_error(run("drive", simulator.port, "--linear", "0.2"), errors.DeviceRefused)
+    assert "Emergency stop is latched" in line
+    assert run("clear", simulator.port).stdout == "ESTOPPED ended\n"
+    assert run("clear", simulator.port).stdout == "ready; nothing was latched\n"
+    assert run_json("info", simulator.port)["state"] == "IDLE"
+
+
+def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
+    simulator.set("left.encoder_dead", 1)
+    try:
+        result = run("drive", simulator.port, "--linear", "0.3", "--seconds", "30")
+    finally:
+        simulator.set("left.encoder_dead", 0)
+    assert "LEFT_NOT_COUNTING: The left wheel" in check_error(result, errors.DeviceRefused)
+    assert run("clear", simulator.port).stdout == "FAULT ended\n"
 
 
 def test_monitor_lines_are_json(simulator: Simulator) -> None:

@@ -1,4 +1,4 @@
-"""The device contract on the simulated robot."""
+"""The device contract on the simulated robot, at the end of good lines and bad ones."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 
 from support.device_contract import Bench, DeviceContract
-from wheelwire.sim import Simulator
+from support.lines import GOOD, simulator_on
 
 
 class TestSimulatedDevice(DeviceContract):
     @pytest.fixture
-    def bench(self) -> Iterator[Bench]:
-        with Simulator() as simulator:
-            yield Bench(simulator.port, reset=lambda: simulator.command("reset external"))
+    def bench(self, line: str) -> Iterator[Bench]:
+        with simulator_on(line) as simulator:
+            yield Bench(simulator.port, reset=simulator.reset, lossy=line != GOOD)

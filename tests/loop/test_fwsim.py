@@ -1,4 +1,7 @@
-"""The simulator's program: its port, its commands, its end."""
+"""The simulator's program: its port, its commands, its end.
+
+On no line: what a line does to a link is tested where a link is opened.
+"""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.lines import simulator_on
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.sim import Simulator
@@ -31,13 +32,13 @@ class Cables:
         (self.folder / name).symlink_to(simulator.port)
 
     def board_id(self, name: str) -> str:
-        with SerialDriver(str(self.folder / name)) as robot:
+        with SerialDriver(str(self.folder / name), connect_timeout=PATIENCE_S) as robot:
             return robot.info.device.board_id
 
 
 @pytest.fixture
-def cables(tmp_path: Path) -> Iterator[Cables]:
-    with Simulator(seed=1) as ours, Simulator(seed=2) as other:
+def cables(tmp_path: Path, line: str) -> Iterator[Cables]:
+    with simulator_on(line, seed=1) as ours, simulator_on(line, seed=2) as other:
         cables = Cables(tmp_path, ours, other)
         cables.name("tty0", other)
         cables.name("tty1", ours)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from support.lines import simulator_on
 from support.stop_host import (
     BLOWS,
     HANG,
@@ -23,21 +24,15 @@ from support.stop_host import (
     wait,
 )
 from support.stop_times import PERIOD_US, TTL_S
-from wheelwire.faultline import LineProfile, load_profile
+from wheelwire.faultline import LineProfile
 from wheelwire.faultline.simulator import FaultySimulator
 from wheelwire.sim import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
 
-@pytest.fixture(params=["", "noisy", "split"])
-def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
-    profile = request.param
-    made = (
-        FaultySimulator(load_profile(profile), truth_hz=TRUTH_HZ)
-        if profile
-        else Simulator(truth_hz=TRUTH_HZ)
-    )
-    with made as simulator:
+@pytest.fixture
+def simulator(line: str) -> Iterator[Simulator]:
+    with simulator_on(line, truth_hz=TRUTH_HZ) as simulator:
         yield simulator
 
 

@@ -15,7 +15,7 @@ from .flash import flash
 from .local import demo, ports, sim
 from .output import print_error
 from .parameters import app as parameters_app
-from .robot import drive, info, monitor
+from .robot import clear, drive, estop, info, monitor
 
 app = typer.Typer(
     name="wheelwire",
@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for command in (sim, ports, info, drive, monitor, flash, demo):
+for command in (sim, ports, info, drive, monitor, estop, clear, flash, demo):
     app.command()(command)
 app.add_typer(parameters_app, name="params")
 

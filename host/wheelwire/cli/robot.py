@@ -1,4 +1,4 @@
-"""Commands that talk to a robot: info, drive, monitor."""
+"""Commands that talk to a robot: info, drive, monitor, estop, clear."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
 from wheelwire.odometry import Odometry
 from wheelwire.samples import WheelSample
+from wheelwire_protocol.codes import SupervisorState
 
 from .output import JsonFlag, console, plain, print_facts, print_json
 
@@ -22,6 +23,8 @@ BaudOption = Annotated[int, typer.Option(help="Tried first; then the usual rates
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
+
+_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 def info(
@@ -120,6 +123,24 @@ def monitor(
             else:
                 console.print(_line(sample, robot.statistics.frames_lost), soft_wrap=True)
                 time.sleep(PRINT_PERIOD_S)
+
+
+def estop(port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE) -> None:
+    """Stop the wheels, and let nobody drive until `clear`."""
+    with SerialDriver(port, baud_rate=baud) as robot:
+        robot.estop()
+    console.print(f"stopped and latched; `wheelwire clear {port}` ends it")
+
+
+def clear(port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE) -> None:
+    """End an e-stop or a fault; refused while its cause lasts."""
+    with SerialDriver(port, baud_rate=baud) as robot:
+        state = robot.read().state
+        if state is SupervisorState.ESTOPPED:
+            robot.clear_estop()
+        elif state is SupervisorState.FAULT:
+            robot.clear_fault()
+    console.print("ready; nothing was latched" if state not in _LATCHED else f"{state.name} ended")
 
 
 def _line(sample: WheelSample, lost: int) -> str:

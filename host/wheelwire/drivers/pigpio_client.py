@@ -9,7 +9,8 @@ from __future__ import annotations
 import atexit
 import socket
 import struct
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from ..errors import DriverUnavailable, LinkLost
@@ -41,7 +42,8 @@ class PigpioClient:
         self.library = pigpio
         self.address = f"{host}:{port}"
         _probe(host, port, self.address)
-        self._pi = pigpio.pi(host, port, show_errors=False)
+        with _ending_threads(pigpio):
+            self._pi = pigpio.pi(host, port, show_errors=False)
         if not self._pi.connected:
             raise DriverUnavailable(f"what answers at {self.address} is no pigpiod")
         # Its exit handler would cut the connection before the driver's stops the wheels.
@@ -49,7 +51,7 @@ class PigpioClient:
         self._pi.sl.s.settimeout(ANSWER_TIMEOUT_S)
         self._closed = False
         self._notify = self._pi._notify
-        self._notify_socket = _EndingSocket(self._notify)
+        self._notify_socket: _EndingSocket = self._notify.sl.s
 
     def call(self, method: str, *arguments: object) -> Any:
         """The result of a method of `pigpio.pi`.
@@ -80,13 +82,29 @@ class PigpioClient:
         self._notify_socket.close()
 
 
+@contextmanager
+def _ending_threads(library: Any) -> Iterator[None]:
+    """Callback threads that are made meanwhile end with their connection."""
+    thread_class = library._callback_thread
+
+    class EndingThread(thread_class):  # type: ignore[misc, valid-type] # pigpio has no types
+        def start(self) -> None:  # the library calls it once the socket is there
+            self.sl.s = _EndingSocket(self)
+            super().start()
+
+    library._callback_thread = EndingThread
+    try:
+        yield
+    finally:
+        library._callback_thread = thread_class
+
+
 class _EndingSocket:
     """In the place of the callback thread's socket: its end ends the thread."""
 
     def __init__(self, thread: Any) -> None:
         self._socket: socket.socket = thread.sl.s
         self._thread = thread
-        thread.sl.s = self
 
     def recv(self, size: int) -> bytes:
         try:

@@ -87,7 +87,8 @@ class SerialDriver(BaseDriver):
         port: Device path, pyserial URL or `socket://host:port`.
         baud_rate: Tried first; then the usual ones.
         connect_timeout: How long to look for the device. [s]
-        stream_rate_hz: Rate of the samples; None leaves it as the device has it.
+        stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has
+            asked for 0.2 s, the next one of a fast stream may be 10 ms old.
         board_id: Only this board will do (`robot.info.device.board_id`, 12 hex digits), under
             whichever name it comes back. `port` may then be glob patterns, separated by commas;
             all free ports that they match are opened to ask who is there.

@@ -50,6 +50,7 @@ class QuadratureDecoder:
         after = self._state | channel if level else self._state & ~channel
         if after == self._state:
             self.illegal += 1  # it changed twice, and one of the edges was not seen
+            self._illegal_before += 1
             return
         self._state = after
         step = STEPS[self._before << 2 | after]
@@ -58,3 +59,4 @@ class QuadratureDecoder:
             self.illegal = self._illegal_before + 1
         else:
             self.ticks = self._ticks_before + step
+            self.illegal = self._illegal_before

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorEvent, SupervisorState
 
-from ..errors import DeviceRefused
+from ..errors import NO_FAULT, DeviceRefused
 from ..samples import WheelSample
 from .drive import ControlMode, Drive, Target
 from .hardware import Hardware
@@ -65,7 +65,8 @@ class LocalRobot:
         """
         refusal = SETPOINT_REFUSALS.get(self._supervisor.state)
         if refusal is not None:
-            raise DeviceRefused(refusal, "the setpoint")
+            faults = self._faults if refusal is RefusalCode.FAULT else NO_FAULT
+            raise DeviceRefused(refusal, "the setpoint", faults)
         settings = self._settings
         limit = settings.max_velocity_mps if mode is ControlMode.VELOCITY else settings.gains.limit
         life_us = min(round(ttl_s * 1e6), settings.ttl_max_us)

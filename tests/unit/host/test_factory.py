@@ -36,8 +36,9 @@ def test_importing_the_package_loads_nothing_slow() -> None:
     program = (
         "import sys; sys.path[:] = %r; import wheelwire\n"
         "from wheelwire.drivers import l298n, mock, pigpio, serial\n"
-        "slow = {'numpy', 'typer', 'rich', 'asyncio', 'matplotlib', 'pydantic', 'yaml'}\n"
-        "print(*((slow | {'pigpio', 'gpiozero'}) & set(sys.modules)))"
+        "slow = {'construct', 'numpy', 'typer', 'rich', 'asyncio', 'matplotlib', 'pydantic'}\n"
+        "slow |= {'yaml', 'pigpio', 'gpiozero'}\n"
+        "print(*(slow & set(sys.modules)))"
     )
     loaded = subprocess.run(
         [sys.executable, "-c", program % sys.path], capture_output=True, text=True, check=True

@@ -3,8 +3,9 @@ import threading
 import pytest
 
 from support.host_samples import sample
+from wheelwire.clock import host_clock_us
 from wheelwire.errors import LinkLost, RequestTimeout
-from wheelwire.inbox import SampleInbox
+from wheelwire.inbox import ATTENTION_US, SampleInbox
 
 
 def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
@@ -53,3 +54,13 @@ def test_the_first_ticks_are_the_devices_own() -> None:
     inbox = SampleInbox()
     inbox.put(sample(left_ticks=-4, right_ticks=1000))
     assert inbox.ticks(0) == (-4, 1000)
+
+
+def test_it_is_read_for_some_time_after_each_question() -> None:
+    inbox = SampleInbox()
+    assert not inbox.is_read(host_clock_us())
+    with pytest.raises(RequestTimeout):
+        inbox.take(0)
+    asked_us = host_clock_us()
+    assert inbox.is_read(asked_us)
+    assert not inbox.is_read(asked_us + ATTENTION_US)

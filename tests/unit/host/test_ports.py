@@ -67,3 +67,14 @@ def test_a_process_that_cannot_be_seen_leaves_it_open(
 
     monkeypatch.setattr(Path, "iterdir", deny)
     assert ports.is_in_use("/dev/mine", tmp_path) is None
+
+
+def test_a_name_that_vanishes_while_it_is_looked_at_is_no_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def vanish(path: Path) -> Path:
+        raise FileNotFoundError(path)
+
+    monkeypatch.setattr(Path, "resolve", vanish)
+    assert ports.final_name("/dev/tty7") == "/dev/tty7"
+    assert ports.is_in_use("/dev/tty7", tmp_path) is False

@@ -1,0 +1,66 @@
+"""A stream of more frames than anybody asks for, from the real firmware."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from statistics import median
+
+import pytest
+
+from support.pty_device import wait_until
+from wheelwire.coalescing import REST_US
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.sim import Simulator
+from wheelwire.transport import SerialTransport
+
+FRAMES = 1000
+
+
+class Reads:
+    """Counts how often the port is read."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.count = 0
+        read = SerialTransport.read
+
+        def counted(transport: SerialTransport) -> bytes:
+            self.count += 1
+            return read(transport)
+
+        patch.setattr(SerialTransport, "read", counted)
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> Reads:
+    return Reads(monkeypatch)
+
+
+def wait_for_frames(robot: SerialDriver, count: int) -> None:
+    end = robot.statistics.frames_received + count
+    wait_until(lambda: robot.statistics.frames_received >= end)
+
+
+def test_a_stream_that_nobody_asks_for_is_read_in_groups(reads: Reads) -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+        before = reads.count
+        wait_for_frames(robot, FRAMES)
+        assert reads.count - before < FRAMES / 4
+        assert robot.statistics.frames_lost == 0
+
+
+def test_who_asks_gets_samples_as_they_come() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+        wait_for_frames(robot, 100)
+        times = [robot.read().t_us for _ in range(FRAMES)]
+    assert median(later - earlier for earlier, later in pairwise(times)) < REST_US / 2
+
+
+def test_five_thousand_states_a_second() -> None:
+    with Simulator() as simulator:
+        with SerialDriver(simulator.port) as robot:
+            robot.parameters["control_rate_hz"] = 5000
+        with SerialDriver(simulator.port, stream_rate_hz=5000) as robot:
+            wait_for_frames(robot, 5 * FRAMES)
+            first = robot.read()
+            wait_until(lambda: robot.read().t_us > first.t_us)
+            assert (robot.read().t_us - first.t_us) % 200 == 0

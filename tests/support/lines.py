@@ -1,0 +1,19 @@
+"""The lines that the simulated robot is tested on: a good one, and bad ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from wheelwire.faultline import load_profile
+from wheelwire.faultline.simulator import FaultySimulator
+from wheelwire.sim import Simulator
+
+GOOD = "good"
+LINES = (GOOD, "noisy", "split")
+
+
+def simulator_on(line: str, **options: Any) -> Simulator:
+    """A simulator at the far end of one of `LINES`; options are those of `Simulator`."""
+    if line == GOOD:
+        return Simulator(**options)
+    return FaultySimulator(load_profile(line), **options)
