@@ -93,19 +93,27 @@ def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted; whatever ends it, the wheels stop first."""
     rclpy.init(args=args)
     try:
-        node = HardwareRobot()
-        try:
-            rclpy.spin(node)
-        finally:
-            node.close()
+        _run()
     except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+        return
     except InvalidParameterTypeException as error:
         sys.exit(f"hardware_robot: {error}: a real number has a point (1.0), a whole one has not")
     except ParameterException as error:
         sys.exit(f"hardware_robot: {error}")
+    except RuntimeError:
+        if rclpy.ok():
+            raise
+        # Interrupted between two steps, rclpy fails at the next one: its context has ended.
     finally:
         rclpy.try_shutdown()
+
+
+def _run() -> None:
+    node = HardwareRobot()
+    try:
+        rclpy.spin(node)
+    finally:
+        node.close()
 
 
 if __name__ == "__main__":

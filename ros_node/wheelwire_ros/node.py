@@ -48,7 +48,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self._report, clock=steady_clock())
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
         refuse_impossible_transitions(self)
         self._autostart = Autostart(self) if self.setting("autostart") else None
 
@@ -76,6 +76,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._bridge.connection = None
         if open_robot is not None:
             open_robot.close()
+
+    def report(self) -> None:
+        """Say in /diagnostics how things are; done each second, and at once when they change."""
+        message = DiagnosticArray(status=self._statuses())
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
 
     # --- lifecycle -----------------------------------------------------------------------------
 
@@ -149,11 +155,6 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def _raise_failure(self) -> None:
         if self._failure is not None:
             raise self._failure
-
-    def _report(self) -> None:
-        message = DiagnosticArray(status=self._statuses())
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
 
     def _statuses(self) -> list[Any]:
         name = self.get_fully_qualified_name().lstrip("/")

@@ -113,15 +113,24 @@ class OpenRobot:
         stamped = node.setting("use_stamped_vel")
         self._commands = CommandSubscriber(node, connection, stamped=stamped)
         resources.callback(self._commands.destroy)
-        returned = node.create_guard_condition(self.follow)
-        resources.callback(node.destroy_guard_condition, returned)
-        self._reader = SampleReader(robot, self._on_sample, returned.trigger, self._fail)
+        changed = node.create_guard_condition(self._on_change)
+        resources.callback(node.destroy_guard_condition, changed)
+        self._reader = SampleReader(robot, self._on_sample, changed.trigger, self._fail)
         resources.callback(self._reader.close)
 
     def _on_session(self) -> None:
         """A robot that was reset or flashed may have other numbers."""
         self._bridge.mirror(self.connection.robot)
         self.use_settings()
+
+    def _on_change(self) -> None:
+        """The robot is lost, or back, perhaps in another session."""
+        silence = self._reader.silence
+        if silence is None:
+            self._node.get_logger().info("the robot is in reach")
+        else:
+            self._node.get_logger().warning(f"the robot is out of reach: {silence}")
+        self._node.report()
 
     def _on_sample(self, sample: WheelSample) -> None:
         """In the reader's thread."""

@@ -138,6 +138,7 @@ def declare(node: Any, own: Iterable[Setting] = ()) -> dict[str, float]:
     for setting in settings.values():
         if not is_set(node, setting.name):
             _set(node, RosParameter(setting.name, value=setting.default))
+    _name_unknown(node)
     given = [name for name in ROBOT_PARAMETERS if is_set(node, name)]
     return {name: float(node.get_parameter(name).value) for name in given}
 
@@ -180,6 +181,17 @@ def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float)
     elif type_ is RosParameter.Type.INTEGER:
         whole = IntegerRange(from_value=int(low), to_value=int(high), step=1)
         descriptor.integer_range = [whole]
+
+
+def _name_unknown(node: Any) -> None:
+    """Of what it was given and nobody declared rclpy says nothing: a slip would go unseen.
+
+    No error: a file for `/**` may hold the parameters of other nodes.
+    """
+    given = node._parameter_overrides  # nothing public tells
+    unknown = ", ".join(sorted(name for name in given if not node.has_parameter(name)))
+    if unknown:
+        node.get_logger().warning(f"parameters that this node does not have: {unknown}")
 
 
 def _settle(node: Any, alias: str, name: str) -> None:

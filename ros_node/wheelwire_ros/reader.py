@@ -19,8 +19,8 @@ class SampleReader:
     Args:
         robot: An open driver.
         on_sample: Called with each sample, in this thread.
-        on_return: Called before the first sample after a silence or of another boot, in this
-            thread: the session may be another one.
+        on_change: Called when a silence begins, and before the first sample after one or of
+            another boot, in this thread: the session may be another one.
         on_failure: Called with what went wrong here, or in one of those; nothing is read any more.
     """
 
@@ -28,14 +28,14 @@ class SampleReader:
         self,
         robot: BaseDriver,
         on_sample: Callable[[WheelSample], None],
-        on_return: Callable[[], None],
+        on_change: Callable[[], None],
         on_failure: Callable[[Exception], None],
     ) -> None:
         self.silence: WheelwireError | None = None
         """Why no sample came lately; None while they come."""
         self._robot = robot
         self._on_sample = on_sample
-        self._on_return = on_return
+        self._on_change = on_change
         self._on_failure = on_failure
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
@@ -59,13 +59,19 @@ class SampleReader:
             try:
                 sample = self._robot.read(SILENCE_S)
             except WheelwireError as error:
-                self.silence, boot_id = error, None
-                self._closing.wait(PAUSE_S)
+                self._note_silence(error)
+                boot_id = None
                 continue
             if self._closing.is_set():
                 return
             self.silence = None
             if sample.boot_id != boot_id:
                 boot_id = sample.boot_id
-                self._on_return()
+                self._on_change()
             self._on_sample(sample)
+
+    def _note_silence(self, error: WheelwireError) -> None:
+        began, self.silence = self.silence is None, error
+        if began:
+            self._on_change()
+        self._closing.wait(PAUSE_S)

@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 
-from support.ros import RobotNode
+from support.ros_process import RobotNode
 from support.ros_rig import Rig, open_rig, twist
 from support.stop_host import stopped
 

@@ -12,7 +12,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from support.pigpio_process import PigpioProcess
-from support.ros import Diagnostics, Graph, Repeater, RobotNode, wait
+from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
 
 PATIENT_US = 1_000_000
@@ -40,7 +41,7 @@ def check_driving(graph: Graph, driver: str, **options: Any) -> None:
         commands = graph.publisher(Twist, "cmd_vel")
         wait(lambda: odometry, "odom")
         with Repeater(commands, lambda: twist(SPEED_MPS)):
-            wait(lambda: odometry[-1].pose.pose.position.x > 0.1, "10 cm")
+            wait(lambda: odometry[-1].pose.pose.position.x > 0.05, "5 cm")
             link = diagnostics.wait("link", lambda *_: True)
         wait(lambda: odometry[-1].twist.twist.linear.x == 0, "the halt")
     assert link["driver"] == driver

@@ -13,7 +13,8 @@ from geometry_msgs.msg import Twist
 from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import Odometry
 
-from support.ros import Diagnostics, Graph, RobotNode, wait
+from support.ros import Diagnostics, Graph, wait
+from support.ros_process import RobotNode
 from support.ros_rig import NODE, SPEED_MPS, twist
 from wheelwire.sim import Simulator
 

@@ -12,7 +12,8 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from std_srvs.srv import Trigger
 
-from support.ros import PATIENCE_S, Repeater, RobotNode, open_graph, wait
+from support.ros import PATIENCE_S, Repeater, open_graph, wait
+from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from wheelwire import open_driver
 from wheelwire.sim import Simulator
@@ -124,3 +125,15 @@ def test_a_start_with_what_cannot_be_ends_with_one_line(
         assert node.process.wait(PATIENCE_S) == 1
         (line,) = node.errors().splitlines()
         assert words in line
+
+
+def test_parameters_that_there_are_not_are_named() -> None:
+    given: dict[str, Any] = {
+        "driver_type": "mock",
+        "open_loop": True,
+        "angular__z__max_acceleration": 2.0,
+    }
+    with open_graph() as graph, RobotNode(graph, **given) as node:
+        graph.wait_active()
+        warning = "parameters that this node does not have: angular.z.max_acceleration, open_loop"
+        assert warning in node.errors()

@@ -16,7 +16,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
-from support.ros import Diagnostics, RobotNode, open_graph, wait
+from support.ros import Diagnostics, open_graph, wait
+from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig
 from support.stop_host import stopped
 

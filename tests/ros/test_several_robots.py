@@ -12,7 +12,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
-from support.ros import Diagnostics, Graph, Repeater, RobotNode, wait
+from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
 from wheelwire.sim import Simulator
 from wheelwire_protocol.codes import SupervisorState

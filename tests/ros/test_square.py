@@ -17,10 +17,11 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from support.ros import PATIENCE_S, Diagnostics, Graph, RobotNode, wait
+from support.ros import PATIENCE_S, Diagnostics, Graph, wait
+from support.ros_process import RobotNode
 from wheelwire.sim import Simulator
 
-SIDE_M = 0.25
+SIDE_M = 0.2
 CORNERS_M = ((SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0))
 ARRIVED_M = 0.02
 SPEED_MPS = 0.3

@@ -12,7 +12,8 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 
 from support import stop_host
-from support.ros import Diagnostics, Graph, Repeater, RobotNode, open_graph, wait
+from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
+from support.ros_process import RobotNode
 from wheelwire.sim import Simulator, TrueState
 
 NODE = "/hardware_robot"

@@ -28,25 +28,25 @@ def events(*script: WheelSample | Exception, count: int) -> list[Any]:
     """The first `count` calls of a reader."""
     seen: queue.Queue[Any] = queue.Queue()
     robot = cast("BaseDriver", ScriptedRobot(*script))
-    reader = SampleReader(robot, seen.put, lambda: seen.put("return"), seen.put)
+    reader = SampleReader(robot, seen.put, lambda: seen.put("change"), seen.put)
     try:
         return [seen.get(timeout=PATIENCE_S) for _ in range(count)]
     finally:
         reader.close()
 
 
-def test_the_first_sample_a_silence_and_another_boot_may_be_a_new_session() -> None:
+def test_a_silence_its_end_and_another_boot_are_changes() -> None:
     one, two, three = sample(t_us=1), sample(t_us=2), sample(t_us=3)
     other = sample(boot_id=2)
-    script = (one, two, LinkLost("gone"), three, other)
-    expected = ["return", one, two, "return", three, "return", other]
+    script = (one, two, LinkLost("gone"), LinkLost("still gone"), three, other)
+    expected = ["change", one, two, "change", "change", three, "change", other]
     assert events(*script, count=len(expected)) == expected
 
 
 def test_a_device_that_was_flashed_with_another_release_is_a_silence_too() -> None:
     one, two = sample(t_us=1), sample(t_us=2)
     script = (one, WheelwireError("host and firmware do not match"), two)
-    assert events(*script, count=4) == ["return", one, "return", two]
+    assert events(*script, count=5) == ["change", one, "change", "change", two]
 
 
 def test_what_fails_is_handed_over() -> None:

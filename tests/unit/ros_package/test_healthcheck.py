@@ -12,11 +12,11 @@ from typing import Any
 
 import pytest
 
-from support.ros import Graph, open_graph
-
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from support.ros import Graph, open_graph
 
 CHECK = Path(__file__).parents[3] / "ros_node" / "docker" / "healthcheck.py"
 PERIOD_S = 0.2

@@ -1,0 +1,87 @@
+"""The node as a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from support.processes import interruptible
+from support.ros import PATIENCE_S, Graph
+
+
+class RobotNode:
+    """The node in a process of its own.
+
+    Args:
+        graph: Whose domain it joins.
+        code: Run instead of the executable, with the same arguments.
+        name: The node's namespace and name, for remapping: `/a` is namespace a.
+        parameters: By name.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        code: str | None = None,
+        namespace: str = "",
+        **parameters: Any,
+    ) -> None:
+        program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
+        arguments = ["--ros-args"]
+        for name, value in parameters.items():
+            arguments += ["-p", f"{name.replace('__', '.')}:={_yaml(value)}"]
+        if namespace:
+            arguments += ["-r", f"__ns:={namespace}"]
+        tests = str(Path(__file__).parents[1])
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self.process = subprocess.Popen(
+            [sys.executable, *program, *arguments],
+            env={
+                **os.environ,
+                "ROS_DOMAIN_ID": str(graph.domain),
+                "PYTHONPATH": os.pathsep.join([tests, *sys.path]),
+            },
+            stderr=self._errors,
+            preexec_fn=interruptible,
+        )
+
+    def errors(self) -> str:
+        """What it has written to standard error."""
+        file = self._errors.fileno()
+        return os.pread(file, os.fstat(file).st_size, 0).decode()
+
+    def end(self, blow: signal.Signals) -> int:
+        """Send a signal and wait; returns the exit code."""
+        self.process.send_signal(blow)
+        return self.process.wait(PATIENCE_S)
+
+    def close(self) -> None:
+        """Interrupt it, if it still runs."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+        finally:
+            sys.stderr.write(self.errors())
+            self._errors.close()
+
+    def __enter__(self) -> RobotNode:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)

@@ -1,0 +1,88 @@
+"""With the message packages; without rclpy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, cast
+
+import pytest
+
+pytest.importorskip(
+    "diagnostic_msgs.msg", reason="`make ros` brings ROS's messages (Linux, x86-64)"
+)
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from support.host_samples import sample
+from wheelwire import BaseDriver, LinkLost, LinkStatistics
+from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_ros import diagnostics
+from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
+from wheelwire_ros.connection import RobotConnection, Tuning
+from wheelwire_ros.diagnostics import Report
+
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+
+class Robot:
+    """Only what diagnostics ask a driver that has no device."""
+
+    statistics = LinkStatistics(sessions=2, round_trip_p50_us=812.5)
+
+
+def report(**changes: Any) -> Report:
+    robot = cast("BaseDriver", Robot())
+    connection = RobotConnection(robot, CommandGate(0.5), {}, Tuning(1, 1), lambda: None)
+    return replace(Report(connection, sample(), None, 1e-6, 0, []), **changes)
+
+
+def statuses(report: Report) -> dict[str, Any]:
+    found = diagnostics.open_statuses("robot1/hardware_robot", "mock", report)
+    return {status.name.removeprefix("robot1/hardware_robot: "): status for status in found}
+
+
+def values(status: Any) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_without_a_robot_there_is_the_reason() -> None:
+    (status,) = diagnostics.closed_status("hardware_robot", "serial", "no such port")
+    assert (status.name, status.level) == ("hardware_robot: link", ERROR)
+    assert status.message == "no such port"
+
+
+def test_what_is_in_order() -> None:
+    found = statuses(report(sample=sample(state=SupervisorState.DRIVING)))
+    assert [status.level for status in found.values()] == [OK, OK, OK]
+    link = values(found["link"])
+    assert (link["driver"], link["sessions"], link["round_trip_p50_us"]) == ("mock", "2", "812.5")
+    assert math.isnan(Robot.statistics.clock_error_us)
+    assert link["clock_error_us"] == ""
+
+
+def test_a_silence_is_the_links_and_makes_the_rest_stale() -> None:
+    found = statuses(report(silence=LinkLost("unplugged")))
+    assert (found["link"].level, found["link"].message) == (ERROR, "unplugged")
+    assert found["robot"].level == STALE
+
+
+def test_faults_by_name_and_meaning() -> None:
+    fault = Fault.LEFT_NOT_COUNTING
+    status = statuses(report(sample=sample(faults=fault)))["robot"]
+    assert (status.level, values(status)["faults"]) == (ERROR, "LEFT_NOT_COUNTING")
+    assert status.message == fault.doc
+
+
+def test_what_was_ignored_by_reason() -> None:
+    one = report()
+    one.connection.gate.count(CommandIgnored(Ignored.STALE))
+    status = statuses(one)["commands"]
+    assert values(status) == {"obeyed": "0", "ignored": "1", "ignored_stale": "1"}
+
+
+def test_commands_that_nobody_hears() -> None:
+    status = statuses(report(unheard_types=["geometry_msgs/msg/Twist"]))["commands"]
+    assert status.level == WARN
+    assert "use_stamped_vel" in status.message
