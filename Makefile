@@ -11,10 +11,10 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 ros test demo hil fuzzers fuzz corruption bench reliability soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test demo hil fuzzers fuzz corruption bench reliability soak clean
 
 help:  ## This list
-	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(VENV)/installed: pyproject.toml tools/check-machine
 	@tools/check-machine $(PYTHON)
@@ -57,6 +57,9 @@ rv32: $(VENV)/installed  ## Build the core for RV32IMC with Debian's compiler, t
 	@$(BIN)/cmake -S firmware/esp32/rv32 -B $(RV32_BUILD) -G Ninja --log-level=WARNING >/dev/null
 	@$(BIN)/cmake --build $(RV32_BUILD)
 
+rv32-baseline: $(VENV)/installed  ## After a release: make rv32-baseline RELEASE=0.1.0
+	@$(BIN)/python tests/support/rv32_baseline.py $(or $(RELEASE),$(error Say which: RELEASE=0.1.0))
+
 $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests/ros/tf2_msgs/msg/*)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[ros]'
 	$(BIN)/python tests/ros/tf2_msgs/build.py
@@ -85,12 +88,12 @@ fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clan
 corruption: cpp-tests  ## Damage frames in every way, and count what gets through; about two minutes
 	@$(HOST_BUILD)/wheelwire-corruption --random 100000000
 
-bench: sim  ## Benchmarks: codec against its peers, control quality, cost
+bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/report.md
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire-decoder)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	$(BIN)/python tests/bench/codec.py
-	$(BIN)/python tests/bench/control.py
-	$(BIN)/python tests/bench/drivers.py
-	$(BIN)/python tests/bench/cost.py
+	@# Its HDLC needs none of the 60 packages, linters and SciPy among them, that pigweed asks for.
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'pigweed>=0.0.24'
+	@$(BIN)/python tests/bench/report.py
 
 reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 10 min
 	$(BIN)/python tests/bench/stop_times.py

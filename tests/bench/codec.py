@@ -1,211 +1,180 @@
-"""The codec against its peers: `python tests/bench/codec.py`. Needs the extra `bench`.
-
-All candidates decode telemetry in interleaved rounds of one run. Each time is the median over the
-rounds, each ratio the median of the ratios within a round: what slows a round slows both sides.
-"""
+"""The codec against its peers: `make bench`, or this file alone. Needs the extra `bench`."""
 
 from __future__ import annotations
 
-import gc
-import os
-import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
 from statistics import median
-from time import perf_counter
-from typing import NamedTuple
-from zlib import crc32
+from typing import TYPE_CHECKING
 
-from cobs import cobs
-from construct import Int8ul, Int16ul, Int32ul, Struct
-from rich.console import Console
-from rich.table import Table
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from bench.peers import ABSENT, OURS, THEIRS
+from bench.peers.base import Peer, parts_of
+from bench.peers.mavlink import Pymavlink
+from bench.peers.survival import CORRUPT, Survival, survival
+from support.benchmark import import_ms, interleaved, output_folder, ratio, seconds, table
+from support.captures import wheel_states
 
-from wheelwire_protocol import Decoder, Encoder, decode_capture
-from wheelwire_protocol.framing import CRC_RESIDUE, DELIMITER
-from wheelwire_protocol.messages import WHEEL_STATE
-from wheelwire_protocol.reference import crc32 as crcmod_crc32
-from wheelwire_protocol.types import WheelState
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-os.environ["MAVLINK20"] = "1"
-from pymavlink.dialects.v20 import common  # the version is read at import
+ROUNDS = 9
+FRAMES = 500
+BATCH_FRAMES = 20_000
+"""A batch must outweigh its calls."""
+PART_SIZES = (4096, 64)
+STARTS = 5
 
-READ_SIZE = 4096
-"""Bytes handed to a streaming decoder at once, as a serial driver reads them."""
+AIM = 12
+"""Times pymavlink's speed of decoding, by our best path."""
 
-ROUNDS = 15
-FRAMES = 20_000
-SLOW_FRAMES = 1000
-"""For the slow ones: fewer frames give as good a figure."""
-
-
-class Aim(NamedTuple):
-    """`slow` takes at least, or at most, so many times as long as `fast`."""
-
-    text: str
-    slow: str
-    fast: str
-    at_least: float = 0.0
-    at_most: float = float("inf")
-
-
-AIMS = (
-    Aim("pymavlink / streaming", "pymavlink", "streaming", at_least=8),
-    Aim("plain construct / streaming", "construct", "streaming", at_least=20),
-    Aim("streaming / bare loop", "streaming", "bare loop", at_most=1.7),
-    Aim("streaming / bulk", "streaming", "bulk", at_least=3),
+METHOD = f"""\
+From the numbers to a frame, and back from a stream that arrives in parts of 4096 or 64 bytes to
+objects whose fields are numbers: microseconds a frame, medians of {ROUNDS} interleaved rounds. The
+message is WheelState, 13 numbers in 39 bytes, or the protocol's own of equal weight. Then
+{100 * CORRUPT:g} % of all bytes are replaced: *recovered* are the frames decoded of those that
+no damage touched, *wrong* the messages that came out and were never sent. *Bytes* are those on the
+wire for one message, *import* is in a fresh interpreter, less what that takes for nothing.
+"""
+HEADER = (
+    *("library", "version", "encode [us]", "decode, 4096 [us]", "decode, 64 [us]"),
+    *("recovered", "wrong", "bytes", "import [ms]", "remark"),
 )
+NOT_DONE = "-"
 
 
-def wheel_states(count: int) -> bytes:
-    """A capture of a robot that drives a curve."""
-    encoder = Encoder()
-    frames = (
-        WheelState(
-            boot_id=0x5EED1234,
-            t_us=1000 * i,
-            left_ticks=7 * i // 10,
-            right_ticks=-9 * i // 10,
-            left_mps=0.25 + i % 16 / 512,
-            right_mps=-0.3,
-            left_duty_q15=12_000 + i % 100,
-            right_duty_q15=-14_000,
-            command_seq=i // 20,
-            supervisor=2,
-            faults=0,
-            overruns=0,
-            battery_mv=11_800 - i % 7,
-        )
-        for i in range(count)
-    )
-    return b"".join(map(encoder.encode, frames))
+class Candidate:
+    """One library with frames of its own."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.peer = peer
+        count = FRAMES if peer.streams else BATCH_FRAMES
+        self._fields = [peer.fields(state) for state in wheel_states(count)]
+        stream = b"".join(map(peer.encode, self._fields))
+        self.frame_size = len(stream) / count
+        self._parts = {size: parts_of(stream, size) for size in PART_SIZES}
+
+    def measures(self) -> Iterator[tuple[str, Callable[[], float]]]:
+        """Name and measure, in microseconds a frame, of all that the library does."""
+        if self.peer.encodes:
+            yield f"{self.peer.name} encode", self._encode_us
+        for size in PART_SIZES if self.peer.streams else PART_SIZES[:1]:
+            yield f"{self.peer.name} {size}", partial(self._decode_us, size)
+
+    def _encode_us(self) -> float:
+        encode, fields = self.peer.encode, self._fields
+        return 1e6 / len(fields) * seconds(lambda: [encode(each) for each in fields])
+
+    def _decode_us(self, part_size: int) -> float:
+        decoded = []
+        taken = seconds(lambda: decoded.append(self.peer.decode(self._parts[part_size])))
+        if len(decoded[0]) != len(self._fields):
+            raise RuntimeError(f"{self.peer.name} decoded {len(decoded[0])} frames")
+        return 1e6 / len(self._fields) * taken
 
 
-def generator_statuses(count: int) -> bytes:
-    """MAVLink's GENERATOR_STATUS: 42 bytes in 11 numbers; a WheelState has 39 bytes in 13."""
-    sender = common.MAVLink(None, srcSystem=1, srcComponent=1)
-    frames = (
-        common.MAVLink_generator_status_message(
-            status=0x5EED1234,
-            generator_speed=1200 + i % 100,
-            battery_current=0.25 + i % 16 / 512,
-            load_current=-0.3,
-            power_generated=12.5,
-            bus_voltage=11.8,
-            rectifier_temperature=40,
-            bat_current_setpoint=0.5,
-            generator_temperature=45,
-            runtime=1000 * i,
-            time_until_maintenance=-9 * i - 1,
-        )
-        for i in range(count)
-    )
-    return b"".join(frame.pack(sender) for frame in frames)
+class Results:
+    """All that was measured."""
+
+    def __init__(self) -> None:
+        self.candidates = [Candidate(peer()) for peer in (*OURS, *THEIRS)]
+        peers = [candidate.peer for candidate in self.candidates]
+        measures = [pair for candidate in self.candidates for pair in candidate.measures()]
+        self.times = interleaved(dict(measures), ROUNDS)
+        self.survivals = {peer.name: survival(peer) for peer in peers}
+        self.imports = import_ms(sorted({peer.module for peer in peers}), STARTS)
+
+    def decoding_us(self, peer: type[Peer] | Peer, part_size: int = PART_SIZES[0]) -> list[float]:
+        """A library's times a frame, by round."""
+        return self.times[f"{peer.name} {part_size}"]
+
+    def against(self, ours: type[Peer], theirs: type[Peer] | Peer) -> float:
+        """How many times as fast as theirs our decoding is."""
+        return ratio(self.decoding_us(theirs), self.decoding_us(ours))
+
+    def rows(self) -> Iterator[list[str]]:
+        """The cells of `HEADER`, a row a library."""
+        for candidate in self.candidates:
+            peer = candidate.peer
+            names = (f"{peer.name} {what}" for what in ("encode", *PART_SIZES))
+            times = (self.times.get(name) for name in names)
+            survived = self.survivals[peer.name]
+            yield [
+                *(peer.name, version(peer.distribution)),
+                *(NOT_DONE if of is None else f"{median(of):.2f}" for of in times),
+                *(f"{survived.recovered:.1%}", str(survived.wrong)),
+                *(f"{candidate.frame_size:.1f}", f"{self.imports[peer.module]:.0f}", peer.remark),
+            ]
+        for name, reason in ABSENT.items():
+            yield [name, *[NOT_DONE] * (len(HEADER) - 2), reason]
+
+    def wrong(self) -> int:
+        """Messages that our decoders made up."""
+        survivals: list[Survival] = [self.survivals[ours.name] for ours in OURS]
+        return sum(survived.wrong for survived in survivals)
 
 
-def reads(stream: bytes) -> list[bytes]:
-    """The stream as a driver gets it."""
-    return [stream[at : at + READ_SIZE] for at in range(0, len(stream), READ_SIZE)]
+def aims(results: Results) -> tuple[str, bool]:
+    """The table of aims, and whether all were reached."""
+    best = max(results.against(ours, Pymavlink) for ours in OURS)
+    found = [
+        ("pymavlink's decode / our best", f"{best:.1f}", f">= {AIM}", best >= AIM),
+        ("our wrong messages", str(results.wrong()), "0", results.wrong() == 0),
+    ]
+    rows = [[*cells, "reached" if good else "**missed**"] for *cells, good in found]
+    return table(("", "measured", "aim", ""), rows), all(good for *_, good in found)
 
 
-def streaming(parts: list[bytes]) -> int:
-    """Our decoder: typed messages, loss counted."""
-    decoder = Decoder()
-    return sum(len(decoder.feed(part)) for part in parts)
+def ratios(results: Results) -> str:
+    """How many times as long each peer takes to decode."""
+    rows = [
+        [theirs.name, *(f"{results.against(ours, theirs):.1f}" for ours in OURS)]
+        for theirs in THEIRS
+    ]
+    return table(("decoding, times as long as", "our batch", "our stream"), rows)
 
 
-def bare_loop(parts: list[bytes]) -> int:
-    """Split, COBS, CRC and `struct` alone: no types, no sequence, no errors caught."""
-    unpack = struct.Struct(f"<3x{WHEEL_STATE.body_format}4x").unpack
-    decode, partial, frames = cobs.decode, b"", 0
-    for part in parts:
-        *chunks, partial = (partial + part).split(DELIMITER)
-        for chunk in chunks:
-            if chunk:
-                payload = decode(chunk)
-                if crc32(payload) == CRC_RESIDUE:
-                    unpack(payload)
-                    frames += 1
-    return frames
+def draw(results: Results, file: Path) -> None:
+    """Times and survivals, a bar a library."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 4.5), layout="constrained")
+    times, recovered = figure.subplots(1, 2, sharey=True)
+    names = [candidate.peer.name.strip("*") for candidate in results.candidates]
+    colours = ["#1b7837"] * len(OURS) + ["#878787"] * len(THEIRS)
+    decoding = [median(results.decoding_us(c.peer)) for c in results.candidates]
+    _bars(times, names, decoding, colours, "decode, us a frame")
+    times.set_xscale("log")
+    shares = [100 * results.survivals[c.peer.name].recovered for c in results.candidates]
+    label = f"intact frames decoded, {100 * CORRUPT:g} % of all bytes damaged [%]"
+    _bars(recovered, names, shares, colours, label)
+    times.invert_yaxis()
+    figure.savefig(file, dpi=80)
 
 
-def plain_construct(parts: list[bytes]) -> int:
-    """The same loop with construct in the place of `struct`, and crcmod for the CRC."""
-    layout = Struct("id" / Int8ul, "seq" / Int16ul, "body" / WHEEL_STATE.body, "crc" / Int32ul)
-    partial, frames = b"", 0
-    for part in parts:
-        *chunks, partial = (partial + part).split(DELIMITER)
-        for chunk in filter(None, chunks):
-            payload = cobs.decode(chunk)
-            if crcmod_crc32(payload) == CRC_RESIDUE:
-                layout.parse(payload)
-                frames += 1
-    return frames
+def _bars(
+    axes: Axes, names: list[str], values: list[float], colours: list[str], label: str
+) -> None:
+    bars = axes.barh(names, values, color=colours)
+    axes.bar_label(bars, fmt="%.3g", padding=3, fontsize=8)
+    axes.set_xlabel(label)
+    axes.grid(axis="x", alpha=0.3)
+    axes.margins(x=0.12)
 
 
-def pymavlink(parts: list[bytes]) -> int:
-    """The peer: its parser over a stream of its own frames."""
-    parser = common.MAVLink(None)
-    return sum(len(parser.parse_buffer(part) or ()) for part in parts)
-
-
-class Candidate(NamedTuple):
-    """Something that decodes `frames` frames, and says how many it found."""
-
-    frames: int
-    decode: Callable[[], int]
-
-    def time_ns(self) -> float:
-        """Nanoseconds a frame in one run."""
-        gc.collect()
-        begin = perf_counter()
-        found = self.decode()
-        elapsed = perf_counter() - begin
-        if found != self.frames:
-            raise RuntimeError(f"{found} of {self.frames} frames were decoded")
-        return elapsed / self.frames * 1e9
-
-
-def candidates() -> dict[str, Candidate]:
-    """What is compared, by name."""
-    capture = wheel_states(FRAMES)
-    many, few = reads(capture), reads(wheel_states(SLOW_FRAMES))
-    peer = reads(generator_statuses(SLOW_FRAMES))
-    return {
-        "bulk": Candidate(FRAMES, lambda: len(decode_capture(capture, WheelState))),
-        "bare loop": Candidate(FRAMES, lambda: bare_loop(many)),
-        "streaming": Candidate(FRAMES, lambda: streaming(many)),
-        "pymavlink": Candidate(SLOW_FRAMES, lambda: pymavlink(peer)),
-        "construct": Candidate(SLOW_FRAMES, lambda: plain_construct(few)),
-    }
-
-
-def measure() -> dict[str, list[float]]:
-    """Nanoseconds a frame, by candidate and round. The first round warms up, and is left out."""
-    compared = candidates()
-    times: dict[str, list[float]] = {name: [] for name in compared}
-    for _ in range(1 + ROUNDS):
-        for name, candidate in compared.items():
-            times[name].append(candidate.time_ns())
-    return {name: rounds[1:] for name, rounds in times.items()}
-
-
-def report(times: dict[str, list[float]]) -> None:
-    """Print what was measured, and how it stands to the aims."""
-    console = Console()
-    speeds = Table("decoder", "ns a frame", "thousand frames/s", title="Decoding telemetry")
-    for name, rounds in times.items():
-        speeds.add_row(name, f"{median(rounds):.0f}", f"{1e6 / median(rounds):.0f}")
-    aims = Table("ratio", "measured", "aim", "", title=f"Median of {ROUNDS} rounds")
-    for aim in AIMS:
-        ratio = median(a / b for a, b in zip(times[aim.slow], times[aim.fast], strict=True))
-        good = aim.at_least <= ratio <= aim.at_most
-        wanted = f">= {aim.at_least:g}" if aim.at_least else f"<= {aim.at_most:g}"
-        aims.add_row(aim.text, f"{ratio:.2f}", wanted, "reached" if good else "MISSED")
-    console.print(speeds, aims)
+def main() -> int:
+    """Measure, print, draw; 1 when an aim is missed."""
+    folder = output_folder(__doc__)
+    results = Results()
+    draw(results, folder / "codec.png")
+    table_of_aims, reached = aims(results)
+    sys.stdout.write(f"## The codec and its peers\n\n{METHOD}\n{table(HEADER, results.rows())}\n")
+    sys.stdout.write(f"{ratios(results)}\n{table_of_aims}\n![Decoding](codec.png)\n")
+    return 0 if reached else 1
 
 
 if __name__ == "__main__":
-    if common.mcrf4xx is None:
-        sys.exit("pymavlink runs without fastcrc, an unfair peer: pip install fastcrc")
-    report(measure())
+    sys.exit(main())

@@ -6,11 +6,13 @@ import math
 import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import control_quality as quality
+from support.benchmark import output_folder, table
+
+METHOD = """\
+The firmware's velocity loop on the simulated robot, in virtual time: the same at every run.
+"""
 
 
 def rows() -> list[tuple[str, str, str]]:
@@ -43,12 +45,9 @@ def rows() -> list[tuple[str, str, str]]:
 
 def main() -> None:
     """Print the table."""
-    table = Table(title="Control quality (virtual time)", title_justify="left")
-    for column in ("measure", "value", "aim"):
-        table.add_column(column)
-    for row in rows():
-        table.add_row(*row)
-    Console().print(table)
+    output_folder(__doc__)
+    found = table(("measure", "value", "aim"), rows())
+    sys.stdout.write(f"## Control quality\n\n{METHOD}\n{found}")
 
 
 if __name__ == "__main__":

@@ -1,22 +1,17 @@
 """What each driver loses as the wheels turn faster and the computer is busier: `make bench`.
 
-Draws docs/drivers.png as well. Behind pigpio and l298n are stand-ins that make edges at a given
-rate in a process of their own; the drivers, their callbacks and threads are the real ones. The
-firmware is its core in virtual time.
+docs/drivers.md says what the stand-ins are, and what not to conclude.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from support.benchmark import output_folder, table
 from support.driver_bench import firmware_rig
 from support.driver_bench.gpio_rig import GpioRig
 from support.driver_bench.pigpio_rig import PigpioRig
@@ -25,7 +20,6 @@ from support.driver_bench.rig import Counting, Timing, busy
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PICTURE = Path(__file__).parents[2] / "docs" / "drivers.png"
 RATES_TPS = (1_000, 3_000, 10_000, 30_000, 60_000, 100_000, 150_000, 250_000)
 FIRMWARE_RATES_TPS = (1_000, 10_000, 100_000, round(firmware_rig.LARGEST_TPS))
 LOADS = (0, 2, 4)
@@ -34,6 +28,13 @@ BROKEN = 1e-3
 """Fraction of the ticks lost."""
 SOURCE_KEEPS_UP = 0.85
 """Of the rate asked for; below it the stand-in is the limit, and nothing is said of the driver."""
+
+METHOD = """\
+Behind pigpio and l298n are stand-ins that make edges at a given rate in a process of their own; the
+drivers, their callbacks and threads are the real ones. The firmware is its core in virtual time.
+"""
+COUNTING = ("driver", "ticks/s a wheel", "true", "counted", "off by", "noticed", "CPU")
+TIMING = ("driver", "stop: median", "stop: worst", "PWM update: asked", "PWM update: worst")
 
 
 @dataclass
@@ -73,43 +74,28 @@ def measure() -> list[Series]:
     return series
 
 
-def show(series: list[Series]) -> None:
-    """Print both tables."""
-    console = Console(width=110)
-    console.print(f"{os.cpu_count()} cores, Python {sys.version.split()[0]}")
-    console.print(_counting_table(series))
-    console.print(_timing_table(series))
+def counting_rows(series: list[Series]) -> list[list[str]]:
+    """A row a driver, load and rate."""
+    return [
+        [
+            *(one.label, f"{c.asked_tps:.0f}", str(c.true_ticks), str(c.counted_ticks)),
+            *(f"{c.lost:.3%}", str(c.reported), f"{c.cpu:.0%}" if c.cpu else ""),
+        ]
+        for one in series
+        for c in one.countings
+    ]
 
 
-def _counting_table(series: list[Series]) -> Table:
-    table = Table(title="Ticks counted against ticks true", title_justify="left")
-    for column in ("driver", "ticks/s a wheel", "true", "counted", "off by", "noticed", "CPU"):
-        table.add_column(column, justify="left" if column == "driver" else "right")
-    for one in series:
-        for c in one.countings:
-            table.add_row(
-                one.label,
-                f"{c.asked_tps:.0f}",
-                str(c.true_ticks),
-                str(c.counted_ticks),
-                f"{c.lost:.3%}",
-                str(c.reported),
-                f"{c.cpu:.0%}" if c.cpu else "",
-            )
-    return table
-
-
-def _timing_table(series: list[Series]) -> Table:
-    table = Table(title="From the setpoint's deadline to EN low, and between PWM updates, in ms")
-    for column in ("driver", "stop: median", "worst", "PWM update: asked", "worst"):
-        table.add_column(column, justify="left" if column == "driver" else "right")
+def timing_rows(series: list[Series]) -> list[list[str]]:
+    """A row a driver and load."""
+    found = []
     for one in series:
         if one.timing:
             late = sorted(one.timing.stop_late_us)
             figures = (late[len(late) // 2], late[-1], one.timing.period_us)
             worst = one.timing.worst_step_us
-            table.add_row(one.label, *(f"{us / 1000:.1f}" for us in (*figures, worst)))
-    return table
+            found.append([one.label, *(f"{us / 1000:.1f}" for us in (*figures, worst))])
+    return found
 
 
 def draw(series: list[Series], file: Path) -> None:
@@ -150,9 +136,12 @@ def _draw_stops(axes: Axes, series: list[Series]) -> None:
 
 def main() -> None:
     """Measure, print, draw."""
+    folder = output_folder(__doc__)
     series = measure()
-    show(series)
-    draw(series, PICTURE)
+    draw(series, folder / "drivers.png")
+    sys.stdout.write(f"## The drivers\n\n{METHOD}\n{table(COUNTING, counting_rows(series))}\n")
+    sys.stdout.write("From the setpoint's deadline to EN low, and between PWM updates, in ms:\n\n")
+    sys.stdout.write(f"{table(TIMING, timing_rows(series))}\n![Losses and stops](drivers.png)\n")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support import rv32
+from support import rv32, rv32_baseline
 
 pytestmark = pytest.mark.skipif(not rv32.available(), reason=f"needs {rv32.INSTALL}")
 
@@ -23,6 +23,15 @@ def test_the_cost_is_within_the_aims() -> None:
     assert max(work.max for work in cost.instructions.values()) < rv32.AIM_INSTRUCTIONS
     assert cost.code_bytes < rv32.AIM_CODE_BYTES
     assert cost.ram_bytes < rv32.AIM_RAM_BYTES
+
+
+def test_nothing_grew_too_much_since_the_last_release() -> None:
+    baseline, compiler = rv32_baseline.load(), rv32.compiler_version()
+    if baseline.compiler != compiler:
+        pytest.skip(f"the baseline is of GCC {baseline.compiler}, here is {compiler}")
+    now = rv32_baseline.figures(rv32.cost())
+    grown = rv32_baseline.too_much(rv32_baseline.growth(now, baseline.figures))
+    assert grown == {}, f"since {baseline.release}; CONTRIBUTING.md says what to do"
 
 
 def test_the_run_has_steps_of_every_kind() -> None:

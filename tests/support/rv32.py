@@ -49,6 +49,11 @@ def available() -> bool:
     return Path(specs).is_absolute()
 
 
+def compiler_version() -> str:
+    """Counts are comparable where it is the same."""
+    return _output(COMPILER, "-dumpfullversion").strip()
+
+
 def build() -> None:
     """Build the core and its two programs."""
     _output("make", "-C", str(ROOT), "--no-print-directory", "rv32")

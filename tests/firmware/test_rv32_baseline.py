@@ -1,0 +1,37 @@
+"""The limit on the core's growth, without its compiler."""
+
+import json
+
+import pytest
+
+from support import rv32_baseline
+from support.rv32_baseline import growth, too_much
+
+BEFORE = {"step, max": 2000, "code_bytes": 20_000}
+
+
+@pytest.mark.parametrize(
+    ("figure", "caught"), [(1000, False), (2000, False), (2099, False), (2100, True), (4000, True)]
+)
+def test_five_percent_is_too_much(figure: int, caught: bool) -> None:
+    now = BEFORE | {"step, max": figure}
+    assert ("step, max" in too_much(growth(now, BEFORE))) == caught
+    assert "code_bytes" not in too_much(growth(now, BEFORE))
+
+
+def test_less_of_one_does_not_pay_for_another() -> None:
+    now = {"step, max": 1000, "code_bytes": 21_000}
+    assert list(too_much(growth(now, BEFORE))) == ["code_bytes"]
+
+
+def test_a_figure_without_a_counterpart_is_an_error() -> None:
+    with pytest.raises(KeyError, match="new work"):
+        growth({"new work, max": 1}, BEFORE)
+
+
+def test_the_committed_baseline_is_whole() -> None:
+    baseline = rv32_baseline.load()
+    assert baseline.release
+    assert baseline.compiler
+    assert all(figure > 0 for figure in baseline.figures.values())
+    assert json.loads(rv32_baseline.FILE.read_text("utf-8")) == baseline._asdict()

@@ -1,0 +1,105 @@
+"""The least that a host can be: one thread, `poll`, `read` and `write`; and its peer in C."""
+
+from __future__ import annotations
+
+import select
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from wheelwire.transport import SerialTransport
+from wheelwire_protocol import Decoder, Encoder
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import Ack, AnyMessage, DeviceHello, Hello, Ping, Pong, SetStreamRate
+
+ECHO = Path(__file__).parents[1] / "bench" / "echo.c"
+NONCE = 0x12345678
+REQUEST_ID = 1
+PING_SIZE = len(Encoder().encode(Ping(NONCE, REQUEST_ID, 0)))
+PONG_SIZE = len(Encoder().encode(Pong(NONCE, REQUEST_ID, 0, 0, 0)))
+"""Of the whole frames: a message has one size, whatever is in it."""
+PATIENCE_S = 5.0
+REPEAT_S = 0.1
+
+
+@contextmanager
+def echo_process(folder: Path) -> Iterator[str]:
+    """Runs the echo in C behind a pseudo-terminal; yields the port's name."""
+    program = folder / "echo"
+    subprocess.run(["cc", "-O2", "-o", str(program), str(ECHO)], check=True)
+    with subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            yield process.stdout.readline().decode().strip()
+        finally:
+            process.stdin.close()
+
+
+class BareHost:
+    """A host without sessions, threads or clocks of its own.
+
+    Args:
+        port: Of the firmware or the echo.
+        baud_rate: Of the port.
+    """
+
+    def __init__(self, port: str, baud_rate: int) -> None:
+        self._transport = SerialTransport(port, baud_rate)
+        self._poller = select.poll()
+        self._poller.register(self._transport.fileno(), select.POLLIN)
+        self._encoder = Encoder()
+        self._session_id = 0
+
+    def close(self) -> None:
+        """Close the port; the device goes on."""
+        self._transport.close()
+
+    def open_session(self, stream_rate_hz: int) -> None:
+        """Open a session with a device."""
+        hello = self._ask(Hello(NONCE, PROTOCOL_VERSION, schema_hash()), DeviceHello)
+        self._session_id = NONCE ^ hello.boot_id
+        self._ask(SetStreamRate(self._session_id, REQUEST_ID, stream_rate_hz), Ack)
+
+    def ping(self) -> float:
+        """The round trip of a ping to a device that streams nothing. [s]"""
+        return self._exchange(PONG_SIZE)
+
+    def echo(self) -> float:
+        """The round trip of the same bytes to an echo. [s]"""
+        return self._exchange(PING_SIZE)
+
+    def discard(self, seconds: float) -> None:
+        """Read what comes for so long, and keep nothing."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._read()
+
+    def _exchange(self, answer_size: int) -> float:
+        ping = self._encoder.encode(Ping(self._session_id, REQUEST_ID, 0))
+        begin = time.perf_counter()
+        self._transport.write(ping)
+        size = 0
+        while size < answer_size:
+            size += len(self._read())
+        return time.perf_counter() - begin
+
+    def _read(self) -> bytes:
+        if not self._poller.poll(PATIENCE_S * 1e3):
+            raise TimeoutError("nothing came")
+        return self._transport.read()
+
+    def _ask(self, request: AnyMessage, answer: type[AnyMessage]) -> Any:
+        """Say it until it is answered: a device that starts hears nothing."""
+        decoder = Decoder()
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            self._transport.write(self._encoder.encode(request))
+            while self._poller.poll(REPEAT_S * 1e3):
+                for message in decoder.feed(self._transport.read()):
+                    if isinstance(message, answer):
+                        return message
+        raise TimeoutError(f"no {answer.__name__} came")

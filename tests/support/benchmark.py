@@ -1,0 +1,81 @@
+"""What benchmarks share: Markdown on stdout, interleaved rounds, one folder for plots."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+ROOT = Path(__file__).parents[2]
+
+
+def output_folder(description: str | None) -> Path:
+    """The folder for plots from the command line, made if it is missing."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench")
+    folder: Path = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table: the first column to the left, the others to the right."""
+    rule = "|-|" + "-:|" * (len(header) - 1)
+    return "\n".join([_row(header), rule, *map(_row, rows), ""])
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """What one call takes."""
+    gc.collect()
+    begin = perf_counter()
+    work()
+    return perf_counter() - begin
+
+
+def interleaved(measures: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:
+    """Take every measure once a round: what slows a round slows all of it.
+
+    Returns:
+        By name the value of each round. One more round comes first, to warm up, and is left out.
+    """
+    values: dict[str, list[float]] = {name: [] for name in measures}
+    for _ in range(1 + rounds):
+        for name, measure in measures.items():
+            values[name].append(measure())
+    return {name: of_rounds[1:] for name, of_rounds in values.items()}
+
+
+def ratio(numerators: Sequence[float], denominators: Sequence[float]) -> float:
+    """The median of the ratios within a round."""
+    return median(a / b for a, b in zip(numerators, denominators, strict=True))
+
+
+def import_ms(modules: Iterable[str], rounds: int) -> dict[str, float]:
+    """Milliseconds that importing takes in a fresh interpreter, by module.
+
+    Those of an interpreter that does nothing are taken off; they are under the name "".
+    """
+    statements = {"": "pass"} | {module: f"import {module}" for module in modules}
+    starts = {name: partial(_start_ms, statement) for name, statement in statements.items()}
+    times = interleaved(starts, rounds)
+    idle = times.pop("")
+    medians = {
+        module: median(a - b for a, b in zip(of_module, idle, strict=True))
+        for module, of_module in times.items()
+    }
+    return {"": median(idle)} | medians
+
+
+def _start_ms(statement: str) -> float:
+    command = [sys.executable, "-c", statement]
+    return 1e3 * seconds(lambda: subprocess.run(command, check=True, capture_output=True))

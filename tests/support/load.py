@@ -1,0 +1,53 @@
+"""What a process costs, by the kernel's accounts."""
+
+from __future__ import annotations
+
+import os
+import resource
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from wheelwire import BaseDriver
+
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+
+class Load(NamedTuple):
+    """Of this process, over some time."""
+
+    cpu: float
+    """Of one core, 0 to 1 and beyond."""
+    wake_ups: float
+    """Times a second that one of its threads was woken."""
+
+
+def load_while(work: Callable[[], object]) -> Load:
+    """The load of this process while `work` runs in its calling thread."""
+    wall, cpu, woken = time.monotonic(), time.process_time(), _wake_ups()
+    work()
+    elapsed = time.monotonic() - wall
+    return Load((time.process_time() - cpu) / elapsed, (_wake_ups() - woken) / elapsed)
+
+
+def read_for(seconds: float, driver: BaseDriver, reads_hz: int) -> None:
+    """Ask a driver for a sample so many times a second; 0: let the time pass."""
+    if reads_hz == 0:
+        time.sleep(seconds)
+        return
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        time.sleep(1 / reads_hz)
+        driver.read()
+
+
+def cpu_s(pid: int) -> float:
+    """CPU seconds that a process has used, to a hundredth."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+
+
+def _wake_ups() -> int:
+    """A thread that waits gives its core up of its own accord, and is woken later."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw

@@ -1,0 +1,179 @@
+"""A node at work in a process of its own, and the least that rclpy can do beside it."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Twist, Vector3
+from nav_msgs.msg import Odometry
+
+from support.load import cpu_s
+from support.ros import Graph, wait
+from support.ros_process import RobotNode
+from wheelwire.statistics import quantile
+
+PAUSE_S = 0.015
+"""Between two commands; as much again at random, to meet every phase of what is periodic."""
+STATES_HZ = 1000
+WATCH_S = 3.0
+
+WATCHED_NODE = """
+import json
+from pathlib import Path
+from wheelwire_ros import command_subscriber, estimator, hardware_robot
+
+numbers, seen = {{}}, {{}}
+obey = command_subscriber.CommandSubscriber._obey
+update = estimator.MotionEstimator.update
+
+def note_number(self, twist, *rest):
+    obey(self, twist, *rest)
+    numbers[self._connection.gate.obeyed] = twist.linear.y
+
+def note_state(self, sample):
+    seen.setdefault(sample.command_seq, sample.stamp)
+    return update(self, sample)
+
+class Watched(hardware_robot.HardwareRobot):
+    def _options(self):
+        return {{**super()._options(), "stream_rate_hz": {states_hz}}}
+
+command_subscriber.CommandSubscriber._obey = note_number
+estimator.MotionEstimator.update = note_state
+hardware_robot.HardwareRobot = Watched
+hardware_robot.main()
+times = {{numbers[seq]: stamp for seq, stamp in seen.items() if seq in numbers}}
+Path("{file}").write_text(json.dumps(times))
+"""
+"""The node itself, which writes down when the robot's state first had each command's sequence."""
+
+BARE_NODE = """
+import json, time
+from pathlib import Path
+import rclpy
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rclpy.executors import ExternalShutdownException
+
+seen = {{}}
+rclpy.init()
+node = rclpy.create_node("bare")
+publisher = node.create_publisher(Odometry, "bare_odom", 10)
+
+def publish():
+    message = Odometry()
+    message.header.stamp = node.get_clock().now().to_msg()
+    publisher.publish(message)
+
+def hear(twist):
+    seen[twist.linear.y] = time.monotonic()
+
+node.create_timer(1 / {rate_hz}, publish)
+node.create_subscription(Twist, "bare_cmd_vel", hear, 1)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+Path("{file}").write_text(json.dumps(seen))
+"""
+"""A subscriber of Twist that does nothing with it, and a timer that publishes an Odometry."""
+
+
+class Commander:
+    """Publishes numbered commands, and knows when.
+
+    Args:
+        graph: Of the client.
+        topic: Somebody subscribes to it.
+        file: Where the subscriber writes, at its end, when it saw which.
+    """
+
+    def __init__(self, graph: Graph, topic: str, file: Path) -> None:
+        self._publisher = graph.publisher(Twist, topic)
+        self._file = file
+        self._published_s: list[float] = []
+
+    def send(self, count: int) -> None:
+        """Publish so many, one after the other."""
+        for _ in range(count):
+            time.sleep(PAUSE_S * (1 + random.random()))
+            number = Vector3(x=0.2, y=float(len(self._published_s)))
+            self._published_s.append(time.monotonic())
+            self._publisher.publish(Twist(linear=number))
+
+    def latencies_s(self, skipped: int) -> list[float]:
+        """Of all that were seen, but for the first `skipped`."""
+        seen = {int(float(n)): s for n, s in json.loads(self._file.read_text()).items()}
+        return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What arrived of a topic at a subscriber in another process.
+
+    Attributes:
+        rate_hz: Messages a second.
+        arrival_jitter_s: p99 of what an interval between two arrivals differs from the period.
+        stamp_jitter_s: The same of the stamps.
+        cpu: Of the publisher's process, of one core.
+    """
+
+    rate_hz: float
+    arrival_jitter_s: float
+    stamp_jitter_s: float
+    cpu: float
+
+
+def watch(graph: Graph, topic: str, rate_hz: float, pid: int) -> Stream:
+    """Listen to a topic of Odometry for a while."""
+    arrivals: list[tuple[float, float]] = []
+
+    def hear(message: Any) -> None:
+        stamp = message.header.stamp
+        arrivals.append((time.monotonic(), stamp.sec + stamp.nanosec / 1e9))
+
+    subscription = graph.node.create_subscription(Odometry, topic, hear, 100)
+    wait(lambda: arrivals, topic)
+    begin_s, cpu_before_s = time.monotonic(), cpu_s(pid)
+    arrivals.clear()
+    time.sleep(WATCH_S)
+    cpu = (cpu_s(pid) - cpu_before_s) / (time.monotonic() - begin_s)
+    graph.node.destroy_subscription(subscription)
+    arrived_s, stamped_s = ([times[i] for times in arrivals] for i in (0, 1))
+    rate = (len(arrivals) - 1) / (arrived_s[-1] - arrived_s[0])
+    period_s = 1 / rate_hz
+    return Stream(rate, _jitter_s(arrived_s, period_s), _jitter_s(stamped_s, period_s), cpu)
+
+
+def _jitter_s(times_s: list[float], period_s: float) -> float:
+    return quantile([abs(b - a - period_s) for a, b in pairwise(times_s)], 0.99)
+
+
+@contextmanager
+def watched_node(graph: Graph, port: str, file: Path, rate_hz: float) -> Iterator[RobotNode]:
+    """The node; `file` is there when it has ended."""
+    code = WATCHED_NODE.format(file=file, states_hz=STATES_HZ)
+    with RobotNode(graph, code, port=port, publish_rate=rate_hz) as node:
+        yield node
+
+
+@contextmanager
+def bare_node(graph: Graph, file: Path, rate_hz: float) -> Iterator[RobotNode]:
+    """The peer, likewise."""
+    with RobotNode(graph, BARE_NODE.format(file=file, rate_hz=rate_hz)) as node:
+        yield node
+
+
+def interrupt(*nodes: RobotNode) -> None:
+    """End them, so that their files are there."""
+    for node in nodes:
+        node.end(signal.SIGINT)

@@ -1,0 +1,71 @@
+"""The core's cost at the last release, and what has grown since.
+
+`make rv32-baseline RELEASE=...` writes it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support import rv32
+
+FILE = rv32.ROOT / "firmware" / "esp32" / "rv32" / "baseline.json"
+
+GROWTH_LIMIT = 0.05
+"""Growth of this share, in any figure, is too much for one release."""
+
+
+class Baseline(NamedTuple):
+    """What a release cost, and which compiler made it."""
+
+    release: str
+    compiler: str
+    figures: dict[str, int]
+
+
+def load() -> Baseline:
+    """The committed one."""
+    return Baseline(**json.loads(FILE.read_text("utf-8")))
+
+
+def figures(cost: rv32.Cost) -> dict[str, int]:
+    """All that must not grow, by name."""
+    return dict(_figures(cost))
+
+
+def _figures(cost: rv32.Cost) -> Iterator[tuple[str, int]]:
+    for work, counts in cost.instructions.items():
+        yield f"{work}, median", counts.median
+        yield f"{work}, max", counts.max
+    yield "code_bytes", cost.code_bytes
+    yield "ram_bytes", cost.ram_bytes
+
+
+def growth(now: dict[str, int], before: dict[str, int]) -> dict[str, float]:
+    """By name the growth as a share, negative where less is needed.
+
+    Raises:
+        KeyError: A figure has no counterpart in the baseline: it wants to be written again.
+    """
+    return {name: figure / before[name] - 1 for name, figure in now.items()}
+
+
+def too_much(grown: dict[str, float]) -> dict[str, float]:
+    """Those that reach the limit."""
+    return {name: share for name, share in grown.items() if share >= GROWTH_LIMIT}
+
+
+def write(release: str) -> None:
+    """Measure, and make it the baseline under the release's name."""
+    rv32.build()
+    baseline = Baseline(release, rv32.compiler_version(), figures(rv32.cost()))
+    FILE.write_text(json.dumps(baseline._asdict(), indent=2) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    write(sys.argv[1])
