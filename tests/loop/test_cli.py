@@ -82,8 +82,8 @@ def test_an_estop_holds_until_it_is_cleared(simulator: Simulator) -> None:
     assert "wheelwire clear" in run("estop", simulator.port).stdout
     line = check_error(run("drive", simulator.port, "--linear", "0.2"), errors.DeviceRefused)
     assert "Emergency stop is latched" in line
-    assert run("clear", simulator.port).stdout == "ESTOPPED ended\n"
-    assert run("clear", simulator.port).stdout == "ready; nothing was latched\n"
+    assert run_json("clear", simulator.port) == {"ended": "ESTOPPED"}
+    assert run("clear", simulator.port).stdout == "nothing was latched\n"
     assert run_json("info", simulator.port)["state"] == "IDLE"
 
 

@@ -125,14 +125,21 @@ def monitor(
                 time.sleep(PRINT_PERIOD_S)
 
 
-def estop(port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE) -> None:
+def estop(
+    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
+) -> None:
     """Stop the wheels, and let nobody drive until `clear`."""
     with SerialDriver(port, baud_rate=baud) as robot:
         robot.estop()
-    console.print(f"stopped and latched; `wheelwire clear {port}` ends it")
+    if as_json:
+        print_json({"latched": SupervisorState.ESTOPPED})
+    else:
+        console.print(f"stopped and latched; `wheelwire clear {port}` ends it")
 
 
-def clear(port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE) -> None:
+def clear(
+    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
+) -> None:
     """End an e-stop or a fault; refused while its cause lasts."""
     with SerialDriver(port, baud_rate=baud) as robot:
         state = robot.read().state
@@ -140,7 +147,11 @@ def clear(port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE) -> None:
             robot.clear_estop()
         elif state is SupervisorState.FAULT:
             robot.clear_fault()
-    console.print("ready; nothing was latched" if state not in _LATCHED else f"{state.name} ended")
+    ended = state if state in _LATCHED else None
+    if as_json:
+        print_json({"ended": ended})
+    else:
+        console.print("nothing was latched" if ended is None else f"{ended.name} ended")
 
 
 def _line(sample: WheelSample, lost: int) -> str:
