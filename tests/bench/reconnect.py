@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,6 +63,7 @@ def bad_line(cycles: int) -> list[float]:
 
 def main() -> int:
     """Print the table; fail when the port's return takes too long."""
+    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=100)
     arguments = parser.parse_args()

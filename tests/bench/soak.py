@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import statistics
 import sys
 from dataclasses import asdict
@@ -58,6 +59,7 @@ def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
 
 def main() -> int:
     """Run, print, and fail when an aim is missed."""
+    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)
     parser.add_argument("--log", type=Path, help="a line of JSON for each lap")
