@@ -67,7 +67,10 @@ $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests
 
 ros: $(VENV)/ros-installed  ## ROS 2 Jazzy from PyPI (Linux on x86-64 only), for the tests of the node
 
-test: cpp-tests  ## Every test
+test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64
+ifeq ($(shell uname -sm),Linux x86_64)
+	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
+endif
 	$(BIN)/python -m pytest
 
 demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog

@@ -131,6 +131,7 @@ class RobotConnection:
             wheels = self.drive.wheel_velocities(slowed)
             ttl_s = self.gate.time_to_live(born_s, time.monotonic())
             self.robot.set_wheel_velocity(*wheels, ttl_s)
+            self._stop_if_over(born_s)
         except InvalidCommand as error:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
         except LinkLost as error:
@@ -139,22 +140,31 @@ class RobotConnection:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.gate.obeyed += 1
 
+    def clear_fault(self) -> None:
+        """Clear the latched faults; raises `WheelwireError` while their cause lasts."""
+        self.follow()
+        self.robot.clear_fault()
+
+    def save_parameters(self) -> None:
+        """Keep the parameters over a restart; raises `WheelwireError` when they cannot be."""
+        self.follow()
+        self.robot.parameters.save()
+
     def set_parameters(self, values: dict[str, float]) -> None:
         """Set all of them or, as far as the robot can be reached, none.
 
         Raises:
             WheelwireError: Why not.
         """
-        changed: dict[str, float] = {}
+        before: dict[str, float] = {}
         try:
             for name, value in values.items():
-                before = self.robot.parameters.get(name)
+                before[name] = self.robot.parameters.get(name)
                 self.robot.parameters.set(name, value)
-                changed[name] = before
         except WheelwireError:
             with suppress(WheelwireError):
-                for name, before in changed.items():
-                    self.robot.parameters.set(name, before)
+                for name, value in before.items():  # the failed one too: its answer may be lost
+                    self.robot.parameters.set(name, value)
             raise
 
     def estop(self) -> None:
@@ -164,9 +174,21 @@ class RobotConnection:
             WheelwireError: It did not reach the robot; it is told as soon as it can be reached.
         """
         self.estopped = True
-        self.robot.estop()
+        try:
+            self.robot.estop()
+        except WheelwireError:
+            self._session = None  # `follow` tells it again, though the session may last
+            raise
 
     def clear_estop(self) -> None:
         """End the emergency stop; raises `WheelwireError` while it cannot be ended."""
         self.robot.clear_estop()
         self.estopped = False
+
+    def _stop_if_over(self, born_s: float) -> None:
+        """This program may have been frozen while it handed the command over."""
+        try:
+            self.gate.time_to_live(born_s, time.monotonic())
+        except CommandIgnored:
+            self.robot.stop()
+            raise

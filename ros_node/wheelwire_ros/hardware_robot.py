@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import asdict
 from typing import Any
@@ -14,6 +13,7 @@ from rclpy.executors import ExternalShutdownException
 from wheelwire import BaseDriver, Pins, driver_names, open_driver
 
 from .node import BaseRobotNode
+from .pacing import sampling_rate_hz
 from .parameters import Setting
 
 CONNECT_TIMEOUT_S = 2.0
@@ -64,13 +64,14 @@ class HardwareRobot(BaseRobotNode):
         return open_driver(self.driver_type, **self._options())
 
     def _options(self) -> dict[str, Any]:
-        local: dict[str, Any] = {"parameters": self.given_parameters}
+        rate_hz = sampling_rate_hz(self.setting("publish_rate"))
+        local: dict[str, Any] = {"parameters": {**self.given_parameters, "stream_rate_hz": rate_hz}}
         if self.driver_type == "serial":
             return {
                 "port": self.setting("port"),
                 "baud_rate": self.setting("baud_rate"),
                 "connect_timeout": CONNECT_TIMEOUT_S,
-                "stream_rate_hz": math.ceil(self.setting("publish_rate")),
+                "stream_rate_hz": rate_hz,
                 "board_id": self.setting("board_id") or None,
             }
         if self.driver_type == "mock":

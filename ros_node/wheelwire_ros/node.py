@@ -45,6 +45,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._bridge = ParameterBridge(self, settings, self._use_settings)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
+        self._estopped = False
+        """When the robot was closed: it is opened so again."""
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -75,6 +77,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         open_robot, self._open = self._open, None
         self._bridge.connection = None
         if open_robot is not None:
+            self._estopped = open_robot.connection.estopped
             open_robot.close()
 
     def report(self) -> None:
@@ -88,7 +91,9 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the robot; fails while it is out of reach or does not take its parameters."""
         try:
-            self._open = OpenRobot(self, self.open_driver(), self._bridge, self._fail)
+            self._open = OpenRobot(
+                self, self.open_driver(), self._bridge, self._fail, estopped=self._estopped
+            )
         except WheelwireError as error:
             if str(error) != self._closed_because:
                 self.get_logger().error(f"cannot configure: {error}")

@@ -31,6 +31,7 @@ class OpenRobot:
         robot: Its driver; closed here, also when this raises.
         bridge: Of the node's parameters.
         on_failure: Called in the reader's thread when it fails; the wheels have been stopped.
+        estopped: It is latched before anything else.
 
     Raises:
         WheelwireError: The robot does not take its parameters, or measures nothing.
@@ -42,6 +43,8 @@ class OpenRobot:
         robot: BaseDriver,
         bridge: ParameterBridge,
         on_failure: Callable[[Exception], None],
+        *,
+        estopped: bool,
     ) -> None:
         self._node = node
         self._bridge = bridge
@@ -51,7 +54,7 @@ class OpenRobot:
         self._time_base = TimeBase(lambda: int(node.get_clock().now().nanoseconds))
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
-            self._prepare(robot)
+            self._prepare(robot, estopped=estopped)
             self._join_graph(robot, resources)
             self._resources = resources.pop_all()
 
@@ -89,7 +92,7 @@ class OpenRobot:
         )
         return diagnostics.open_statuses(name, driver_type, report)
 
-    def _prepare(self, robot: BaseDriver) -> None:
+    def _prepare(self, robot: BaseDriver, *, estopped: bool) -> None:
         get = self._node.setting
         self.connection = RobotConnection(
             robot,
@@ -98,6 +101,7 @@ class OpenRobot:
             robot_settings.tuning(get),
             self._on_session,
         )
+        self.connection.estopped = estopped
         self._estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
         self._pacer = Pacer(get("publish_rate"))
         self.connection.follow()

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from wheelwire import WheelSample
+
+from .reader import SILENCE_S
 
 EARLY = 0.125
 """Of a period: a sample this early counts as on time."""
+SLOWEST_HZ = 2 / SILENCE_S
+"""Of the robot's samples: one that is lost is no silence yet."""
+
+
+def sampling_rate_hz(publish_rate_hz: float) -> int:
+    """How often the robot is to measure: a multiple of the rate asked for, to thin evenly."""
+    rate_hz = math.ceil(publish_rate_hz)
+    return rate_hz * math.ceil(max(1.0, SLOWEST_HZ / rate_hz))
 
 
 class Pacer:

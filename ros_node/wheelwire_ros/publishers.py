@@ -39,19 +39,21 @@ class MotionPublisher:
 
     Args:
         node: The lifecycle node.
-        topics: See there. `transform` needs tf2_msgs.
+        topics: See there. `transform` needs tf2_msgs; a warning tells that they are missing.
     """
 
     def __init__(self, node: Any, topics: MotionTopics) -> None:
         self.topics = topics
-        self.publishes_transform = topics.transform and TFMessage is not None
+        self._publishes_transform = topics.transform and TFMessage is not None
         self._twist_covariance = conversions.diagonal(topics.twist_diagonal)
         self._node = node
         create = node.create_lifecycle_publisher
         self._odometry = create(Odometry, "odom", DEPTH)
         self._joints = create(JointState, "joint_states", DEPTH)
         self._publishers = [self._odometry, self._joints]
-        if self.publishes_transform:
+        if topics.transform and TFMessage is None:
+            node.get_logger().warning("/tf is not published: tf2_msgs is not installed")
+        if self._publishes_transform:
             self._transform = create(TFMessage, "/tf", TF_DEPTH)
             self._publishers.append(self._transform)
         if topics.battery:
@@ -65,7 +67,7 @@ class MotionPublisher:
             motion, stamp, topics.frames, topics.pose_diagonal, self._twist_covariance
         )
         self._odometry.publish(odometry)
-        if self.publishes_transform:
+        if self._publishes_transform:
             self._transform.publish(TFMessage(transforms=[conversions.transform_message(odometry)]))
         self._joints.publish(conversions.joint_message(motion, stamp, topics.joints))
         if topics.battery and motion.battery_v is not None:

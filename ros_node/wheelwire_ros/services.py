@@ -25,11 +25,10 @@ class RobotServices:
     def __init__(self, node: Any, connection: RobotConnection, estimator: MotionEstimator) -> None:
         self._node = node
         self._connection = connection
-        robot = connection.robot
         actions: dict[str, Callable[[], None]] = {
-            "clear_fault": robot.clear_fault,
+            "clear_fault": connection.clear_fault,
             "reset_odometry": estimator.reset,
-            "save_parameters": robot.parameters.save,
+            "save_parameters": connection.save_parameters,
         }
         self._services = [node.create_service(SetBool, "~/estop", self._estop)]
         for name, action in actions.items():

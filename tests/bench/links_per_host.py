@@ -37,10 +37,10 @@ kernel's accounts, of one core. *Round trip* is the median of the pings since th
 opened; of several links the median link's and the worst one's.
 """
 GROWTH = f"""\
-Links cost the same each, so their cost is linear. A link costs what its wake-ups cost, and little
-more. While somebody asks there is one for each frame, and the cost is linear in the rate; a fast
-stream that nobody asks for is read every {REST_US / 1e3:g} ms, and with its rate only the decoding
-grows.
+Each further link costs about the same, the first one more. A link costs what its wake-ups cost,
+and little more. While somebody asks there is one for each frame, and the cost is linear in the
+rate; a fast stream that nobody asks for is read every {REST_US / 1e3:g} ms, and with its rate only
+the decoding grows.
 """
 
 

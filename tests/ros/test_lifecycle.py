@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool
 
 from support.ros import Diagnostics, Graph, wait
 from support.ros_process import RobotNode
@@ -56,6 +57,25 @@ def test_a_transition_that_the_state_does_not_have_is_refused(graph: Graph) -> N
         graph.wait_active()
         assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         assert graph.state(NODE) == "active"
+
+
+def test_an_estop_outlives_a_cleanup(graph: Graph) -> None:
+    """Of a driver whose supervisor ends with it."""
+    diagnostics = Diagnostics(graph)
+    with RobotNode(graph, driver_type="mock"):
+        graph.wait_active()
+        assert graph.call(SetBool, f"{NODE}/estop", data=True).success
+        for transition in (
+            Transition.TRANSITION_DEACTIVATE,
+            Transition.TRANSITION_CLEANUP,
+            Transition.TRANSITION_CONFIGURE,
+            Transition.TRANSITION_ACTIVATE,
+        ):
+            assert graph.change_state(NODE, transition)
+        state = diagnostics.wait("robot", lambda _, values: "state" in values)
+        assert state["state"] == "ESTOPPED"
+        assert graph.call(SetBool, f"{NODE}/estop", data=False).success
+        diagnostics.wait("robot", lambda _, values: values.get("state") == "IDLE")
 
 
 def test_without_a_device_it_tries_again_and_says_why(graph: Graph, tmp_path: Path) -> None:

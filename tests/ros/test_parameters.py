@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
 
-from support.ros import PATIENCE_S, Repeater, open_graph, wait
+from support.ros import PATIENCE_S, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from wheelwire import open_driver
@@ -137,3 +140,17 @@ def test_parameters_that_there_are_not_are_named() -> None:
         graph.wait_active()
         warning = "parameters that this node does not have: angular.z.max_acceleration, open_loop"
         assert warning in node.errors()
+
+
+def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:
+    odometry = graph.listen(Odometry, "odom")
+    with RobotNode(graph, port=simulator.port, publish_rate=2.0) as node:
+        wait(lambda: len(odometry) > 3, "some odom")
+        assert "out of reach" not in node.errors()
+    steps = [b - a for a, b in pairwise(stamp_s(message) for message in tuple(odometry))]
+    assert median(steps) == pytest.approx(0.5, rel=0.05)
+
+
+def stamp_s(message: Any) -> float:
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec / 1e9)

@@ -13,13 +13,16 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from std_srvs.srv import SetBool
 
+from support import stop_host
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from support.ros import Diagnostics, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig
 from support.stop_host import stopped
+from wheelwire_protocol.codes import SupervisorState
 
 LIMIT_MPS = 0.25
 STEP_M = 0.05
@@ -92,6 +95,20 @@ def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
     rig.diagnostics.wait("link", lambda s, v: s.level == OK and v["device_resets"] == "2")
     rig.diagnostics.wait("commands", lambda _, v: int(v["ignored"]) > 0)
     assert not any(state.drive_on for state in rig.simulator.take_states())
+
+
+def test_an_estop_outlives_a_reset_of_the_device(rig: Rig) -> None:
+    """The device forgets it; the node sets it again before anything else."""
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
+    with rig.driving_stamped():
+        boot_id = rig.simulator.reset()
+        rig.truth(lambda state: state.boot_id == boot_id)
+        latched = stop_host.wait(
+            rig.simulator,
+            lambda state: state.drive_on or state.state is SupervisorState.ESTOPPED,
+        )
+    assert not latched.drive_on
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
 
 
 def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:

@@ -20,8 +20,8 @@ class RobotNode:
     Args:
         graph: Whose domain it joins.
         code: Run instead of the executable, with the same arguments.
-        name: The node's namespace and name, for remapping: `/a` is namespace a.
-        parameters: By name.
+        namespace: With its slash, such as `/left`; empty for none.
+        parameters: By name, with `__` for a dot.
     """
 
     def __init__(

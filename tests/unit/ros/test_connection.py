@@ -14,6 +14,7 @@ from wheelwire import (
     LinkLost,
     LinkStatistics,
     ParameterOutOfRange,
+    RequestTimeout,
     Twist,
 )
 from wheelwire_protocol.codes import RefusalCode
@@ -58,6 +59,15 @@ class RecordingRobot:
 
     def clear_estop(self) -> None:
         self._tell("clear_estop")
+
+    def clear_fault(self) -> None:
+        self._tell("clear_fault")
+
+    def save(self) -> None:
+        self._tell("save")
+
+    def stop(self) -> None:
+        self._tell("stop")
 
     def _tell(self, what: Any) -> None:
         if self.error is not None:
@@ -153,6 +163,17 @@ def test_an_estop_that_did_not_arrive_is_told_later(
     assert robot.told[0] == "estop"
 
 
+def test_an_estop_that_was_not_acknowledged_is_told_again_in_the_same_session(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = RequestTimeout("no answer")
+    with pytest.raises(RequestTimeout):
+        connection.estop()
+    robot.error = None
+    connection.follow()
+    assert robot.told[0] == "estop"
+
+
 def test_nothing_is_kept_for_a_robot_out_of_reach(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
@@ -194,3 +215,29 @@ def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -
     drive = connection.drive
     assert drive.wheel_separation == pytest.approx(0.22)
     assert (drive.left_radius_multiplier, drive.right_radius_multiplier) == (0.9, 1.05)
+
+
+@pytest.mark.parametrize("what", ["clear_fault", "save"])
+def test_a_new_session_is_prepared_before_anything_else(
+    robot: RecordingRobot, connection: RobotConnection, what: str
+) -> None:
+    robot.sessions += 1
+    actions = {"clear_fault": connection.clear_fault, "save": connection.save_parameters}
+    actions[what]()
+    assert robot.told == [*GIVEN.items(), what]
+
+
+def test_a_command_whose_life_ends_while_it_is_handed_over_is_stopped(
+    robot: RecordingRobot, connection: RobotConnection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = time.monotonic() + 1
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+
+    def frozen(*_: float) -> None:
+        nonlocal now_s
+        now_s += 10
+
+    monkeypatch.setattr(robot, "set_wheel_velocity", frozen)
+    assert ignored(connection, now_s) is Ignored.STALE
+    assert robot.told == ["stop"]
+    assert connection.gate.obeyed == 0

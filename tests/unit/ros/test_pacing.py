@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from support.host_samples import sample
-from wheelwire_ros.pacing import Pacer
+from wheelwire_ros.pacing import Pacer, sampling_rate_hz
 
 
 def published(pacer: Pacer, times_us: list[int], boot_id: int = 1) -> list[int]:
@@ -30,3 +30,12 @@ def test_a_device_that_starts_anew_is_heard_at_once() -> None:
     pacer = Pacer(50)
     published(pacer, [0, 90_000_000])
     assert published(pacer, [100, 5_100, 20_100], boot_id=2) == [100, 20_100]
+
+
+@pytest.mark.parametrize(
+    ("publish_rate_hz", "expected_hz"), [(1.0, 8), (2.5, 9), (3.0, 9), (8.0, 8), (49.5, 50)]
+)
+def test_the_robot_measures_a_multiple_of_the_rate_and_never_too_seldom(
+    publish_rate_hz: float, expected_hz: int
+) -> None:
+    assert sampling_rate_hz(publish_rate_hz) == expected_hz
