@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .errors import DriverUnavailable as DriverUnavailable
     from .errors import ForeignDevice as ForeignDevice
     from .errors import InvalidCommand as InvalidCommand
+    from .errors import LinkClosed as LinkClosed
     from .errors import LinkLost as LinkLost
     from .errors import ParameterOutOfRange as ParameterOutOfRange
     from .errors import PortUnavailable as PortUnavailable
@@ -53,6 +54,7 @@ _MODULES = {
         "DriverUnavailable",
         "ForeignDevice",
         "InvalidCommand",
+        "LinkClosed",
         "LinkLost",
         "ParameterOutOfRange",
         "PortUnavailable",

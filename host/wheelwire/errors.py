@@ -110,6 +110,12 @@ class LinkLost(WheelwireError):  # noqa: N818
     exit_code = 8
 
 
+class LinkClosed(LinkLost):
+    """The link is down for good: it was closed, or its thread failed. Open it again."""
+
+    exit_code = 17
+
+
 class RequestTimeout(WheelwireError):  # noqa: N818
     """No answer came, though it was asked for again: whether it was done is not known."""
 

@@ -13,7 +13,7 @@ from wheelwire_protocol.codes import StopMode
 from .baud import BaudSearch
 from .clock import host_clock_us
 from .coalescing import Coalescing
-from .errors import LinkLost, PortUnavailable, WheelwireError
+from .errors import LinkClosed, LinkLost, PortUnavailable, WheelwireError
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
@@ -94,7 +94,7 @@ class PortLoop:
 
     def run(self) -> None:
         """The thread's whole life."""
-        end: WheelwireError = LinkLost("the link is closed; open it again")
+        end: WheelwireError = LinkClosed("the link is closed; open it again")
         try:
             transport: Transport | None = self._first_transport
             while transport is not None:
@@ -105,7 +105,7 @@ class PortLoop:
                 transport = self._reopen() if lost else None
         except BaseException as error:
             _log.exception("the link's thread failed")
-            end = LinkLost(f"the link's thread failed ({error!r}); close the link, open it again")
+            end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
         finally:
             self._die(end)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from wheelwire import BaseDriver, WheelSample, WheelwireError
+from wheelwire import BaseDriver, LinkClosed, WheelSample, WheelwireError
 
 SILENCE_S = 0.25
 PAUSE_S = 0.05
@@ -58,6 +58,8 @@ class SampleReader:
         while not self._closing.is_set():
             try:
                 sample = self._robot.read(SILENCE_S)
+            except LinkClosed:
+                raise  # nothing will come any more: the node ends, and is started again
             except WheelwireError as error:
                 self._note_silence(error)
                 boot_id = None

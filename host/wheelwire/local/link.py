@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from ..clock import host_clock_us
-from ..errors import LinkLost, WheelwireError
+from ..errors import LinkClosed, LinkLost, WheelwireError
 from ..inbox import SampleInbox
 from .drive import ControlMode, Target
 from .hardware import Hardware
@@ -156,7 +156,7 @@ class LocalLink:
             if self._closed:
                 return
             self._closed = True
-            self._lose(LinkLost(reason))
+            self._lose(LinkClosed(reason))
             self._inbox.fail(self._lost)
 
     # -------------------------------------------------------------------------------------------

@@ -159,11 +159,11 @@ def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(robot: PtyDe
     assert wheel_threads() == []
     assert open_files() == before
     driver.shutdown()
-    with pytest.raises(errors.LinkLost, match="closed"):
+    with pytest.raises(errors.LinkClosed, match="closed"):
         driver.set_velocity(0.1, 0.0)
-    with pytest.raises(errors.LinkLost, match="closed"):
+    with pytest.raises(errors.LinkClosed, match="closed"):
         driver.read()
-    with pytest.raises(errors.LinkLost, match="closed"):
+    with pytest.raises(errors.LinkClosed, match="closed"):
         driver.stop()
 
 

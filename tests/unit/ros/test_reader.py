@@ -4,7 +4,7 @@ import queue
 from typing import Any, cast
 
 from support.host_samples import sample
-from wheelwire import BaseDriver, LinkLost, WheelSample, WheelwireError
+from wheelwire import BaseDriver, LinkClosed, LinkLost, WheelSample, WheelwireError
 from wheelwire_ros.reader import SampleReader
 
 PATIENCE_S = 30.0
@@ -47,6 +47,11 @@ def test_a_device_that_was_flashed_with_another_release_is_a_silence_too() -> No
     one, two = sample(t_us=1), sample(t_us=2)
     script = (one, WheelwireError("host and firmware do not match"), two)
     assert events(*script, count=5) == ["change", one, "change", "change", two]
+
+
+def test_a_link_that_is_down_for_good_is_no_silence() -> None:
+    one, closed = sample(t_us=1), LinkClosed("its thread failed")
+    assert events(one, closed, count=3) == ["change", one, closed]
 
 
 def test_what_fails_is_handed_over() -> None:
