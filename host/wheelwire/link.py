@@ -114,6 +114,12 @@ class Link:
             counted = self._session.statistics(host_clock_us())
             return replace(counted, reconnects=self._loop.reconnects)
 
+    @property
+    def sessions(self) -> int:
+        """How many there were since the link was opened."""
+        with self._changed:
+            return self._session.count
+
     def value(self, parameter: int) -> float:
         """The newest value of a watched parameter."""
         with self._changed:

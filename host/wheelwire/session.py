@@ -71,6 +71,11 @@ class Session:
         return self._lifecycle.device
 
     @property
+    def count(self) -> int:
+        """How many sessions there were."""
+        return self._lifecycle.sessions
+
+    @property
     def answered(self) -> bool:
         """Something on the line understood a hello, whether it opened a session or not."""
         return self._lifecycle.answered
@@ -109,7 +114,7 @@ class Session:
             refused=self._tally.refused,
             requests_repeated=talk.requests.repeated,
             setpoints_repeated=talk.setpoints.repeated,
-            sessions=self._lifecycle.sessions,
+            sessions=self.count,
             device_resets=self._lifecycle.boots.resets,
             round_trip_p50_us=quantile(round_trips_us, 0.50),
             round_trip_p99_us=quantile(round_trips_us, 0.99),

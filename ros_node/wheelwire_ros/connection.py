@@ -94,7 +94,7 @@ class RobotConnection:
         Raises:
             WheelwireError: It cannot be used; the next call tries again.
         """
-        session = self.robot.statistics.sessions
+        session = self.robot.sessions
         if session == self._session:
             return
         try:

@@ -136,6 +136,11 @@ class BaseDriver(ABC):
     def statistics(self) -> LinkStatistics:
         """How the link to the robot is doing."""
 
+    @property
+    def sessions(self) -> int:
+        """How many there were. A device forgets with the last one; a new one has to be prepared."""
+        return self.statistics.sessions
+
     # --- for the drivers -----------------------------------------------------------------------
 
     @abstractmethod

@@ -145,6 +145,11 @@ class SerialDriver(BaseDriver):
         """How the link is doing."""
         return self._link.statistics
 
+    @property
+    def sessions(self) -> int:
+        """How many there were, without the work that `statistics` is."""
+        return self._link.sessions
+
     def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
         return cast("LinkCounters", self._link.request(LinkCountersGet(0, 0)))

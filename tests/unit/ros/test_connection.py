@@ -12,7 +12,6 @@ from wheelwire import (
     DeviceRefused,
     DifferentialDrive,
     LinkLost,
-    LinkStatistics,
     ParameterOutOfRange,
     RequestTimeout,
     Twist,
@@ -34,10 +33,6 @@ class RecordingRobot:
         self.sessions = 1
         self.error: Exception | None = None
         self.parameters = self
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        return LinkStatistics(sessions=self.sessions)
 
     def get(self, name: str) -> float:
         if self.error is not None:
