@@ -156,6 +156,8 @@ class RobotConnection:
         Raises:
             WheelwireError: Why not.
         """
+        if values and self.robot.sessions != self._session:
+            raise LinkLost("a new session is being prepared; try again in a second")
         before: dict[str, float] = {}
         try:
             for name, value in values.items():

@@ -222,6 +222,18 @@ def test_a_new_session_is_prepared_before_anything_else(
     assert robot.told == [*GIVEN.items(), what]
 
 
+def test_no_parameter_is_set_before_a_new_session_is_prepared(
+    robot: RecordingRobot, connection: RobotConnection
+) -> None:
+    robot.sessions += 1
+    with pytest.raises(LinkLost, match="try again"):
+        connection.set_parameters({"integral_gain": 1.0})
+    assert robot.told == []
+    connection.follow()
+    connection.set_parameters({"integral_gain": 1.0})
+    assert robot.told[-1] == ("integral_gain", 1.0)
+
+
 def test_a_command_whose_life_ends_while_it_is_handed_over_is_stopped(
     robot: RecordingRobot, connection: RobotConnection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
