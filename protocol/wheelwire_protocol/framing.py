@@ -15,7 +15,7 @@ from zlib import crc32
 from cobs import cobs
 
 from .codec import BY_ID, BY_TYPE
-from .payload import CRC_SIZE, HEADER_SIZE
+from .payload import CRC_SIZE, MIN_PAYLOAD
 from .types import AnyMessage
 
 DELIMITER = b"\x00"
@@ -23,7 +23,6 @@ DELIMITER = b"\x00"
 CRC_RESIDUE = 0x2144DF1C
 """CRC-32 of any payload followed by its own CRC-32, little-endian: one call checks it."""
 
-MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE
 MAX_PAYLOAD = max(codec.size for codec in BY_ID.values())
 MAX_ENCODED = MAX_PAYLOAD + 1
 """Bytes between delimiters at most: COBS adds one byte to payloads below 255."""

@@ -10,9 +10,8 @@ from typing import Any
 
 import construct
 
-from .payload import CRC_SIZE as CRC_SIZE
-from .payload import HEADER_SIZE as HEADER_SIZE
-from .units import Unit as Unit
+from .payload import CRC_SIZE, HEADER_SIZE
+from .units import Unit
 
 
 class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information

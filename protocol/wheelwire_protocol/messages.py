@@ -24,7 +24,8 @@ from .codes import (
     SupervisorEvent,
     SupervisorState,
 )
-from .message import CRC_SIZE, HEADER_SIZE, Field, Message, Unit, field
+from .message import Field, Message, field
+from .units import Unit
 
 
 def _session() -> Field:
@@ -355,5 +356,4 @@ MESSAGES: tuple[Message, ...] = (
     LINK_COUNTERS,
 )
 
-MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE
 MAX_PAYLOAD = max(message.payload_size for message in MESSAGES)

@@ -4,3 +4,4 @@ from __future__ import annotations
 
 HEADER_SIZE = 3
 CRC_SIZE = 4
+MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE

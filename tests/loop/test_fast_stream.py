@@ -7,7 +7,7 @@ from statistics import median
 
 import pytest
 
-from support.pty_device import wait_until
+from support.waiting import wait_until
 from wheelwire.coalescing import REST_US
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.sim import Simulator

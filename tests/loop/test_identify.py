@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from support.lines import simulator_on
+from support.reconnect import is_lost
+from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.errors import PortUnavailable
 from wheelwire.sim import Simulator
 
 PATIENCE_S = 30.0
@@ -46,18 +48,7 @@ def cables(tmp_path: Path, line: str) -> Iterator[Cables]:
 
 
 def wait(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "the condition never held"
-        time.sleep(0.005)
-
-
-def is_lost(robot: SerialDriver) -> bool:
-    try:
-        robot.get_encoder_ticks()
-    except (LinkLost, RequestTimeout):
-        return True
-    return False
+    wait_until(condition, PATIENCE_S)
 
 
 def test_a_board_is_found_among_several_ports(cables: Cables) -> None:

@@ -7,7 +7,6 @@ command that is not sent, and a port where nothing is understood or nobody answe
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import pytest
 
 import wheelwire
 from support.lines import GOOD, LINES, simulator_on
+from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import (
     DeviceRefused,
@@ -49,10 +49,7 @@ def drive_until_driving(robot: SerialDriver) -> None:
 
 
 def wait(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "the condition never held"
-        time.sleep(0.005)
+    wait_until(condition, PATIENCE_S)
 
 
 def is_lost(robot: SerialDriver) -> bool:

@@ -7,18 +7,9 @@ import select
 import threading
 import time
 import tty
-from collections.abc import Callable
 from pathlib import Path
 
 from .fake_device import FakeDevice
-
-
-def wait_until(condition: Callable[[], bool], patience_s: float = 10.0) -> None:
-    """Return as soon as `condition()` holds; fail when it does not in time."""
-    end = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < end, "the condition never held"
-        time.sleep(0.002)
 
 
 class PtyDevice:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.sim import Simulator
@@ -48,12 +49,14 @@ def _first_fresh(robot: SerialDriver, since: float) -> float:
     return time.monotonic() - since
 
 
+def is_lost(robot: SerialDriver) -> bool:
+    """Whether the loss of the port was noticed."""
+    try:
+        robot.get_encoder_ticks()
+    except (LinkLost, RequestTimeout):
+        return True
+    return False
+
+
 def _wait_lost(robot: SerialDriver) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        try:
-            robot.get_encoder_ticks()
-        except (LinkLost, RequestTimeout):
-            return
-        time.sleep(0.002)
-    raise AssertionError("the loss of the port was not noticed")
+    wait_until(lambda: is_lost(robot), PATIENCE_S, "the loss of the port")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import os
 import threading
-import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -26,6 +25,8 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter as RosParameter
 
+from support.waiting import wait_until
+
 PATIENCE_S = 30.0
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
@@ -39,10 +40,7 @@ _domains = itertools.count()
 
 def wait(condition: Callable[[], Any], what: str) -> None:
     """Until it holds."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, f"it never came: {what}"
-        time.sleep(0.005)
+    wait_until(condition, PATIENCE_S, what)
 
 
 class Graph:

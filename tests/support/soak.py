@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
+from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout
 from wheelwire.faultline import Books, Faults, LineProfile
@@ -233,10 +234,7 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
 
 def wait(condition: Callable[[], bool]) -> None:
     """Until it holds; fails when it does not for long."""
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end, "the condition never held"
-        time.sleep(0.002)
+    wait_until(condition, PATIENCE_S)
 
 
 def retry(action: Callable[[], T]) -> T:

@@ -16,7 +16,8 @@ import pytest
 import wheelwire
 from support.fake_device import FakeDevice
 from support.processes import interruptible
-from support.pty_device import PtyDevice, wait_until
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.transport import SerialTransport

@@ -8,7 +8,7 @@ from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPin
 
 from support.gpio_robot import GpioRobot
-from support.pty_device import wait_until
+from support.waiting import wait_until
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.errors import DriverUnavailable
 from wheelwire.local.pins import Pins

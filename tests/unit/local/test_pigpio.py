@@ -12,7 +12,7 @@ import pigpio
 import pytest
 
 from support.pigpio_process import PigpioProcess
-from support.pty_device import wait_until
+from support.waiting import wait_until
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.pigpio_watchdog import CHECK_MS, CHECKS, MOST_SCRIPTS
 from wheelwire.errors import ConfigurationError, DriverUnavailable, LinkLost

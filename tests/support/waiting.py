@@ -1,0 +1,18 @@
+"""Waiting for a condition in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+PERIOD_S = 0.002
+
+
+def wait_until(
+    condition: Callable[[], object], patience_s: float = 10.0, what: str = "the condition"
+) -> None:
+    """Return as soon as `condition()` holds; fail when it does not in time."""
+    end = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end, f"{what} never held"
+        time.sleep(PERIOD_S)
