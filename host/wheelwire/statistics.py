@@ -50,6 +50,11 @@ class LinkStatistics:
     clock_error_us: float = math.nan
     """Bound of the error of the device's clock as the host knows it."""
 
+    @property
+    def bad(self) -> int:
+        """Chunks that were no good frame of a known message; as in the decoder's counters."""
+        return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
+
 
 def quantile(values: Collection[float], fraction: float) -> float:
     """The nearest-rank quantile; NaN of nothing."""

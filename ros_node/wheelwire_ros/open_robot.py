@@ -9,7 +9,7 @@ from typing import Any
 from wheelwire import BaseDriver, WheelSample, WheelwireError
 
 from . import diagnostics, robot_settings
-from .command_subscriber import CommandSubscriber
+from .command_subscriber import LOG_PERIOD_S, CommandSubscriber
 from .commands import CommandGate
 from .connection import RobotConnection
 from .estimator import MotionEstimator
@@ -19,8 +19,6 @@ from .publishers import MotionPublisher
 from .reader import SampleReader
 from .services import RobotServices
 from .time_base import TimeBase
-
-LOG_PERIOD_S = 1.0
 
 
 class OpenRobot:

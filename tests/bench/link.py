@@ -9,18 +9,16 @@ from contextlib import closing
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import round_trips
 from support.bare_host import PING_SIZE, PONG_SIZE, BareHost
-from support.benchmark import output_folder, ratio, seconds, table
+from support.benchmark import Aim, output_folder, ratio, seconds, table, table_of_aims
 from support.captures import capture
-from support.load import Load, load_while, read_for
+from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.coalescing import REST_US
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.sim import Simulator
-from wheelwire.statistics import LinkStatistics
 from wheelwire_protocol import Decoder
 
 RATE_HZ = 1000
@@ -55,23 +53,10 @@ under way. *Decoding* is the codec's time for so many frames, fed one by one.
 """
 
 
-class Aim(NamedTuple):
-    """What is to be reached, and whether it was."""
-
-    what: str
-    measured: float
-    limit: float
-    unit: str = ""
-
-    @property
-    def reached(self) -> bool:
-        """The limit itself will do."""
-        return self.measured <= self.limit
-
-    def row(self) -> list[str]:
-        """Its cells."""
-        measured, limit = (f"{number:.3g}{self.unit}" for number in (self.measured, self.limit))
-        return [self.what, measured, f"<= {limit}", "reached" if self.reached else "**missed**"]
+def at_most(what: str, measured: float, limit: float, unit: str = "") -> Aim:
+    """The limit itself will do."""
+    number, bound = (f"{number:.3g}{unit}" for number in (measured, limit))
+    return Aim(what, number, f"<= {bound}", measured <= limit)
 
 
 def show_round_trips() -> list[Aim]:
@@ -95,8 +80,8 @@ def show_round_trips() -> list[Aim]:
     sys.stdout.write(f"{ROUND_TRIPS}\n{table(header, rows)}\n")
     p50, p99 = ratios[round_trips.FIRMWARE]
     return [
-        Aim("p50 of the firmware / the echo's", p50, 1.25),
-        Aim("p99 of the firmware / the echo's", p99, 2),
+        at_most("p50 of the firmware / the echo's", p50, 1.25),
+        at_most("p99 of the firmware / the echo's", p99, 2),
     ]
 
 
@@ -109,8 +94,8 @@ def show_slow_lines() -> list[Aim]:
         microseconds = (f"{us:.0f}" for us in (line_us, found.p50_us, found.p99_us))
         rows.append([f"{baud} baud", *microseconds, f"{p50:.2f}", f"{p99:.2f}"])
         aims += [
-            Aim(f"p50 at {baud} baud / the line's", p50, 1.25),
-            Aim(f"p99 at {baud} baud / the line's", p99, 2),
+            at_most(f"p50 at {baud} baud / the line's", p50, 1.25),
+            at_most(f"p99 at {baud} baud / the line's", p99, 2),
         ]
     header = ("round trip [us]", "on the line", "p50", "p99", "p50 / line's", "p99 / line's")
     sys.stdout.write(f"{SLOW_LINES}\n{table(header, rows)}\n")
@@ -162,8 +147,10 @@ def show_cpu() -> list[Aim]:
     sys.stdout.write(f"{CPU}\n{table(('host', 'CPU of a core', 'wake-ups/s'), rows)}\n")
     limit = 1.3 * loads["bare"].cpu + decode
     return [
-        Aim("CPU of an idle link", 100 * idle.cpu, 0.5, " %"),
-        Aim(f"CPU at {RATE_HZ} Hz, none asked for", 100 * loads["library"].cpu, 100 * limit, " %"),
+        at_most("CPU of an idle link", 100 * idle.cpu, 0.5, " %"),
+        at_most(
+            f"CPU at {RATE_HZ} Hz, none asked for", 100 * loads["library"].cpu, 100 * limit, " %"
+        ),
     ]
 
 
@@ -194,17 +181,12 @@ def show_fast_stream() -> list[Aim]:
             after = robot.statistics
             dropped = robot.device_counters().send_dropped
     received = after.frames_received - before.frames_received
-    lost = _lost(after) - _lost(before) + dropped
+    lost = frames_lost(before, after) + dropped
     sys.stdout.write(
         f"{FAST_HZ} states a second, one in each control step, for {FAST_S:g} s: {received} frames "
         f"received, {lost} lost, {load.cpu:.0%} of a core.\n\n"
     )
-    return [Aim(f"frames lost at {FAST_HZ} Hz", lost, 0)]
-
-
-def _lost(statistics: LinkStatistics) -> int:
-    bad = statistics.bad_crc + statistics.bad_cobs + statistics.wrong_length
-    return statistics.frames_lost + bad
+    return [at_most(f"frames lost at {FAST_HZ} Hz", lost, 0)]
 
 
 def main() -> int:
@@ -212,7 +194,7 @@ def main() -> int:
     output_folder(__doc__)
     sys.stdout.write("## The serial link\n\n")
     aims = [*show_round_trips(), *show_slow_lines(), *show_cpu(), *show_fast_stream()]
-    sys.stdout.write(table(("", "measured", "aim", ""), [aim.row() for aim in aims]))
+    sys.stdout.write(table_of_aims(aims))
     return 0 if all(aim.reached for aim in aims) else 1
 
 

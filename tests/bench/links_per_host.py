@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from support.benchmark import output_folder, table
-from support.load import Load, cpu_s, load_while, read_for
+from support.load import Load, cpu_s, frames_lost, load_while, read_for
 from wheelwire.coalescing import REST_US
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.sim import Simulator
-from wheelwire.statistics import LinkStatistics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +79,7 @@ def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
         load,
         used / MEASURED_S,
         sum(s.frames_received for s in after) - sum(s.frames_received for s in before),
-        sum(map(_lost, after)) - sum(map(_lost, before)),
+        sum(map(frames_lost, before, after)),
         [s.round_trip_p50_us for s in after],
     )
 
@@ -91,10 +90,6 @@ def _opened(stack: ExitStack, simulator: Simulator, rate_hz: int) -> SerialDrive
         with SerialDriver(simulator.port) as robot:
             robot.parameters["control_rate_hz"] = rate_hz
     return stack.enter_context(SerialDriver(simulator.port, stream_rate_hz=rate_hz))
-
-
-def _lost(statistics: LinkStatistics) -> int:
-    return statistics.frames_lost + statistics.bad_crc + statistics.bad_cobs
 
 
 def show_links(points: Sequence[Point]) -> str:

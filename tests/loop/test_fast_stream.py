@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 from statistics import median
 
 import pytest
@@ -64,3 +65,35 @@ def test_five_thousand_states_a_second() -> None:
             first = robot.read()
             wait_until(lambda: robot.read().t_us > first.t_us)
             assert (robot.read().t_us - first.t_us) % 200 == 0
+
+
+def test_a_stop_waits_for_no_rest() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+        wait_for_frames(robot, 100)
+        robot.set_velocity(0.2, 0.0)
+        wait_until(lambda: simulator.get("drive_on"))
+        robot.estop()
+        assert not simulator.get("drive_on")
+
+
+def test_a_cable_that_is_pulled_during_a_rest_is_noticed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        Simulator(link=tmp_path / "robot") as simulator,
+        SerialDriver(simulator.port, stream_rate_hz=1000) as robot,
+    ):
+        wait_for_frames(robot, 100)
+        simulator.unplug()
+        wait_until(lambda: "the port is gone" in caplog.text)  # to ask the driver ends the rest
+        simulator.plug()
+        wait_for_frames(robot, 100)
+        assert robot.statistics.reconnects == 1
+
+
+def test_a_reset_during_a_rest_is_a_new_session() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+        wait_for_frames(robot, 100)
+        simulator.reset()
+        wait_until(lambda: robot.statistics.device_resets == 1)
+        wait_for_frames(robot, 100)

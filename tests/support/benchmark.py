@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 from time import perf_counter
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,6 +33,21 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+class Aim(NamedTuple):
+    """What is to be reached, in words, and whether it was."""
+
+    what: str
+    measured: str
+    limit: str
+    reached: bool
+
+
+def table_of_aims(aims: Iterable[Aim]) -> str:
+    """A row an aim."""
+    rows = [[*aim[:3], "reached" if aim.reached else "**missed**"] for aim in aims]
+    return table(("", "measured", "aim", ""), rows)
 
 
 def seconds(work: Callable[[], object]) -> float:

@@ -1,4 +1,4 @@
-"""What a process costs, by the kernel's accounts."""
+"""What a process costs, by the kernel's accounts, and what its links lose."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from wheelwire import BaseDriver
+from wheelwire import BaseDriver, LinkStatistics
 
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -46,6 +46,11 @@ def cpu_s(pid: int) -> float:
     """CPU seconds that a process has used, to a hundredth."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+
+
+def frames_lost(before: LinkStatistics, after: LinkStatistics) -> int:
+    """Of those that were sent to the host between two snapshots."""
+    return after.frames_lost + after.bad - before.frames_lost - before.bad
 
 
 def _wake_ups() -> int:

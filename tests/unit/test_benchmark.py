@@ -1,6 +1,6 @@
 """What all benchmarks rest on."""
 
-from support.benchmark import import_ms, interleaved, ratio, table
+from support.benchmark import Aim, import_ms, interleaved, ratio, table, table_of_aims
 
 
 def test_measures_take_turns_and_the_first_round_is_left_out() -> None:
@@ -27,3 +27,11 @@ def test_an_import_is_timed_without_the_interpreter() -> None:
     times = import_ms(["unittest.mock"], rounds=1)
     assert set(times) == {"", "unittest.mock"}
     assert times[""] > 0
+
+
+def test_an_aim_that_is_missed_stands_out() -> None:
+    aims = [Aim("speed", "9", ">= 12", reached=False), Aim("wrong", "0", "0", reached=True)]
+    assert table_of_aims(aims).splitlines()[2:] == [
+        "| speed | 9 | >= 12 | **missed** |",
+        "| wrong | 0 | 0 | reached |",
+    ]

@@ -83,28 +83,6 @@ class FakeLine final : public ByteStream {
   size_t read_ = 0;
 };
 
-/// Survives a reset of the device.
-class FakeStore final : public ParameterStore {
- public:
-  size_t load(uint8_t* out, size_t capacity) override {
-    std::copy_n(block_.begin(), std::min(capacity, block_.size()), out);
-    return block_.size();
-  }
-  bool save(const uint8_t* data, size_t size) override {
-    if (!failing) block_.assign(data, data + size);
-    return !failing;
-  }
-  bool erase() override {
-    if (!failing) block_.clear();
-    return !failing;
-  }
-
-  bool failing = false;
-
- private:
-  std::vector<uint8_t> block_;
-};
-
 class FakeEstop final : public EstopInput {
  public:
   bool is_open() override { return open; }

@@ -5,6 +5,7 @@
 
 #include "config.hpp"
 #include "crc32.hpp"
+#include "memory_store.hpp"
 #include "parameters.hpp"
 #include "require.hpp"
 
@@ -13,24 +14,6 @@ using namespace wheelwire;
 namespace {
 
 constexpr uint8_t kMagic[] = {'W', 'W', 'P', '1'};
-
-class BlockStore final : public ParameterStore {
- public:
-  size_t load(uint8_t* out, size_t capacity) override {
-    for (size_t i = 0; i < block.size() && i < capacity; ++i) out[i] = block[i];
-    return block.size();
-  }
-  bool save(const uint8_t* data, size_t size) override {
-    block.assign(data, data + size);
-    return true;
-  }
-  bool erase() override {
-    block.clear();
-    return true;
-  }
-
-  std::vector<uint8_t> block;
-};
 
 std::vector<uint8_t> block_of(const uint8_t* data, size_t size) {
   if (size == 0) return {};
@@ -70,7 +53,7 @@ void check_config(const Parameters& parameters) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  BlockStore store;
+  MemoryStore store;
   store.block = block_of(data, size);
   Parameters parameters;
   const Parameters::Load result = parameters.load(store);

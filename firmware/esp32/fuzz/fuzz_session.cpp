@@ -163,7 +163,7 @@ class Run {
   }
 
   Script script_;
-  FakeStore store_;
+  MemoryStore store_;  // Survives a reset of the device.
   std::unique_ptr<FuzzedRobot> robot_;
   uint32_t boot_id_ = 0;
   uint16_t seq_ = 0;

@@ -6,13 +6,14 @@
 #pragma once
 
 #include "fake_hal.hpp"
+#include "memory_store.hpp"
 #include "robot.hpp"
 
 namespace wheelwire::fuzz {
 
 class FuzzedRobot {
  public:
-  FuzzedRobot(uint32_t boot_id, FakeStore& store)
+  FuzzedRobot(uint32_t boot_id, MemoryStore& store)
       : licence_(boot_id),
         line_(licence_),
         robot_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {

@@ -4,33 +4,10 @@
 #include <vector>
 
 #include "check.hpp"
+#include "memory_store.hpp"
 
 using namespace wheelwire;
 using enum ParameterId;
-
-namespace {
-
-class MemoryStore final : public ParameterStore {
- public:
-  size_t load(uint8_t* out, size_t capacity) override {
-    for (size_t i = 0; i < block.size() && i < capacity; ++i) out[i] = block[i];
-    return block.size();
-  }
-  bool save(const uint8_t* data, size_t size) override {
-    if (broken) return false;
-    block.assign(data, data + size);
-    return true;
-  }
-  bool erase() override {
-    block.clear();
-    return !broken;
-  }
-
-  std::vector<uint8_t> block;
-  bool broken = false;
-};
-
-}  // namespace
 
 TEST(every_default_is_within_its_bounds) {
   Parameters parameters;
@@ -84,6 +61,6 @@ TEST(any_flipped_bit_or_cut_of_the_block_is_noticed) {
 
 TEST(a_failed_save_is_reported) {
   MemoryStore store;
-  store.broken = true;
+  store.failing = true;
   CHECK(!Parameters().save(store));
 }

@@ -87,8 +87,7 @@ class _Table:
         table.add_row("right wheel", _bar(sample.right_mps, sample.right_duty))
         table.add_row(
             "link",
-            f"{link.frames_received} frames, {link.frames_lost} lost, "
-            f"{link.bad_crc + link.bad_cobs} damaged",
+            f"{link.frames_received} frames, {link.frames_lost} lost, {link.bad} damaged",
         )
         table.add_row(
             "timing",

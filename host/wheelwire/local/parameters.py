@@ -83,14 +83,22 @@ class LocalParameters(Parameters):
         )
 
     def save(self) -> None:
-        """Write the values to the store; `DeviceRefused` while driving or where there is none."""
+        """Write the values to the store.
+
+        Raises:
+            DeviceRefused: While driving, where there is no store, or when it cannot be written;
+                it is then as it was.
+        """
         self._check_stopped("to save parameters")
         if self._store is None:
-            raise DeviceRefused(RefusalCode.STORE_FAILED, "to save parameters")
+            raise _store_failed()
         new = self._store.with_name(self._store.name + ".new")
-        with self._lock:
-            new.write_text(json.dumps(self._values, indent=2) + "\n")
-        os.replace(new, self._store)  # noqa: PTH105 - atomic: the old content or the new
+        try:
+            with self._lock:
+                new.write_text(json.dumps(self._values, indent=2) + "\n")
+            os.replace(new, self._store)  # noqa: PTH105 - atomic: the old content or the new
+        except OSError as error:
+            raise _store_failed() from error
 
     def reset(self) -> None:
         """Go back to the values at the start, and empty the store; refused while driving."""
@@ -112,6 +120,10 @@ class LocalParameters(Parameters):
 
     def _bounds(self, definition: Parameter) -> tuple[float, float]:
         return float(definition.minimum), float(definition.maximum)
+
+
+def _store_failed() -> DeviceRefused:
+    return DeviceRefused(RefusalCode.STORE_FAILED, "to save parameters")
 
 
 def _load(store: Path) -> dict[str, float]:

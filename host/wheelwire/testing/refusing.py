@@ -14,20 +14,23 @@ from ..drivers.base import BaseDriver
 from .drill import CLOSE, SPEED_MPS, Drill, mean
 
 
+def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
+    """Commands with a `value` that is no finite number in each place where one is taken."""
+    return [
+        lambda: driver.set_velocity(value, 0.0),
+        lambda: driver.set_velocity(0.0, value),
+        lambda: driver.set_wheel_velocity(0.1, value),
+        lambda: driver.set_duty(value, 0.0),
+        lambda: driver.set_velocity(0.1, 0.0, ttl=value),
+    ]
+
+
 class RefusingTests:
     """Commands and parameters that mean nothing."""
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
     def test_no_number_is_no_command(self, drill: Drill, value: float) -> None:
-        driver = drill.driver
-        calls: list[Callable[[], None]] = [
-            lambda: driver.set_velocity(value, 0.0),
-            lambda: driver.set_velocity(0.0, value),
-            lambda: driver.set_wheel_velocity(0.1, value),
-            lambda: driver.set_duty(value, 0.0),
-            lambda: driver.set_velocity(0.1, 0.0, ttl=value),
-        ]
-        for call in calls:
+        for call in meaningless(drill.driver, value):
             with pytest.raises(errors.InvalidCommand):
                 call()
         assert drill.next().state is not SupervisorState.DRIVING

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,6 +20,7 @@ from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.testing.refusing import meaningless
 from wheelwire.transport import SerialTransport
 from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -75,14 +76,7 @@ def test_a_duty_arrives_in_q15(robot: PtyDevice, driver: SerialDriver) -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_no_number_is_no_command(robot: PtyDevice, driver: SerialDriver, value: float) -> None:
-    calls: list[Callable[[], None]] = [
-        lambda: driver.set_velocity(value, 0.0),
-        lambda: driver.set_velocity(0.0, value),
-        lambda: driver.set_wheel_velocity(0.1, value),
-        lambda: driver.set_duty(value, 0.0),
-        lambda: driver.set_velocity(0.1, 0.0, ttl=value),
-    ]
-    for call in calls:
+    for call in meaningless(driver, value):
         with pytest.raises(errors.InvalidCommand, match="give"):
             call()
     driver.stop()  # acknowledged: whatever was sent before it has arrived

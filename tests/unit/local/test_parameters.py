@@ -26,6 +26,20 @@ def test_without_a_file_nothing_can_be_saved() -> None:
         driver.parameters.save()
 
 
+def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> None:
+    store = tmp_path / "parameters.json"
+    with MockDriver(realtime=False, store=store) as driver:
+        driver.parameters["integral_gain"] = 7.5
+        driver.parameters.save()
+        (tmp_path / "parameters.json.new").symlink_to("/dev/full")
+        driver.parameters["integral_gain"] = 8.0
+        with pytest.raises(DeviceRefused, match="store") as refusal:
+            driver.parameters.save()
+        assert "No space left" in str(refusal.value.__cause__)
+    with MockDriver(realtime=False, store=store) as driver:
+        assert driver.parameters["integral_gain"] == 7.5
+
+
 @pytest.mark.parametrize("content", ["{", "[1]", '{"wheel_radius": 7}', '{"wheel": 1}'])
 def test_a_store_of_something_else_is_told(tmp_path: Path, content: str) -> None:
     store = tmp_path / "parameters.json"

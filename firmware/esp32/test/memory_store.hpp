@@ -1,0 +1,30 @@
+// A parameter store in memory, for tests.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "hal.hpp"
+
+namespace wheelwire {
+
+class MemoryStore final : public ParameterStore {
+ public:
+  size_t load(uint8_t* out, size_t capacity) override {
+    std::copy_n(block.begin(), std::min(capacity, block.size()), out);
+    return block.size();
+  }
+  bool save(const uint8_t* data, size_t size) override {
+    if (!failing) block.assign(data, data + size);
+    return !failing;
+  }
+  bool erase() override {
+    if (!failing) block.clear();
+    return !failing;
+  }
+
+  std::vector<uint8_t> block;
+  bool failing = false;  ///< Saves and erasures fail, and change nothing.
+};
+
+}  // namespace wheelwire
