@@ -98,7 +98,7 @@ bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/re
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'pigweed>=0.0.24'
 	@$(BIN)/python tests/bench/report.py
 
-reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 10 min
+reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 4 min
 	$(BIN)/python tests/bench/stop_times.py
 	$(BIN)/python tests/bench/rides.py
 	$(BIN)/python tests/bench/clock.py
