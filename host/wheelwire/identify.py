@@ -43,11 +43,12 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
         PortUnavailable: It answers at none of the ports that are free.
     """
     asked = [_Asked(transport) for transport in _open_free(ports, baud_rate)]
+    found = None
     try:
         found = _first_answer(asked, board_id.lower())
     finally:
         for one in asked:
-            if one.board_id != board_id.lower():
+            if one.transport is not found:
                 one.transport.close()
     if found is None:
         known = ", ".join(
