@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable
 
@@ -20,7 +21,7 @@ from wheelwire_protocol.types import (
     WheelState,
 )
 
-from .errors import WheelwireError
+from .errors import InvalidCommand, WheelwireError
 from .requests import ID_MODULUS, Answer, RequestQueue
 from .sampler import Sampler
 from .samples import WheelSample
@@ -95,15 +96,27 @@ class Conversation:
             self.synchroniser.ping(now_us)
 
     def drive(self, setpoint: Setpoint, expiry_us: int, now_us: int) -> None:
-        """Send a setpoint that is void from the host's `expiry_us` on.
+        """Send a setpoint that is void from the host's `expiry_us` on, if not a little earlier.
+
+        The two clocks are known to each other with an error: its bound is taken off the expiry,
+        or the setpoint could live longer than it was given.
 
         Raises:
+            InvalidCommand: It would expire within that bound.
             DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
         """
         self.setpoints.check()
-        expiry = self.synchroniser.clock.host_to_device(expiry_us)
+        clock = self.synchroniser.clock
+        bound_us = math.ceil(clock.error_us(expiry_us))
+        sure_us = expiry_us - bound_us
+        if sure_us <= now_us:
+            raise InvalidCommand(
+                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
+                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
+            )
+        expiry = clock.host_to_device(expiry_us) - bound_us
         dated = setpoint._replace(session_id=self._session_id, expiry_us=expiry)
-        self.setpoints.submit(dated, expiry_us, now_us)
+        self.setpoints.submit(dated, sure_us, now_us)
 
     # --- what the device says ------------------------------------------------------------------
 

@@ -123,7 +123,7 @@ class RequestTimeout(WheelwireError):  # noqa: N818
 
 
 class InvalidCommand(WheelwireError, ValueError):  # noqa: N818
-    """A command that means nothing: NaN, infinity, no time to live. Nothing was sent."""
+    """A command that means nothing: NaN, infinity, no time to live left. Nothing was sent."""
 
     exit_code = 10
 

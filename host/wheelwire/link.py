@@ -132,20 +132,18 @@ class Link:
             self._check_alive()
             self._session.check_open()
 
-    def drive_velocity(self, left_mps: float, right_mps: float, ttl_s: float) -> None:
-        """Send one velocity setpoint that expires `ttl_s` from now. Does not wait."""
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
+        """Send one velocity setpoint, void from the host's `expiry_us` on. Does not wait."""
         with self._changed:
             self.check()
-            now_us = host_clock_us()
-            self._session.drive_velocity(left_mps, right_mps, now_us + round(ttl_s * 1e6), now_us)
+            self._session.drive_velocity(left_mps, right_mps, expiry_us, host_clock_us())
         self._loop.wake()
 
-    def drive_duty(self, left: float, right: float, ttl_s: float) -> None:
-        """Send one duty setpoint that expires `ttl_s` from now. Does not wait."""
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Send one duty setpoint, void from the host's `expiry_us` on. Does not wait."""
         with self._changed:
             self.check()
-            now_us = host_clock_us()
-            self._session.drive_duty(left, right, now_us + round(ttl_s * 1e6), now_us)
+            self._session.drive_duty(left, right, expiry_us, host_clock_us())
         self._loop.wake()
 
     def request(self, message: RequestMessage) -> Answer:

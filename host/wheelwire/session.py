@@ -179,6 +179,7 @@ class Session:
         """Send a velocity setpoint that is void from the host's `expiry_us` on.
 
         Raises:
+            InvalidCommand: It would expire within the error bound of the device's clock.
             LinkLost: The session is not open.
             DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
         """

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import TypeVar
 
+from ..clock import host_clock_us
 from ..errors import InvalidCommand, RequestTimeout
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, Twist, WheelVelocities
@@ -36,7 +37,14 @@ class BaseDriver(ABC):
 
     # --- driving -------------------------------------------------------------------------------
 
-    def set_velocity(self, linear: float, angular: float, ttl: float = DEFAULT_TTL_S) -> None:
+    def set_velocity(
+        self,
+        linear: float,
+        angular: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
         """Drive at a body velocity. Does not wait for the robot.
 
         Beyond the wheels' limit both are slowed by one factor, so the path keeps its curvature.
@@ -44,29 +52,50 @@ class BaseDriver(ABC):
         Args:
             linear: Forward positive. [m/s]
             angular: Counter-clockwise positive. [rad/s]
-            ttl: For how long, from now. [s]
+            ttl: For how long, from `stamp`. [s] The robot may stop earlier by the error bound of
+                its clock, never later.
+            stamp: When the command was made, on `time.monotonic()`. [s] None: now.
 
         Raises:
-            InvalidCommand: NaN, infinity, or a ttl that is not above zero. Nothing was sent.
+            InvalidCommand: NaN, infinity; a ttl that is not above zero, has run out since `stamp`
+                or is below the error bound of the robot's clock; a stamp in the future. Nothing
+                was sent.
             DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused.
             LinkLost: The robot is out of reach.
         """
+        expiry_us = self._expiry_us(ttl, stamp)
         _check_finite(linear=linear, angular=angular)
         wheels = self.geometry.wheel_velocities(Twist(linear, angular))
-        self.set_wheel_velocity(*wheels, ttl)
+        _check_finite(left=wheels.left_mps, right=wheels.right_mps)
+        self._drive_velocity(self.geometry.saturate(wheels), expiry_us)
 
-    def set_wheel_velocity(self, left: float, right: float, ttl: float = DEFAULT_TTL_S) -> None:
+    def set_wheel_velocity(
+        self,
+        left: float,
+        right: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
         """Drive each wheel at its own velocity, in m/s at the rim; otherwise as `set_velocity`."""
+        expiry_us = self._expiry_us(ttl, stamp)
         _check_finite(left=left, right=right)
-        wheels = self.geometry.saturate(WheelVelocities(left, right))
-        self._drive_velocity(wheels, _checked_ttl(ttl))
+        self._drive_velocity(self.geometry.saturate(WheelVelocities(left, right)), expiry_us)
 
-    def set_duty(self, left: float, right: float, ttl: float = DEFAULT_TTL_S) -> None:
+    def set_duty(
+        self,
+        left: float,
+        right: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
         """Drive each wheel at a duty, -1..1, open loop; otherwise as `set_velocity`."""
+        expiry_us = self._expiry_us(ttl, stamp)
         _check_finite(left=left, right=right)
         if max(abs(left), abs(right)) > 1:
             raise InvalidCommand(f"duty ({left:g}, {right:g}): give numbers from -1 to 1")
-        self._drive_duty(left, right, _checked_ttl(ttl))
+        self._drive_duty(left, right, expiry_us)
 
     @abstractmethod
     def stop(self) -> None:
@@ -144,16 +173,44 @@ class BaseDriver(ABC):
     # --- for the drivers -----------------------------------------------------------------------
 
     @abstractmethod
-    def _drive_velocity(self, wheels: WheelVelocities, ttl_s: float) -> None:
-        """Hand over a finite setpoint within the limits, without waiting."""
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        """Hand over a finite setpoint within the limits, without waiting.
+
+        It is void from `expiry_us` on, on the clock of `_now_us`.
+        """
 
     @abstractmethod
-    def _drive_duty(self, left: float, right: float, ttl_s: float) -> None:
-        """Hand over a setpoint, each -1..1, without waiting."""
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Hand over a setpoint, each -1..1, without waiting; otherwise as `_drive_velocity`."""
 
     @abstractmethod
     def _check_link(self) -> None:
         """Raise `LinkLost` if the robot is out of reach."""
+
+    def _now_us(self) -> int:
+        """The clock of stamps and expiries."""
+        return host_clock_us()
+
+    def _expiry_us(self, ttl: float, stamp: float | None) -> int:
+        """When a command of `stamp` expires. Taken first in a call: its own time counts, too."""
+        now_us = self._now_us()
+        life_us = round(_checked_ttl(ttl) * 1e6)
+        if stamp is None:
+            return now_us + life_us
+        _check_finite(stamp=stamp)
+        age_us = now_us - stamp * 1e6
+        # A stamp is in the future by rounding at most, unless it is of another clock.
+        if age_us < -1:
+            raise InvalidCommand(
+                f"stamp = {stamp:g} is {age_us / -1e6:g} s in the future: "
+                "give the time.monotonic() at which the command was made"
+            )
+        if age_us >= life_us:
+            raise InvalidCommand(
+                f"the command is {age_us / 1e6:.3g} s old and its ttl is {life_us / 1e6:g} s: "
+                "send it sooner after its stamp, or give it a longer ttl"
+            )
+        return now_us - max(0, round(age_us)) + life_us
 
     def __enter__(self: Self) -> Self:
         return self

@@ -179,11 +179,11 @@ class SerialDriver(BaseDriver):
         """Stop the robot, close the port, end the thread. Harmless when repeated."""
         self._finalizer()
 
-    def _drive_velocity(self, wheels: WheelVelocities, ttl_s: float) -> None:
-        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, ttl_s)
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
 
-    def _drive_duty(self, left: float, right: float, ttl_s: float) -> None:
-        self._link.drive_duty(left, right, ttl_s)
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._link.drive_duty(left, right, expiry_us)
 
     def _check_link(self) -> None:
         self._link.check()

@@ -49,6 +49,7 @@ class LocalDriver(BaseDriver):
         threaded: bool = True,
     ) -> None:
         super().__init__()
+        self._clock = clock
         values = default_values(parameters)
         self._link = LocalLink(open_hardware, values, self._inbox, clock)
         try:
@@ -105,11 +106,14 @@ class LocalDriver(BaseDriver):
         """Stop the robot, end the thread, give back the pins. Harmless when repeated."""
         self._finalizer()
 
-    def _drive_velocity(self, wheels: WheelVelocities, ttl_s: float) -> None:
-        self._link.drive(ControlMode.VELOCITY, Target(*wheels), ttl_s)
+    def _now_us(self) -> int:
+        return self._clock()
 
-    def _drive_duty(self, left: float, right: float, ttl_s: float) -> None:
-        self._link.drive(ControlMode.DUTY, Target(left, right), ttl_s)
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._link.drive(ControlMode.VELOCITY, Target(*wheels), expiry_us)
+
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._link.drive(ControlMode.DUTY, Target(left, right), expiry_us)
 
     def _check_link(self) -> None:
         self._link.check()

@@ -65,9 +65,11 @@ class LocalLink:
 
     # --- for the application -------------------------------------------------------------------
 
-    def drive(self, mode: ControlMode, target: Target, ttl_s: float) -> None:
-        """Hand over a setpoint that ends `ttl_s` from now."""
-        self._command(lambda robot, now_us: robot.drive(mode, target, ttl_s, now_us))
+    def drive(self, mode: ControlMode, target: Target, expiry_us: int) -> None:
+        """Hand over a setpoint that is void from the clock's `expiry_us` on."""
+        self._command(
+            lambda robot, now_us: robot.drive(mode, target, expiry_us - self._start_us, now_us)
+        )
 
     def stop(self) -> None:
         """The drive is removed when this returns."""

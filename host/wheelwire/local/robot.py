@@ -57,8 +57,8 @@ class LocalRobot:
         """Other parameters, from the next step on."""
         self._settings = settings
 
-    def drive(self, mode: ControlMode, target: Target, ttl_s: float, now_us: int) -> None:
-        """Obey a setpoint until `ttl_s` from now, or `ttl_max_s`.
+    def drive(self, mode: ControlMode, target: Target, expiry_us: int, now_us: int) -> None:
+        """Obey a setpoint until `expiry_us`, or for `ttl_max_s`.
 
         Raises:
             DeviceRefused: An e-stop or a fault is latched.
@@ -69,8 +69,8 @@ class LocalRobot:
             raise DeviceRefused(refusal, "the setpoint", faults)
         settings = self._settings
         limit = settings.max_velocity_mps if mode is ControlMode.VELOCITY else settings.gains.limit
-        life_us = min(round(ttl_s * 1e6), settings.ttl_max_us)
-        self._setpoint = Setpoint(mode, target.scaled_to(limit), now_us + life_us)
+        deadline_us = min(expiry_us, now_us + settings.ttl_max_us)
+        self._setpoint = Setpoint(mode, target.scaled_to(limit), deadline_us)
         self._command_seq += 1
         self._apply(SupervisorEvent.SETPOINT, now_us)
 

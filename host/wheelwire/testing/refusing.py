@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .. import errors
 from ..drivers.base import BaseDriver
-from .drill import CLOSE, SPEED_MPS, Drill, mean
+from .drill import CLOSE, PATIENCE_S, SPEED_MPS, Drill, mean
 
 
 def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
@@ -22,6 +22,7 @@ def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
         lambda: driver.set_wheel_velocity(0.1, value),
         lambda: driver.set_duty(value, 0.0),
         lambda: driver.set_velocity(0.1, 0.0, ttl=value),
+        lambda: driver.set_duty(0.1, 0.0, stamp=value),
     ]
 
 
@@ -39,6 +40,22 @@ class RefusingTests:
     def test_no_time_to_live_is_no_command(self, driver: BaseDriver, ttl: float) -> None:
         with pytest.raises(errors.InvalidCommand, match="ttl"):
             driver.set_velocity(0.1, 0.0, ttl=ttl)
+
+    @pytest.mark.parametrize("ahead_s", [1.0, 1.7e9])
+    def test_a_stamp_of_another_clock_is_no_command(self, drill: Drill, ahead_s: float) -> None:
+        later = drill.next().stamp + PATIENCE_S + ahead_s
+        for call in (drill.driver.set_velocity, drill.driver.set_wheel_velocity):
+            with pytest.raises(errors.InvalidCommand, match="monotonic"):
+                call(0.1, 0.0, stamp=later)
+        with pytest.raises(errors.InvalidCommand, match="monotonic"):
+            drill.driver.set_duty(0.1, 0.0, stamp=later)
+
+    def test_a_command_older_than_its_ttl_is_not_sent(self, drill: Drill) -> None:
+        made = drill.next().stamp
+        drill.watch(0.3)
+        with pytest.raises(errors.InvalidCommand, match=r"0\.2 s: send it sooner"):
+            drill.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2, stamp=made)
+        assert drill.next().state is not SupervisorState.DRIVING
 
     def test_a_duty_beyond_one_is_no_command(self, driver: BaseDriver) -> None:
         with pytest.raises(errors.InvalidCommand):

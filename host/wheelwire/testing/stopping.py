@@ -39,6 +39,15 @@ class StoppingTests:
         drill.wait(standing)
         assert not bench.is_driven()
 
+    def test_the_time_to_live_counts_from_the_stamp(self, drill: Drill) -> None:
+        drill.drive_until(SPEED_MPS, 0.0, turning)
+        made = drill.next()
+        drill.drive(SPEED_MPS, 0.0, 0.8)
+        drill.driver.set_velocity(SPEED_MPS, 0.0, ttl=1.4, stamp=made.stamp)
+        sample = drill.wait(lambda s: s.state is not SupervisorState.DRIVING)
+        assert sample.state is SupervisorState.TIMED_OUT
+        assert (sample.t_us - made.t_us) / 1e6 < 1.4 + WATCHDOG_MARGIN_S
+
     def test_reading_extends_no_setpoint(self, drill: Drill) -> None:
         drill.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2)
         start = drill.next()

@@ -2,7 +2,8 @@ import pytest
 
 from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
-from wheelwire.errors import DeviceRefused
+from wheelwire.errors import DeviceRefused, InvalidCommand
+from wheelwire.faultline import Faults
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.types import (
     Ack,
@@ -72,6 +73,35 @@ def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
     expiry_us = line.now_us + 500_000
     line.run(0.1)
     assert line.device.obeyed[0].expiry_us == pytest.approx(device.clock(expiry_us), abs=600)
+
+
+@pytest.mark.parametrize(("out_us", "back_us"), [(200, 200), (200, 40_000), (40_000, 200)])
+@pytest.mark.parametrize("drift", [-200e-6, 0, 200e-6])
+def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
+    out_us: int, back_us: int, drift: float
+) -> None:
+    device = FakeDevice(drift=drift)
+    ways = Faults(delay_us=out_us), Faults(delay_us=back_us)
+    line = VirtualLine(to_device=ways[0], to_host=ways[1], device=device).open()
+    for _ in range(40):
+        line.drive(ttl_s=0.2)
+        true_us = device.clock(line.now_us + 200_000)
+        line.run(0.25)
+        setpoint = device.obeyed[-1]
+        assert setpoint.expiry_us <= true_us
+        # What it lost is the round trip at most, and the drift of half a second.
+        assert setpoint.expiry_us >= true_us - out_us - back_us - 600
+
+
+def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
+    slow = Faults(delay_us=20_000)
+    line = VirtualLine(to_device=slow, to_host=slow).open()
+    with pytest.raises(InvalidCommand, match=r"10 ms are left .*ttl.* known to 20\.\d+ ms"):
+        line.drive(ttl_s=0.010)
+    assert line.sent_of(SetWheelVelocity) == []
+    line.drive(ttl_s=0.1)
+    line.run(0.05)
+    assert len(line.device.obeyed) == 1
 
 
 def test_a_refused_setpoint_is_told_once_at_the_next_one() -> None:
