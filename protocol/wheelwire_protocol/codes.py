@@ -114,6 +114,7 @@ class Board(DocumentedEnum):
     ESP32 = 1, "ESP32."
     ESP32S3 = 2, "ESP32-S3."
     ESP32C6 = 3, "ESP32-C6."
+    LINUX = 4, "A Linux computer whose own pins drive the wheels, such as a Raspberry Pi."
 
 
 class Fault(DocumentedFlag):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+from .codes import Board
 from .units import Unit
 
 
@@ -103,3 +104,13 @@ PARAMETERS: tuple[Parameter, ...] = (
 
 PARAMETER_BY_NAME: dict[str, Parameter] = {p.name: p for p in PARAMETERS}
 PARAMETER_BY_ID: dict[int, Parameter] = {p.id: p for p in PARAMETERS}
+
+PLATFORM_DEFAULTS: dict[Board, dict[str, float]] = {
+    # A process shares its processor with others, and most such robots have no e-stop contact.
+    Board.LINUX: {
+        "control_rate_hz": 100,
+        "overrun_limit_us": 100_000,
+        "estop_input_enabled": 0,
+    },
+}
+"""Where the defaults of one kind of board differ from those of `PARAMETERS`."""

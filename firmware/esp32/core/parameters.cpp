@@ -20,8 +20,7 @@ constexpr uint32_t kMagic = 0x31505757;  // "WWP1"
 constexpr size_t kHead = 5;
 constexpr size_t kEntry = 5;
 constexpr size_t kTail = 4;
-constexpr size_t kMaxEntries = 64;
-constexpr size_t kMaxBlock = kHead + kMaxEntries * kEntry + kTail;
+static_assert(kMaxParameterBlock >= kHead + kParameterCount * kEntry + kTail);
 
 }  // namespace
 
@@ -33,7 +32,7 @@ bool Parameters::exists(ParameterId id) {
 RefusalCode Parameters::set(ParameterId id, float value) {
   if (!exists(id)) return RefusalCode::kUnknownParameter;
   if (!__builtin_isfinite(value)) return RefusalCode::kNotFinite;
-  const ParameterSpec& spec = Parameters::spec(id);
+  const ParameterSpec& spec = this->spec(id);
   if (value < spec.minimum || value > spec.maximum) return RefusalCode::kOutOfRange;
   if (spec.kind != ParameterKind::kReal && value != static_cast<float>(static_cast<int32_t>(value)))
     return RefusalCode::kNotIntegral;
@@ -42,11 +41,11 @@ RefusalCode Parameters::set(ParameterId id, float value) {
 }
 
 void Parameters::set_defaults() {
-  for (size_t i = 0; i < kParameterCount; ++i) values_[i] = kParameters[i].default_value;
+  for (size_t i = 0; i < kParameterCount; ++i) values_[i] = specs_[i].default_value;
 }
 
 Parameters::Load Parameters::load(ParameterStore& store) {
-  uint8_t block[kMaxBlock];
+  uint8_t block[kMaxParameterBlock];
   const size_t size = store.load(block, sizeof block);
   if (size == 0) return Load::kEmpty;
   if (size < kHead + kTail || size > sizeof block || crc32(block, size) != kCrcResidue)
@@ -58,7 +57,7 @@ Parameters::Load Parameters::load(ParameterStore& store) {
   wire::get(in, count);
   if (magic != kMagic || size != kHead + count * kEntry + kTail) return Load::kCorrupt;
 
-  Parameters loaded;
+  Parameters loaded(specs_);
   for (; count > 0; --count) {
     ParameterId id;
     float value;
@@ -81,6 +80,13 @@ bool Parameters::save(ParameterStore& store) const {
   }
   wire::put(out, crc32(block, static_cast<size_t>(out - block)));
   return store.save(block, sizeof block);
+}
+
+void platform_specs(Board board, ParameterSpec* out) {
+  for (size_t i = 0; i < kParameterCount; ++i) out[i] = kParameters[i];
+  for (const PlatformDefault& row : kPlatformDefaults) {
+    if (row.board == board) out[static_cast<size_t>(row.id) - 1].default_value = row.value;
+  }
 }
 
 }  // namespace wheelwire

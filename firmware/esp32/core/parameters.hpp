@@ -6,11 +6,15 @@
 
 namespace wheelwire {
 
+/// Bytes of a saved block at most: a later release's, with more parameters, is read too.
+constexpr size_t kMaxParameterBlock = 329;
+
 class Parameters {
  public:
   enum class Load : uint8_t { kLoaded, kEmpty, kCorrupt };
 
-  Parameters() { set_defaults(); }
+  /// `specs`: the kParameterCount rows that this device goes by; they outlive it.
+  explicit Parameters(const ParameterSpec* specs = kParameters) : specs_(specs) { set_defaults(); }
 
   float get(ParameterId id) const { return values_[static_cast<size_t>(id) - 1]; }
   bool is_on(ParameterId id) const { return get(id) != 0; }
@@ -25,12 +29,14 @@ class Parameters {
   bool save(ParameterStore& store) const;
 
   static bool exists(ParameterId id);
-  static const ParameterSpec& spec(ParameterId id) {
-    return kParameters[static_cast<size_t>(id) - 1];
-  }
+  const ParameterSpec& spec(ParameterId id) const { return specs_[static_cast<size_t>(id) - 1]; }
 
  private:
+  const ParameterSpec* specs_;
   float values_[kParameterCount];
 };
+
+/// Copies kParameters to `out`, which holds kParameterCount rows, with the defaults of `board`.
+void platform_specs(Board board, ParameterSpec* out);
 
 }  // namespace wheelwire

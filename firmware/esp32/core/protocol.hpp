@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x6282a831;
+constexpr uint32_t kHash = 0x1b6c93c8;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -86,6 +86,7 @@ enum class Board : uint8_t {
   kEsp32 = 1,      ///< ESP32.
   kEsp32s3 = 2,    ///< ESP32-S3.
   kEsp32c6 = 3,    ///< ESP32-C6.
+  kLinux = 4,      ///< A Linux computer whose own pins drive the wheels, such as a Raspberry Pi.
 };
 
 namespace fault {
@@ -1060,6 +1061,19 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kEstopInputEnabled, ParameterKind::kSwitch, 1.0f, 0.0f, 1.0f},
     {ParameterId::kGlitchFilterNs, ParameterKind::kWhole, 1000.0f, 0.0f, 12787.0f},
     {ParameterId::kStreamRateHz, ParameterKind::kWhole, 100.0f, 0.0f, 5000.0f},
+};
+
+struct PlatformDefault {
+  Board board;
+  ParameterId id;
+  float value;
+};
+
+/// Where a board's defaults differ from those of kParameters.
+constexpr PlatformDefault kPlatformDefaults[] = {
+    {Board::kLinux, ParameterId::kControlRateHz, 100.0f},
+    {Board::kLinux, ParameterId::kOverrunLimitUs, 100000.0f},
+    {Board::kLinux, ParameterId::kEstopInputEnabled, 0.0f},
 };
 
 }  // namespace wheelwire

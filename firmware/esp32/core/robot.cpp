@@ -2,9 +2,10 @@
 
 namespace wheelwire {
 
-Robot::Robot(const Hal& hal, const Identity& identity)
+Robot::Robot(const Hal& hal, const Identity& identity, const ParameterSpec* specs)
     : hal_(hal),
       identity_(identity),
+      parameters_(specs),
       config_(make_config(parameters_)),
       link_(hal.line),
       drive_(hal.left_motor, hal.right_motor) {}

@@ -39,7 +39,8 @@ struct Identity {
 
 class Robot {
  public:
-  Robot(const Hal& hal, const Identity& identity);
+  /// `specs`: see Parameters.
+  Robot(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters);
 
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
   void start(uint64_t now_us);

@@ -259,7 +259,8 @@ void Robot::reply_value(uint16_t request_id, uint8_t parameter) {
 }
 
 void Robot::reply(const ParameterList& request) {
-  const ParameterSpec& spec = kParameters[request.parameter_index];
+  const ParameterSpec& spec =
+      parameters_.spec(static_cast<ParameterId>(request.parameter_index + 1));
   answer(request.request_id, ParameterEntry{
                                  .session_id = session_.id(),
                                  .request_id = request.request_id,

@@ -64,3 +64,21 @@ TEST(a_failed_save_is_reported) {
   store.failing = true;
   CHECK(!Parameters().save(store));
 }
+
+TEST(a_board_has_defaults_of_its_own_within_the_bounds) {
+  ParameterSpec specs[kParameterCount];
+  platform_specs(Board::kLinux, specs);
+  Parameters parameters(specs);
+  for (const ParameterSpec& spec : specs)
+    CHECK(parameters.set(spec.id, spec.default_value) == RefusalCode::kNone);
+  CHECK(parameters.get(kControlRateHz) == 100.0f);
+  CHECK(parameters.get(kEstopInputEnabled) == 0.0f);
+  CHECK(parameters.get(kWheelRadius) == 0.033f);
+
+  parameters.set(kControlRateHz, 500.0f);
+  parameters.set_defaults();
+  CHECK(parameters.get(kControlRateHz) == 100.0f);
+
+  platform_specs(Board::kEsp32, specs);
+  CHECK(Parameters(specs).get(kControlRateHz) == 1000.0f);
+}

@@ -7,7 +7,7 @@ import enum
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES
-from ..parameters import PARAMETERS, Kind, Parameter
+from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
 from ..schema import PROTOCOL_VERSION
 from .text import banner, constant_name
 from .wire_layout import layout_hash
@@ -122,6 +122,28 @@ def _parameters() -> list[str]:
     return lines
 
 
+def _platform_defaults() -> list[str]:
+    rows = [
+        f"    {{Board::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
+        f"{_number(value)}}},"
+        for board, defaults in PLATFORM_DEFAULTS.items()
+        for name, value in defaults.items()
+    ]
+    return [
+        "struct PlatformDefault {",
+        "  Board board;",
+        "  ParameterId id;",
+        "  float value;",
+        "};",
+        "",
+        "/// Where a board's defaults differ from those of kParameters.",
+        "constexpr PlatformDefault kPlatformDefaults[] = {",
+        *rows,
+        "};",
+        "",
+    ]
+
+
 def _body_sizes() -> list[str]:
     lines = [
         "/// Body size of the message with this id; -1 where there is none.",
@@ -163,4 +185,5 @@ def generate() -> str:
         lines += _message(message)
     lines += _body_sizes()
     lines += _parameters()
+    lines += _platform_defaults()
     return "\n".join([*lines, "}  // namespace wheelwire", ""])

@@ -9,7 +9,7 @@ from itertools import chain
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
 from ..message import Field, Message
 from ..messages import MESSAGES
-from ..parameters import PARAMETERS, Kind, Parameter
+from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
 from ..schema import PROTOCOL_VERSION
 from .text import banner
 from .wire_layout import layout_hash
@@ -123,6 +123,16 @@ def _parameters() -> list[str]:
         *_table(
             ("id", "name", "unit", "kind", "default", "bounds", "meaning"),
             map(_parameter_row, PARAMETERS),
+        ),
+        "Other defaults by board:",
+        "",
+        *_table(
+            ("board", "parameter", "default"),
+            (
+                (f"`{board.name}`", f"`{name}`", f"{value:.9g}")
+                for board, defaults in PLATFORM_DEFAULTS.items()
+                for name, value in defaults.items()
+            ),
         ),
     ]
 

@@ -1,0 +1,129 @@
+// The C interface of the core. Links against libc alone: no C++ runtime is there to help.
+#include <stdlib.h>
+
+#include <new>
+#include <optional>
+
+#include "l298n.hpp"
+#include "ports.hpp"
+#include "robot.hpp"
+
+using wheelwire::Robot;
+using namespace wheelwire::capi;
+
+/// What a C++ runtime has for a pure virtual function that is called all the same.
+extern "C" [[noreturn]] __attribute__((visibility("hidden"))) void __cxa_pure_virtual() { abort(); }
+
+struct wheelwire_core {
+  wheelwire_core(const wheelwire_identity& told, const Store& saved) : identity{}, store(saved) {
+    identity.boot_id = told.boot_id;
+    identity.reset_reason = static_cast<wheelwire::ResetReason>(told.reset_reason);
+    identity.board = static_cast<wheelwire::Board>(told.board);
+    identity.board_id = told.board_id;
+    identity.capabilities = told.capabilities;
+    identity.version_major = WHEELWIRE_VERSION_MAJOR;
+    identity.version_minor = WHEELWIRE_VERSION_MINOR;
+    identity.version_patch = WHEELWIRE_VERSION_PATCH;
+    identity.git_hash = WHEELWIRE_GIT_HASH;
+    wheelwire::platform_specs(identity.board, specs);
+  }
+
+  wheelwire::Hal hal() {
+    return {.left_motor = left_motor,
+            .right_motor = right_motor,
+            .encoders = encoders,
+            .line = line,
+            .store = store,
+            .estop = contact,
+            .battery = battery};
+  }
+
+  void take(const wheelwire_inputs& inputs) {
+    encoders.now_us = inputs.now_us;
+    encoders.left.update(inputs.left_ticks);
+    encoders.right.update(inputs.right_ticks);
+    contact.open = inputs.contact_open != 0;
+    battery.mv = inputs.battery_mv;
+  }
+
+  void give(wheelwire_outputs& outputs) const {
+    outputs = {};
+    outputs.left = left_pins.levels();
+    outputs.right = right_pins.levels();
+    if (!robot) return;
+    outputs.deadline_us = robot->deadline_us();
+    outputs.period_us = robot->control_period_us();
+    outputs.faults = robot->faults();
+    outputs.state = static_cast<uint8_t>(robot->state());
+  }
+
+  wheelwire::Identity identity;
+  wheelwire::ParameterSpec specs[wheelwire::kParameterCount];
+  Pins left_pins;
+  Pins right_pins;
+  wheelwire::L298n left_motor{left_pins};
+  wheelwire::L298n right_motor{right_pins};
+  Encoders encoders;
+  Line line;
+  Store store;
+  Contact contact;
+  Battery battery;
+  bool failed = false;
+  std::optional<Robot> robot;  // from the start on
+};
+
+uint32_t wheelwire_abi(void) { return WHEELWIRE_ABI; }
+
+uint32_t wheelwire_schema_hash(void) { return wheelwire::schema::kHash; }
+
+wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity, const uint8_t* block,
+                                      size_t size, wheelwire_save save, void* context) {
+  void* const memory = malloc(sizeof(wheelwire_core));
+  if (memory == nullptr) return nullptr;
+  return new (memory) wheelwire_core(*identity, Store(block, size, save, context));
+}
+
+void wheelwire_core_destroy(wheelwire_core* core) { free(core); }
+
+uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter, float value) {
+  const auto id = static_cast<wheelwire::ParameterId>(parameter);
+  const wheelwire::RefusalCode refusal = wheelwire::Parameters(core->specs).set(id, value);
+  if (refusal == wheelwire::RefusalCode::kNone) core->specs[parameter - 1].default_value = value;
+  return static_cast<uint8_t>(refusal);
+}
+
+void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
+                          wheelwire_outputs* outputs) {
+  core->encoders.left.start(inputs->left_ticks);
+  core->encoders.right.start(inputs->right_ticks);
+  core->take(*inputs);
+  core->robot.emplace(core->hal(), core->identity, core->specs);
+  if (core->failed) core->robot->report_driver_failure();
+  core->robot->start(inputs->now_us);
+  core->give(*outputs);
+}
+
+void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
+                         wheelwire_outputs* outputs) {
+  core->take(*inputs);
+  if (core->robot) core->robot->step(inputs->now_us);
+  core->give(*outputs);
+}
+
+void wheelwire_core_service(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
+  if (core->robot) core->robot->service_link(now_us);
+  core->give(*outputs);
+}
+
+void wheelwire_core_fail(wheelwire_core* core) {
+  core->failed = true;
+  if (core->robot) core->robot->report_driver_failure();
+}
+
+size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t* data, size_t size) {
+  return core->line.received.push(data, size);
+}
+
+size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity) {
+  return core->line.to_send.pop(out, capacity);
+}

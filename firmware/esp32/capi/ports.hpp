@@ -1,0 +1,109 @@
+// What the core drives and listens to, as plain values that the caller brings and takes.
+#pragma once
+
+#include <string.h>
+
+#include "byte_ring.hpp"
+#include "hal.hpp"
+#include "parameters.hpp"
+#include "wheelwire_core.h"
+
+namespace wheelwire::capi {
+
+class Pins final : public BridgePort {
+ public:
+  void set_inputs(bool in1, bool in2) override {
+    pins_.in1 = in1;
+    pins_.in2 = in2;
+  }
+  void set_enable(uint16_t duty_q15) override { pins_.enable_q15 = duty_q15; }
+
+  const wheelwire_bridge& levels() const { return pins_; }
+
+ private:
+  wheelwire_bridge pins_{};
+};
+
+/// Ticks that were counted elsewhere, as a chip's counter would show them.
+class TickCounter {
+ public:
+  void start(int32_t ticks) { ticks_ = ticks; }
+
+  /// A step that came so late that the counter would have gone round is spread over the next ones:
+  /// ticks may come late, but none are lost.
+  void update(int32_t ticks) {
+    const auto ahead =
+        static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(ticks_));
+    const int32_t change = ahead > kLongest ? kLongest : ahead < -kLongest ? -kLongest : ahead;
+    ticks_ = static_cast<int32_t>(static_cast<uint32_t>(ticks_) + static_cast<uint32_t>(change));
+    value_ = static_cast<int16_t>((value_ + change) % kCounterLimit);
+  }
+
+  int16_t value() const { return value_; }
+
+ private:
+  static constexpr int32_t kLongest = kCounterLimit / 2;
+
+  int32_t ticks_ = 0;
+  int16_t value_ = 0;
+};
+
+class Encoders final : public EncoderPort {
+ public:
+  uint64_t now_us = 0;
+  TickCounter left;
+  TickCounter right;
+  EncoderCounts latch() override {
+    return {.t_us = now_us, .left = left.value(), .right = right.value()};
+  }
+};
+
+class Line final : public ByteStream {
+ public:
+  ByteRing<4096> received;
+  ByteRing<4096> to_send;
+
+  size_t read(uint8_t* out, size_t capacity) override { return received.pop(out, capacity); }
+  bool write(const uint8_t* data, size_t size) override {
+    if (size > to_send.room()) return false;
+    to_send.push(data, size);
+    return true;
+  }
+  uint32_t bytes_per_second() const override { return 0; }
+};
+
+class Store final : public ParameterStore {
+ public:
+  Store(const uint8_t* block, size_t size, wheelwire_save keep, void* context)
+      : save_(keep), context_(context), size_(size) {
+    if (size > 0) memcpy(block_, block, size < sizeof block_ ? size : sizeof block_);
+  }
+
+  size_t load(uint8_t* out, size_t capacity) override {
+    const size_t kept = size_ < sizeof block_ ? size_ : sizeof block_;
+    memcpy(out, block_, kept < capacity ? kept : capacity);
+    return size_;
+  }
+  bool save(const uint8_t* data, size_t size) override { return save_(context_, data, size) != 0; }
+  bool erase() override { return save_(context_, nullptr, 0) != 0; }
+
+ private:
+  wheelwire_save save_;
+  void* context_;
+  uint8_t block_[kMaxParameterBlock];
+  size_t size_;
+};
+
+class Contact final : public EstopInput {
+ public:
+  bool open = false;
+  bool is_open() override { return open; }
+};
+
+class Battery final : public BatterySense {
+ public:
+  uint16_t mv = 0;
+  uint16_t millivolts() override { return mv; }
+};
+
+}  // namespace wheelwire::capi

@@ -1,0 +1,325 @@
+"""The firmware's core as a library, loaded from where it is: an installed wheel or a checkout.
+
+`Core` is the robot of `firmware/esp32/capi/wheelwire_core.h`. Importing this module loads nothing;
+the first `Core` does, and raises `NativeMissingError` where there is no library of this release.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
+from .types import SCHEMA_HASH
+
+ABI = 1
+"""Of `wheelwire_core.h`; a library of another one is refused."""
+
+ENVIRONMENT = "WHEELWIRE_CORE"
+LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
+
+_PACKAGE = Path(__file__).parent
+_CHECKOUT = _PACKAGE.parents[1]
+_TAKE_SIZE = 4096
+
+
+class NativeMissingError(Exception):
+    """The core's library is not there, or is not of this release. The text says what to do."""
+
+
+class Identity(NamedTuple):
+    """What the robot tells of itself in DeviceHello."""
+
+    boot_id: int
+    """Random, 32 bits."""
+    board: Board
+    board_id: int = 0
+    """64 bits that name this robot."""
+    reset_reason: ResetReason = ResetReason.UNKNOWN
+    capabilities: Capability = Capability(0)
+
+
+class Bridge(NamedTuple):
+    """The pins of one half of an L298N. EN is to be low while the inputs change."""
+
+    enable_q15: int
+    """Duty of the PWM on EN, 0 to 32767; 0 is low."""
+    in1: bool
+    in2: bool
+
+
+class Outputs(NamedTuple):
+    """What the pins must have now, and what the supervisor has to say."""
+
+    left: Bridge
+    right: Bridge
+    deadline_us: int
+    """When the setpoint obeyed expires."""
+    period_us: int
+    """From this step to the next."""
+    state: SupervisorState
+    faults: Fault
+
+
+class Core:
+    """One robot. Not to be used by two threads at once; times are of one monotonic clock.
+
+    Args:
+        identity: What it tells of itself; the board chooses the parameters' defaults.
+        stored: The block that was saved last; empty for none.
+        save: Keeps a block over a restart, or forgets it when given an empty one. Returns whether
+            it could; it must not raise.
+
+    Raises:
+        NativeMissingError: There is no library, or not that of this release.
+        MemoryError: There is none left.
+    """
+
+    def __init__(
+        self,
+        identity: Identity,
+        stored: bytes = b"",
+        save: Callable[[bytes], bool] = lambda _block: False,
+    ) -> None:
+        self._handle: int | None = None
+        self._library = load()
+        self._outputs = _Outputs()
+        self._taken = ctypes.create_string_buffer(_TAKE_SIZE)
+
+        def saved(_context: object, block: int | None, size: int) -> int:
+            return save(ctypes.string_at(block, size) if block else b"")
+
+        self._save = _SAVE(saved)  # must live as long as the core
+        told = _Identity(
+            identity.board_id,
+            identity.boot_id,
+            identity.capabilities,
+            identity.board,
+            identity.reset_reason,
+        )
+        self._handle = self._library.wheelwire_core_create(
+            ctypes.byref(told), stored, len(stored), self._save, None
+        )
+        if not self._handle:
+            raise MemoryError("no memory for the robot's core")
+
+    def preset(self, parameter_id: int, value: float) -> RefusalCode:
+        """Make another default of a parameter, before the start. NONE, or why not."""
+        return RefusalCode(self._library.wheelwire_core_preset(self._live, parameter_id, value))
+
+    def start(
+        self,
+        now_us: int,
+        left_ticks: int,
+        right_ticks: int,
+        *,
+        battery_mv: int = 0,
+        contact_open: bool = False,
+    ) -> Outputs:
+        """Leave BOOT: the pins are ready. Once; for the arguments see `step`."""
+        return self._run(
+            self._library.wheelwire_core_start,
+            _Inputs(now_us, left_ticks, right_ticks, battery_mv, contact_open),
+        )
+
+    def step(
+        self,
+        now_us: int,
+        left_ticks: int,
+        right_ticks: int,
+        *,
+        battery_mv: int = 0,
+        contact_open: bool = False,
+    ) -> Outputs:
+        """One control step, every `Outputs.period_us`.
+
+        Args:
+            now_us: When the ticks were read.
+            left_ticks: Cumulative, forward positive; modulo 2^32.
+            right_ticks: As `left_ticks`.
+            battery_mv: 0: not measured.
+            contact_open: The e-stop contact, normally closed.
+        """
+        return self._run(
+            self._library.wheelwire_core_step,
+            _Inputs(now_us, left_ticks, right_ticks, battery_mv, contact_open),
+        )
+
+    def service(self, now_us: int) -> Outputs:
+        """Read and answer what came, between two steps. A stop acts at once."""
+        self._library.wheelwire_core_service(self._live, now_us, ctypes.byref(self._outputs))
+        return self._outputs.values()
+
+    def fail(self) -> None:
+        """A pin failed: DRIVER_FAILED from the next step on, for good."""
+        self._library.wheelwire_core_fail(self._live)
+
+    def feed(self, data: bytes) -> int:
+        """Bytes from the host; returns how many there was room for."""
+        return int(self._library.wheelwire_core_feed(self._live, data, len(data)))
+
+    def take(self) -> bytes:
+        """All bytes that are ready for the host."""
+        size = self._library.wheelwire_core_take(self._live, self._taken, _TAKE_SIZE)
+        return ctypes.string_at(self._taken, size)
+
+    def close(self) -> None:
+        """Give the memory back. Harmless when repeated."""
+        handle, self._handle = self._handle, None
+        if handle:
+            self._library.wheelwire_core_destroy(handle)
+
+    def __del__(self) -> None:
+        self.close()
+
+    @property
+    def _live(self) -> int:
+        if not self._handle:
+            raise ValueError("this core was closed")
+        return self._handle
+
+    def _run(self, function: Any, inputs: _Inputs) -> Outputs:
+        function(self._live, ctypes.byref(inputs), ctypes.byref(self._outputs))
+        return self._outputs.values()
+
+
+def library_path() -> Path:
+    """Where the library is looked for: $WHEELWIRE_CORE, a checkout's build, beside this file.
+
+    In a checkout its build only: a copy that was installed there would be out of date unseen.
+    """
+    named = os.environ.get(ENVIRONMENT)
+    if named:
+        return Path(named)
+    if (_CHECKOUT / "firmware").is_dir():
+        return _CHECKOUT / "build" / "host" / LIBRARY
+    return _PACKAGE / LIBRARY
+
+
+def is_present() -> bool:
+    """Whether `load` would find a library of this release."""
+    try:
+        load()
+    except NativeMissingError:
+        return False
+    return True
+
+
+@cache
+def load() -> ctypes.CDLL:
+    """The library, loaded once a process. Its calls release the interpreter's lock.
+
+    Raises:
+        NativeMissingError: It is not there, or of another release.
+    """
+    path = library_path()
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        reason = error if path.exists() else f"{path} is not there"
+        raise NativeMissingError(
+            f"the firmware's core cannot be loaded: {reason}; {_cure()}"
+        ) from None
+    try:
+        release = library.wheelwire_abi(), library.wheelwire_schema_hash() & 0xFFFFFFFF
+    except AttributeError:
+        release = (0, 0)
+    if release != (ABI, SCHEMA_HASH):
+        raise NativeMissingError(f"{path} is not of this release; {_cure()}")
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+    return library
+
+
+def _cure() -> str:
+    if os.environ.get(ENVIRONMENT):
+        return f"unset ${ENVIRONMENT}, or let it name the library of this release"
+    if (_CHECKOUT / "firmware").is_dir():
+        return "build it with `make sim`"
+    return (
+        "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
+        "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
+    )
+
+
+class _Identity(ctypes.Structure):
+    _fields_ = (
+        ("board_id", ctypes.c_uint64),
+        ("boot_id", ctypes.c_uint32),
+        ("capabilities", ctypes.c_uint32),
+        ("board", ctypes.c_uint8),
+        ("reset_reason", ctypes.c_uint8),
+    )
+
+
+class _Inputs(ctypes.Structure):
+    _fields_ = (
+        ("now_us", ctypes.c_uint64),
+        ("left_ticks", ctypes.c_int32),
+        ("right_ticks", ctypes.c_int32),
+        ("battery_mv", ctypes.c_uint16),
+        ("contact_open", ctypes.c_uint8),
+    )
+
+
+class _Bridge(ctypes.Structure):
+    _fields_ = (
+        ("enable_q15", ctypes.c_uint16),
+        ("in1", ctypes.c_uint8),
+        ("in2", ctypes.c_uint8),
+    )
+
+    def values(self) -> Bridge:
+        return Bridge(self.enable_q15, bool(self.in1), bool(self.in2))
+
+
+class _Outputs(ctypes.Structure):
+    _fields_ = (
+        ("deadline_us", ctypes.c_uint64),
+        ("period_us", ctypes.c_uint32),
+        ("faults", ctypes.c_uint32),
+        ("left", _Bridge),
+        ("right", _Bridge),
+        ("state", ctypes.c_uint8),
+    )
+
+    def values(self) -> Outputs:
+        return Outputs(
+            self.left.values(),
+            self.right.values(),
+            self.deadline_us,
+            self.period_us,
+            SupervisorState(self.state),
+            Fault(self.faults),
+        )
+
+
+_SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
+_CORE = ctypes.c_void_p
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "wheelwire_core_create": (
+        _CORE,
+        (ctypes.POINTER(_Identity), ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
+    ),
+    "wheelwire_core_destroy": (None, (_CORE,)),
+    "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
+    "wheelwire_core_start": (
+        None,
+        (_CORE, ctypes.POINTER(_Inputs), ctypes.POINTER(_Outputs)),
+    ),
+    "wheelwire_core_step": (
+        None,
+        (_CORE, ctypes.POINTER(_Inputs), ctypes.POINTER(_Outputs)),
+    ),
+    "wheelwire_core_service": (None, (_CORE, ctypes.c_uint64, ctypes.POINTER(_Outputs))),
+    "wheelwire_core_fail": (None, (_CORE,)),
+    "wheelwire_core_feed": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
+    "wheelwire_core_take": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
+}

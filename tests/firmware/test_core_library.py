@@ -1,0 +1,230 @@
+"""The firmware's core as a library: the same robot, behind a C interface."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from support.library_robot import LibraryRobot
+from wheelwire.errors import DeviceRefused
+from wheelwire_protocol import native
+from wheelwire_protocol.codes import Board, Fault, RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.native import Bridge, Core, Identity, NativeMissingError
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
+from wheelwire_protocol.types import (
+    ClearEstop,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterReset,
+    ParameterSave,
+    ParameterSet,
+    ParameterValue,
+)
+
+FULL = 32767
+COAST = 0
+BRAKE = Bridge(FULL, in1=False, in2=False)
+
+
+def parameter(robot: LibraryRobot, name: str) -> float:
+    answer = robot.request(ParameterGet(0, 0, PARAMETER_BY_NAME[name].id))
+    assert isinstance(answer, ParameterValue)
+    return answer.value
+
+
+def state(robot: LibraryRobot) -> SupervisorState:
+    return robot.outputs.state
+
+
+def drive(robot: LibraryRobot, left: float, right: float) -> None:
+    """Drive until the duty is reached, with wheels that turn."""
+    for _ in range(30):
+        robot.set_duty(left, right)
+        robot.left_ticks += round(20 * left)
+        robot.right_ticks += round(20 * right)
+        robot.step()
+
+
+def test_before_the_start_nothing_moves() -> None:
+    core = Core(Identity(1, Board.LINUX))
+    outputs = core.step(1_000, 5, 5)
+    assert outputs.state is SupervisorState.BOOT
+    assert outputs.left == outputs.right == Bridge(COAST, False, False)
+    assert core.service(2_000).state is SupervisorState.BOOT
+
+
+def test_a_duty_becomes_pins_until_the_deadline() -> None:
+    robot = LibraryRobot().open()
+    drive(robot, 0.5, -0.25)
+    assert state(robot) is SupervisorState.DRIVING
+    assert robot.outputs.left == Bridge(round(0.5 * FULL), True, False)
+    assert robot.outputs.right == Bridge(round(0.25 * FULL), False, True)
+    deadline_us = robot.outputs.deadline_us
+    robot.run_until(lambda: state(robot) is not SupervisorState.DRIVING)
+    assert state(robot) is SupervisorState.TIMED_OUT
+    assert deadline_us <= robot.now_us <= deadline_us + robot.outputs.period_us
+    assert robot.outputs.left == robot.outputs.right == BRAKE
+
+
+def test_ticks_are_told_and_wrap() -> None:
+    robot = LibraryRobot()
+    robot.left_ticks, robot.right_ticks = 2**31 - 10, -(2**31) + 10
+    robot.open()
+    robot.left_ticks += 100
+    robot.right_ticks -= 100
+    robot.step()
+    robot.step()
+    assert robot.samples[-1].left_ticks == 100
+    assert robot.samples[-1].right_ticks == -100
+
+
+def test_no_tick_is_lost_in_a_step_that_came_late() -> None:
+    robot = LibraryRobot().open()
+    robot.left_ticks += 100_000
+    robot.right_ticks -= 60_000
+    for _ in range(10):
+        robot.step()
+    assert robot.samples[-1].left_ticks == 100_000
+    assert robot.samples[-1].right_ticks == -60_000
+
+
+def test_a_stop_between_two_steps_acts_at_once() -> None:
+    robot = LibraryRobot().open()
+    drive(robot, 0.5, 0.5)
+    robot.session.stop(StopMode.COAST, lambda _result: None, robot.now_us)
+    robot.core.feed(robot.session.take_output())
+    outputs = robot.core.service(robot.now_us + 1)
+    assert outputs.state is SupervisorState.IDLE
+    assert outputs.left.enable_q15 == outputs.right.enable_q15 == COAST
+
+
+def test_an_open_contact_is_an_estop_where_one_is_fitted() -> None:
+    robot = LibraryRobot()
+    assert robot.core.preset(PARAMETER_BY_NAME["estop_input_enabled"].id, 1) is RefusalCode.NONE
+    robot.open()
+    robot.contact_open = True
+    assert robot.step().state is SupervisorState.ESTOPPED
+    with pytest.raises(DeviceRefused) as refused:
+        robot.request(ClearEstop(0, 0))
+    assert refused.value.code == RefusalCode.CAUSE_PRESENT
+
+
+def test_a_failed_pin_is_a_fault_for_good() -> None:
+    robot = LibraryRobot().open()
+    robot.core.fail()
+    outputs = robot.step()
+    assert outputs.state is SupervisorState.FAULT
+    assert outputs.faults == Fault.DRIVER_FAILED
+
+
+def test_a_computer_has_its_own_defaults_and_a_reset_restores_them() -> None:
+    robot = LibraryRobot().open()
+    assert robot.outputs.period_us == 10_000
+    assert parameter(robot, "estop_input_enabled") == 0
+    rate = PARAMETER_BY_NAME["control_rate_hz"].id
+    robot.request(ParameterSet(0, 0, rate, 500))
+    assert robot.step().period_us == 2_000
+    robot.request(ParameterReset(0, 0))
+    assert robot.step().period_us == 10_000
+    entry = robot.request(ParameterList(0, 0, rate - 1))
+    assert isinstance(entry, ParameterEntry)
+    assert entry.default_value == 100
+
+
+def test_a_chip_has_those_of_the_table() -> None:
+    robot = LibraryRobot(board=Board.SIMULATED).start()
+    assert robot.outputs.period_us == 1_000
+
+
+def test_presets_are_defaults_and_are_checked() -> None:
+    robot = LibraryRobot()
+    radius = PARAMETER_BY_NAME["wheel_radius"].id
+    assert robot.core.preset(radius, 0.05) is RefusalCode.NONE
+    assert robot.core.preset(radius, 5) is RefusalCode.OUT_OF_RANGE
+    assert robot.core.preset(200, 1) is RefusalCode.UNKNOWN_PARAMETER
+    robot.open()
+    assert parameter(robot, "wheel_radius") == pytest.approx(0.05)
+    robot.request(ParameterSet(0, 0, radius, 0.06))
+    robot.request(ParameterReset(0, 0))
+    assert parameter(robot, "wheel_radius") == pytest.approx(0.05)
+
+
+def test_what_was_saved_comes_back_and_precedes_presets() -> None:
+    blocks: list[bytes] = []
+
+    def save(block: bytes) -> bool:
+        blocks.append(block)
+        return True
+
+    robot = LibraryRobot(save=save).open()
+    radius = PARAMETER_BY_NAME["wheel_radius"].id
+    robot.request(ParameterSet(0, 0, radius, 0.07))
+    robot.request(ParameterSave(0, 0))
+    again = LibraryRobot(stored=blocks[-1])
+    again.core.preset(radius, 0.05)
+    again.open()
+    assert parameter(again, "wheel_radius") == pytest.approx(0.07)
+    robot.request(ParameterReset(0, 0))
+    assert blocks[-1] == b""
+
+
+def test_a_store_that_fails_is_a_refusal() -> None:
+    with pytest.raises(DeviceRefused) as refused:
+        LibraryRobot(save=lambda _block: False).open().request(ParameterSave(0, 0))
+    assert refused.value.code == RefusalCode.STORE_FAILED
+
+
+@pytest.mark.parametrize("block", [b"x", b"\0" * 5000])
+def test_a_corrupt_block_leaves_the_defaults(block: bytes) -> None:
+    robot = LibraryRobot(stored=block).open()
+    assert parameter(robot, "wheel_radius") == pytest.approx(PARAMETERS[0].default)
+
+
+def test_a_closed_core_says_so() -> None:
+    core = Core(Identity(1, Board.LINUX))
+    core.close()
+    core.close()
+    with pytest.raises(ValueError, match="closed"):
+        core.step(0, 0, 0)
+
+
+@pytest.fixture
+def unloaded(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setattr(native, "load", native.load.__wrapped__)
+    return monkeypatch
+
+
+def test_a_missing_library_names_the_cure(unloaded: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    unloaded.setattr(native, "_CHECKOUT", tmp_path)
+    unloaded.setattr(native, "_PACKAGE", tmp_path)
+    with pytest.raises(NativeMissingError, match="is not there; install a wheel of wheelwire"):
+        native.load()
+    (tmp_path / "firmware").mkdir()
+    with pytest.raises(NativeMissingError, match="is not there; build it with `make sim`"):
+        native.load()
+    assert not native.is_present()
+
+
+def test_a_checkout_never_takes_an_installed_copy(
+    unloaded: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    unloaded.setattr(native, "_PACKAGE", tmp_path / "installed")
+    assert native.library_path().parent == native._CHECKOUT / "build" / "host"
+
+
+@pytest.mark.parametrize("changed", ["ABI", "SCHEMA_HASH"])
+def test_a_library_of_another_release_is_refused(
+    unloaded: pytest.MonkeyPatch, changed: str
+) -> None:
+    unloaded.setattr(native, changed, 99)
+    with pytest.raises(NativeMissingError, match="is not of this release; build it with"):
+        native.load()
+
+
+def test_a_file_that_is_no_library_is_refused(unloaded: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "other.so").write_text("no library")
+    unloaded.setenv(native.ENVIRONMENT, str(tmp_path / "other.so"))
+    with pytest.raises(NativeMissingError, match="WHEELWIRE_CORE"):
+        native.load()
