@@ -33,6 +33,8 @@ from .session import Phase, Session
 from .statistics import LinkStatistics
 from .transport import Transport, open_transport
 
+OpenPort = Callable[[int], Transport]
+
 JOIN_S = 2.0
 """Longer than the port's thread needs to end; it is a daemon in any case."""
 
@@ -53,7 +55,8 @@ class Link:
     """A link to one device.
 
     Args:
-        port: Device path, pyserial URL or `socket://host:port`.
+        port: Device path, pyserial URL, `socket://host:port` or `unix:path`; or, beside
+            `open_port`, a name for what that opens.
         inbox: Takes the samples.
         baud_rate: Tried first.
         connect_timeout_s: How long to look for the device.
@@ -61,6 +64,8 @@ class Link:
         watched: Ids of parameters whose values are always at hand in `values`.
         board_id: Only this board will do, at whichever free port it answers; `port` may then be
             glob patterns, separated by commas.
+        open_port: Opens the transport in place of `port`, at a baud rate or without one; called
+            again whenever it was lost. It may raise any WheelwireError.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -81,11 +86,12 @@ class Link:
         stream_rate_hz: int | None = None,
         watched: Sequence[int] = (),
         board_id: str | None = None,
+        open_port: OpenPort | None = None,
     ) -> None:
         self._port = port
         self._changed = threading.Condition()
         self._session = Session(_random_nonce, stream_rate_hz, watched)
-        open_port = partial(_open_port, port, board_id)
+        open_port = open_port or partial(_open_port, port, board_id)
         transport = open_port(baud_rate)
         self._loop = PortLoop(transport, open_port, self._session, self._changed, inbox)
         self._thread = threading.Thread(

@@ -17,9 +17,10 @@ from .errors import LinkClosed, LinkLost, PortUnavailable, WheelwireError
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
-from .transport import Transport, hung_up
+from .transport import Transport
 
-REOPEN_PERIOD_S = 0.05
+FIRST_PAUSE_S = 0.05
+"""Between two attempts to open the port; each further one waits twice as long."""
 FAREWELL_US = 500_000
 """How long the end waits for the device to acknowledge the stop."""
 IDLE_US = 1_000_000
@@ -36,7 +37,7 @@ class PortLoop:
 
     Args:
         transport: The open port; the loop closes it.
-        reopen: Opens it again at a baud rate, or raises PortUnavailable.
+        reopen: Opens it again at a baud rate, or raises a WheelwireError.
         session: Not connected yet. Only used under `changed`.
         changed: Guards the session; notified when it opens, ends or fails to open.
         inbox: Takes the samples.
@@ -59,6 +60,9 @@ class PortLoop:
         self.port = transport.port
         self._first_transport = transport
         self._reopen_port = reopen
+        self._longest_pause_s = transport.longest_pause_s
+        self._pause_s = 0.0
+        """Before the next attempt. No session since the last one: it did not help."""
         self._session = session
         self._changed = changed
         self._inbox = inbox
@@ -132,7 +136,7 @@ class PortLoop:
         data = transport.read() if events & select.POLLIN else b""
         # An unplugged port is readable for ever, and nothing comes.
         if events & _BROKEN and not data:
-            raise hung_up()
+            raise transport.lost()
         now_us = host_clock_us()
         with self._changed:
             if data:
@@ -208,11 +212,19 @@ class PortLoop:
     def _reopen(self) -> Transport | None:
         """Try again and again, until the port is there; None when the end has come."""
         while not self._finishing:
+            if self._pause_s:
+                self._poller.poll(self._pause_s * 1000)
+                self._drain_wake_ups()
+                if self._finishing:
+                    break
+            self._pause_s = min(max(2 * self._pause_s, FIRST_PAUSE_S), self._longest_pause_s)
             try:
                 transport = self._reopen_port(self.baud_rate or 0)
             except PortUnavailable:
-                self._poller.poll(REOPEN_PERIOD_S * 1000)
-                self._drain_wake_ups()
+                continue
+            except WheelwireError as error:
+                with self._changed:
+                    self._session.disconnect(LinkLost(f"{error}; trying again"))
                 continue
             self.port = transport.port
             self.low_latency = transport.low_latency
@@ -228,6 +240,7 @@ class PortLoop:
         if is_open != self._was_open:
             self._was_open = is_open
             if is_open:
+                self._pause_s = 0.0
                 _log.info("%s: link open", self.port)
             else:
                 self._inbox.interrupt()

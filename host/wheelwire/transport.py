@@ -1,4 +1,4 @@
-"""A byte stream to a device, behind a file descriptor: a serial port or a `socket://` peer.
+"""A byte stream to a device, behind a file descriptor: a serial port, or a TCP or Unix socket.
 
 `read` and `write` never block; `poll` on `fileno()` tells when they have something to do.
 """
@@ -10,7 +10,9 @@ import os
 import socket
 import termios
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import suppress
+from typing import ClassVar
 from urllib.parse import urlsplit
 
 import serial
@@ -19,6 +21,7 @@ from .errors import LinkLost, PortUnavailable
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0
+UNIX = "unix:"
 
 _REMEDIES = {
     errno.ENOENT: "there is no such port; `wheelwire ports` lists those there are",
@@ -43,8 +46,12 @@ class Transport(ABC):
         baud_rate: In force; None where there is none.
         low_latency: True when the kernel delivers bytes at once, False when it may hold them
             back (FTDI adapters: 16 ms), None where the question does not arise.
+        gone: What it means when the other end is gone, and what is done about it.
+        longest_pause_s: Attempts to open it again are at most this far apart.
     """
 
+    gone: ClassVar[str] = "the peer closed the connection; trying to connect again"
+    longest_pause_s: ClassVar[float] = 0.05
     port: str = ""
     baud_rate: int | None = None
     low_latency: bool | None = None
@@ -72,7 +79,11 @@ class Transport(ABC):
         except BlockingIOError:
             return 0
         except OSError as error:
-            raise _lost(error) from error
+            raise self.lost(error) from error
+
+    def lost(self, error: OSError | termios.error | None = None) -> LinkLost:
+        """The error of a lost other end; `error` is how that was noticed, if by one."""
+        return LinkLost(self.gone if error is None else f"{self.gone}: {_text(error)}")
 
     def set_baud_rate(self, baud_rate: int) -> None:  # noqa: B027 - a socket has none
         """Change the baud rate, where there is one."""
@@ -84,6 +95,8 @@ class Transport(ABC):
 
 class SerialTransport(Transport):
     """A serial port, or whatever else pyserial opens that has a file descriptor."""
+
+    gone = "the port is gone (unplugged?); it is opened again when it is back"
 
     def __init__(self, port: str, baud_rate: int) -> None:
         # Defaults on purpose: DTR and RTS both asserted leave an ESP32 running, and any order of
@@ -113,7 +126,7 @@ class SerialTransport(Transport):
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise _lost(error) from error
+            raise self.lost(error) from error
 
     def set_baud_rate(self, baud_rate: int) -> None:
         """Change the baud rate."""
@@ -122,7 +135,7 @@ class SerialTransport(Transport):
         except ValueError:
             return  # this adapter cannot; the next rate will be tried
         except (OSError, termios.error) as error:
-            raise _lost(error) from error
+            raise self.lost(error) from error
         self.baud_rate = baud_rate
 
     def close(self) -> None:
@@ -147,17 +160,11 @@ class SerialTransport(Transport):
 
 
 class SocketTransport(Transport):
-    """A TCP peer, `socket://host:port`: a serial server or a simulated device."""
+    """A connected stream socket, which the transport closes."""
 
-    def __init__(self, url: str) -> None:
-        try:
-            parts = urlsplit(url)
-            address = (parts.hostname or "", parts.port or 0)
-            self._socket = socket.create_connection(address, timeout=SOCKET_TIMEOUT_S)
-        except (OSError, ValueError) as error:
-            raise _unavailable(url, error) from error
-        self._socket.setblocking(False)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._socket = connection
 
     def fileno(self) -> int:
         """For `poll`."""
@@ -170,9 +177,9 @@ class SocketTransport(Transport):
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise _lost(error) from error
+            raise self.lost(error) from error
         if not data:
-            raise LinkLost("the peer closed the connection; trying to connect again")
+            raise self.lost()
         return data
 
     def close(self) -> None:
@@ -181,24 +188,46 @@ class SocketTransport(Transport):
 
 
 def open_transport(port: str, baud_rate: int) -> Transport:
-    """Open a device path, a pyserial URL or `socket://host:port`.
+    """Open a device path, a pyserial URL, `socket://host:port` or `unix:path`.
 
     Raises:
         PortUnavailable: It is not there, in use, not permitted or not usable.
     """
-    is_socket = port.startswith("socket://")
-    transport = SocketTransport(port) if is_socket else SerialTransport(port, baud_rate)
+    transport: Transport
+    if port.startswith("socket://"):
+        transport = SocketTransport(_connect(port, _connect_tcp))
+    elif port.startswith(UNIX):
+        transport = SocketTransport(_connect(port, _connect_unix))
+    else:
+        transport = SerialTransport(port, baud_rate)
     transport.port = port
     return transport
 
 
-def hung_up() -> LinkLost:
-    """The error of a port whose device is unplugged."""
-    return LinkLost("the port is gone (unplugged?); it is opened again when it is back")
+def _connect(port: str, connect: Callable[[str], socket.socket]) -> socket.socket:
+    try:
+        return connect(port)
+    except (OSError, ValueError) as error:
+        raise _unavailable(port, error) from error
 
 
-def _lost(error: OSError | termios.error) -> LinkLost:
-    return LinkLost(f"{hung_up()}: {_text(error)}")
+def _connect_tcp(url: str) -> socket.socket:
+    parts = urlsplit(url)
+    address = (parts.hostname or "", parts.port or 0)
+    connection = socket.create_connection(address, timeout=SOCKET_TIMEOUT_S)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
+
+
+def _connect_unix(port: str) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.settimeout(SOCKET_TIMEOUT_S)
+        connection.connect(port.removeprefix(UNIX))
+    except BaseException:
+        connection.close()
+        raise
+    return connection
 
 
 def _unavailable(port: str, error: Exception) -> PortUnavailable:

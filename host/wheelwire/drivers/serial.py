@@ -84,7 +84,7 @@ class SerialDriver(BaseDriver):
     """A robot behind a serial port.
 
     Args:
-        port: Device path, pyserial URL or `socket://host:port`.
+        port: Device path, pyserial URL, `socket://host:port` or `unix:path`.
         baud_rate: Tried first; then the usual ones.
         connect_timeout: How long to look for the device. [s]
         stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has

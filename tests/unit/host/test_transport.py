@@ -1,7 +1,9 @@
 import errno
 import os
+import socket
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -111,3 +113,32 @@ def test_a_port_whose_other_end_is_gone_is_lost() -> None:
     with pytest.raises(LinkLost, match="unplugged"):
         transport.write(b"x")
     transport.close()
+
+
+def test_a_unix_socket_is_a_port(tmp_path: Path) -> None:
+    path = tmp_path / "mcu.sock"
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+        server.listen()
+        transport = open_transport(f"unix:{path}", 921_600)
+        peer, _ = server.accept()
+    with peer:
+        assert transport.port == f"unix:{path}"
+        assert transport.baud_rate is None
+        assert transport.write(b"hello") == 5
+        assert peer.recv(100) == b"hello"
+        peer.sendall(b"back")
+        assert transport.read() == b"back"
+    with pytest.raises(LinkLost, match="closed the connection"):
+        transport.read()
+    transport.close()
+
+
+def test_a_unix_socket_without_a_listener_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "mcu.sock"
+    with pytest.raises(PortUnavailable, match="no such port"):
+        open_transport(f"unix:{path}", 921_600)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(path))
+        with pytest.raises(PortUnavailable, match="nobody listens"):
+            open_transport(f"unix:{path}", 921_600)
