@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test demo hil fuzzers fuzz corruption bench reliability soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test demo hil fuzzers fuzz corruption bench reliability mutants soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -104,6 +104,9 @@ reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corru
 	$(BIN)/python tests/bench/clock.py
 	$(BIN)/python tests/bench/reconnect.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
+
+mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]
+	@$(BIN)/python tests/mutants/run.py $(if $(LIST),--list) $(ONLY)
 
 MINUTES ?= 2
 soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]

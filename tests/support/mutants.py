@@ -1,0 +1,232 @@
+"""Mutations of the code that the tests have to notice: their data, and how one is tried.
+
+A group is a file tests/mutants/*.toml: which tests run, what is built for them, and the mutations,
+each a text that occurs once in its file and what it is replaced by. It is tried in a private copy
+of the checkout, whose build folder is kept.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "tests" / "mutants"
+CODE = ("host", "protocol", "ros_node")
+"""Folders of the checkout that Python imports from."""
+TEST_TIMEOUT_S = 60
+RUN_TIMEOUT_S = 600
+LEAST_KILLED = 0.95
+
+
+class MutantError(Exception):
+    """The data or the tree is not fit for a run; the text says what to do."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One small change that would harm a robot.
+
+    Attributes:
+        name: Of the change, unique among all groups.
+        file: Changed, from the checkout's root.
+        find: Occurs exactly once in `file`.
+        replace: Put in its place.
+        why: What a robot would do.
+        lives: Why no test can notice it; empty where one does.
+    """
+
+    name: str
+    file: str
+    find: str
+    replace: str
+    why: str
+    lives: str = ""
+
+    def apply(self, text: str) -> str:
+        """The mutated text of the file.
+
+        Raises:
+            MutantError: `find` does not occur exactly once in `text`, or nothing changes.
+        """
+        count = text.count(self.find)
+        if count != 1:
+            raise MutantError(
+                f"{self.name}: its text occurs {count} times in {self.file}, not once: "
+                "follow the change of the code in the mutation's `find`"
+            )
+        if self.find == self.replace:
+            raise MutantError(f"{self.name}: `find` and `replace` are equal")
+        return text.replace(self.find, self.replace)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Mutations that the same tests have to notice.
+
+    Attributes:
+        targets: Of firmware/esp32/sim, built before the tests; empty for Python alone.
+        tests: For pytest, the likeliest to notice first. Property tests are left out: what
+            notices a mutation must do so in each run.
+    """
+
+    name: str
+    targets: tuple[str, ...]
+    tests: tuple[str, ...]
+    mutants: tuple[Mutant, ...]
+
+
+def load(path: Path) -> Group:
+    """Read a group. Raises MutantError when its data is wrong."""
+    data: Mapping[str, Any] = tomllib.loads(path.read_text("utf-8"))
+    try:
+        mutants = tuple(Mutant(**entry) for entry in data.get("mutant", ()))
+        return Group(path.stem, tuple(data["targets"]), tuple(data["tests"]), mutants)
+    except (KeyError, TypeError) as error:
+        raise MutantError(f"{path}: {error}") from error
+
+
+def load_all() -> list[Group]:
+    """Every group there is, by name."""
+    return [load(path) for path in sorted(DATA.glob("*.toml"))]
+
+
+class Outcome(Enum):
+    """What the tests made of a tree."""
+
+    KILLED = "killed"
+    LIVES = "LIVES"
+    BROKEN = "BROKEN"
+    """It does not compile or cannot be imported: nothing was tested."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Of one run of a group's tests."""
+
+    outcome: Outcome
+    detail: str
+    """The test that failed, or what is wrong."""
+    seconds: float = 0.0
+
+
+def judge(return_code: int, output: str) -> Verdict:
+    """What pytest's end says."""
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
+    if return_code == pytest.ExitCode.OK:
+        return Verdict(Outcome.LIVES, "every test passes")
+    if return_code == pytest.ExitCode.TESTS_FAILED:
+        return Verdict(Outcome.KILLED, failed[1] if failed else "a test failed")
+    if return_code < 0:
+        return Verdict(Outcome.KILLED, f"the tests crashed: {signal.Signals(-return_code).name}")
+    return Verdict(Outcome.BROKEN, output[-2000:])
+
+
+@dataclass
+class Workspace:
+    """A private copy of a checkout, brought up to date whenever it is made anew.
+
+    Args:
+        folder: Holds the copy, and its build folder between runs.
+        root: The checkout.
+    """
+
+    folder: Path
+    root: Path = ROOT
+    timeout_s: float = RUN_TIMEOUT_S
+    _environment: dict[str, str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._environment = {
+            name: value for name, value in os.environ.items() if not name.startswith("WHEELWIRE_")
+        }
+        self._environment["PYTHONPATH"] = os.pathsep.join(str(self.folder / name) for name in CODE)
+        # A mutation may keep a file's size, and its time within a second.
+        self._environment["PYTHONDONTWRITEBYTECODE"] = "1"
+        self._update()
+
+    def build(self, targets: Sequence[str]) -> str:
+        """Build targets of the host build; returns the compiler's complaints, if any."""
+        folder = self.folder / "build" / "host"
+        source = self.folder / "firmware" / "esp32" / "sim"
+        # A mutation may leave something unused, which a warning would tell instead of a test.
+        options = ["-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_CXX_FLAGS=-w"]
+        commands = [["cmake", "--build", str(folder), "--target", *targets, "--parallel", "1"]]
+        if not (folder / "build.ninja").exists():
+            commands.insert(0, ["cmake", "-S", str(source), "-B", str(folder), *options])
+        for command in commands if targets else []:
+            result = subprocess.run(command, capture_output=True, text=True, check=False)
+            if result.returncode != 0:
+                return result.stdout + result.stderr
+        return ""
+
+    def test(self, group: Group) -> Verdict:
+        """Build and test the tree as it is."""
+        begin = time.monotonic()
+        complaints = self.build(group.targets)
+        if complaints:
+            return Verdict(Outcome.BROKEN, complaints[-2000:])
+        options = ["-x", "-q", "-rfE", "--tb=no", "--no-header", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", *options, f"--timeout={TEST_TIMEOUT_S}"]
+        command += ["-m", "not hypothesis", *group.tests]
+        with subprocess.Popen(
+            command,
+            cwd=self.folder,
+            env=self._environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        ) as process:
+            try:
+                output, _ = process.communicate(timeout=self.timeout_s)
+                verdict = judge(process.returncode, output)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                verdict = Verdict(Outcome.KILLED, f"no end within {self.timeout_s:g} s")
+        return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
+
+    def try_mutant(self, group: Group, mutant: Mutant) -> Verdict:
+        """Test the tree with one mutation in it; the tree is as before afterwards."""
+        path = self.folder / mutant.file
+        text = path.read_text("utf-8")
+        path.write_text(mutant.apply(text), "utf-8")
+        try:
+            return self.test(group)
+        finally:
+            path.write_text(text, "utf-8")
+
+    def _update(self) -> None:
+        """Bring the copy to the state of the checkout, files not committed yet included."""
+        command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+        listed = subprocess.run(command, cwd=self.root, capture_output=True, text=True, check=True)
+        names = {name for name in listed.stdout.split("\0") if name and (self.root / name).exists()}
+        for name in names:
+            source, target = self.root / name, self.folder / name
+            data = source.read_bytes()
+            # What is equal keeps its time, or everything would be compiled again.
+            if not target.exists() or target.read_bytes() != data:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                target.write_bytes(data)
+                target.chmod(source.stat().st_mode)
+        for folder in {name.partition("/")[0] for name in names}:
+            for path in (self.folder / folder).rglob("*"):
+                if path.is_file() and str(path.relative_to(self.folder)) not in names:
+                    path.unlink()

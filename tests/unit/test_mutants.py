@@ -1,0 +1,143 @@
+"""The mutations still fit the tree, and the program that tries them can be believed."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from mutants.run import failures, select, summary
+from support.mutants import (
+    ROOT,
+    Group,
+    Mutant,
+    MutantError,
+    Outcome,
+    Verdict,
+    Workspace,
+    judge,
+    load,
+    load_all,
+)
+
+ALL = [(group, mutant) for group in load_all() for mutant in group.mutants]
+SIGN = Mutant("sign", "host/double.py", "2 * x", "-2 * x", "It drives backwards.")
+SPARE = Mutant("spare", "host/double.py", "# spare", "# free", "Nothing.")
+TYPO = Mutant("typo", "host/double.py", "def double", "def doubled", "Nothing.")
+
+
+@pytest.mark.parametrize(("group", "mutant"), ALL, ids=[f"{g.name}-{m.name}" for g, m in ALL])
+def test_each_mutation_applies_and_says_why(group: Group, mutant: Mutant) -> None:
+    text = (ROOT / mutant.file).read_text("utf-8")
+    assert mutant.apply(text) != text
+    assert mutant.why.endswith(".")
+    assert mutant.lives == "" or mutant.lives.endswith(".")
+    assert group.tests
+
+
+def test_no_two_mutations_are_one() -> None:
+    assert len({mutant.name for _, mutant in ALL}) == len(ALL)
+    assert len({(mutant.file, mutant.find, mutant.replace) for _, mutant in ALL}) == len(ALL)
+
+
+@pytest.mark.parametrize("group", load_all(), ids=lambda group: group.name)
+def test_the_tests_of_a_group_exist(group: Group) -> None:
+    assert [test for test in group.tests if not (ROOT / test).exists()] == []
+
+
+@pytest.mark.parametrize(("text", "times"), [("3 * x", 0), ("2 * x + 2 * x", 2)])
+def test_a_text_that_is_not_there_once_is_refused(text: str, times: int) -> None:
+    with pytest.raises(MutantError, match=f"sign: its text occurs {times} times"):
+        SIGN.apply(text)
+
+
+def test_a_mutation_that_changes_nothing_is_refused() -> None:
+    with pytest.raises(MutantError, match="equal"):
+        Mutant("none", "a.py", "x", "x", "Nothing.").apply("x")
+
+
+def test_a_misspelt_key_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "core.toml"
+    path.write_text('targets = []\ntests = []\n[[mutant]]\nname = "a"\nfined = "b"\n')
+    with pytest.raises(MutantError, match=r"core\.toml.*fined"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("code", "output", "outcome", "detail"),
+    [
+        (0, "3 passed", Outcome.LIVES, "every test passes"),
+        (1, "F\nFAILED tests/a.py::test_b - assert 1 == 2\n", Outcome.KILLED, "tests/a.py::test_b"),
+        (1, "E\nERROR tests/a.py::test_c - OSError\n", Outcome.KILLED, "tests/a.py::test_c"),
+        (-11, "", Outcome.KILLED, "the tests crashed: SIGSEGV"),
+        (2, "ERROR tests/a.py - SyntaxError", Outcome.BROKEN, "ERROR tests/a.py - SyntaxError"),
+        (5, "no tests ran", Outcome.BROKEN, "no tests ran"),
+    ],
+)
+def test_only_a_failed_test_kills(code: int, output: str, outcome: Outcome, detail: str) -> None:
+    assert judge(code, output) == Verdict(outcome, detail)
+
+
+def test_what_fails_a_run() -> None:
+    group = Group("core", (), ("tests/a.py",), ())
+    explained = Mutant("explained", "a", "b", "c", "Why.", lives="Nobody can see it.")
+    killed, lives = Verdict(Outcome.KILLED, ""), Verdict(Outcome.LIVES, "")
+    assert failures([(group, SIGN, killed), (group, explained, lives)]) == []
+    assert [text.split()[1] for text in failures([(group, SIGN, lives)])] == ["lives:"]
+    assert "take `lives` out" in failures([(group, explained, killed)])[0]
+    assert "does not build" in failures([(group, SIGN, Verdict(Outcome.BROKEN, ""))])[0]
+    assert summary([(group, SIGN, killed)] * 19 + [(group, SIGN, lives)]) == (
+        "19 of 20 killed (95%)",
+        True,
+    )
+    assert not summary([(group, SIGN, killed)] * 18 + [(group, SIGN, lives)])[1]
+
+
+def test_a_name_or_a_group_selects() -> None:
+    groups = [Group("core", (), (), (SIGN,)), Group("link", (), (), (SPARE,))]
+    assert [m.name for _, m in select(groups, [])] == ["sign", "spare"]
+    assert [m.name for _, m in select(groups, ["link/"])] == ["spare"]
+    assert [m.name for _, m in select(groups, ["sig"])] == ["sign"]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    root = tmp_path / "checkout"
+    files = {
+        "host/double.py": "def double(x):\n    return 2 * x  # spare\n",
+        "tests/test_double.py": "from double import double\n\n\n"
+        "def test_double():\n    assert double(2) == 4\n",
+        "pyproject.toml": "[tool.pytest.ini_options]\n",
+    }
+    for name, text in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+    subprocess.run(["git", "init", "-q", root], check=True)
+    return root
+
+
+def test_mutations_are_tried_in_a_copy(checkout: Path, tmp_path: Path) -> None:
+    group = Group("link", (), ("tests/test_double.py",), ())
+    workspace = Workspace(tmp_path / "copy", checkout)
+    assert workspace.try_mutant(group, SIGN).detail == "tests/test_double.py::test_double"
+    assert workspace.try_mutant(group, SPARE).outcome is Outcome.LIVES
+    assert workspace.try_mutant(group, TYPO).outcome is Outcome.BROKEN
+    assert workspace.test(group).outcome is Outcome.LIVES
+    assert "2 * x" in (checkout / "host/double.py").read_text()
+
+
+def test_a_copy_follows_the_checkout_and_keeps_what_is_equal(
+    checkout: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    Workspace(copy, checkout)
+    before = (copy / "host/double.py").stat().st_mtime_ns
+    (checkout / "tests/test_double.py").unlink()
+    (checkout / "tests/test_other.py").write_text("")
+    (copy / "build").mkdir()
+    (copy / "build/kept.o").write_text("")
+    Workspace(copy, checkout)
+    assert sorted(path.name for path in (copy / "tests").iterdir()) == ["test_other.py"]
+    assert (copy / "host/double.py").stat().st_mtime_ns == before
+    assert (copy / "build/kept.o").exists()
