@@ -23,7 +23,7 @@ class DeviceInfo:
         board_id: The chip's MAC address, as 12 hex digits.
         boot_id: Random at each reset.
         reset_reason: Why it last started.
-        capabilities: What it can do.
+        capabilities: What it can do, and what it holds for its host.
     """
 
     release: Release
@@ -33,6 +33,11 @@ class DeviceInfo:
     boot_id: int
     reset_reason: ResetReason
     capabilities: Capability
+
+    @property
+    def has_core_dump(self) -> bool:
+        """Whether its flash held the core dump of a crash when it last started."""
+        return Capability.CORE_DUMP in self.capabilities
 
     @classmethod
     def from_hello(cls, hello: DeviceHello) -> DeviceInfo:

@@ -145,11 +145,12 @@ class Fault(DocumentedFlag):
 
 
 class Capability(DocumentedFlag):
-    """What this device can do."""
+    """What this device can do, and what it holds for its host."""
 
     BATTERY = 1, "Reports the battery voltage."
     ESTOP_INPUT = 2, "Has an emergency-stop input."
     SIMULATED_PLANT = 4, "Drives a simulated motor and encoder."
+    CORE_DUMP = 8, "Holds the core dump of a crash in its flash."
 
 
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (

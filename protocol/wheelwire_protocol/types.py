@@ -413,4 +413,4 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
 )
 """Id, class, and the body in the letters of `struct`, one a field."""
 
-SCHEMA_HASH = 0x1B6C93C8
+SCHEMA_HASH = 0xBF86E3A7

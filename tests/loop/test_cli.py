@@ -21,6 +21,7 @@ from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from wheelwire import errors
 from wheelwire.sim import Simulator
+from wheelwire_protocol.codes import ResetReason
 
 PROGRAM = [sys.executable, "-m", "wheelwire"]
 PATIENCE_S = 60.0
@@ -67,6 +68,19 @@ def test_info(simulator: Simulator) -> None:
     assert told["link"]["port"] == simulator.port
     assert told["faults"] == []
     assert told["device_counters"]["frames_received"] > 0
+
+
+def test_info_says_when_a_core_dump_is_there(simulator: Simulator) -> None:
+    assert run_json("info", simulator.port)["core_dump"] is False
+    simulator.set("core_dump", 1)
+    simulator.reset(ResetReason.PANIC)
+    told = run_json("info", simulator.port)
+    assert told["core_dump"] is True
+    assert "CORE_DUMP" in told["link"]["device"]["capabilities"]
+    assert "of a crash, in flash" in run("info", simulator.port).stdout
+    simulator.set("core_dump", 0)
+    simulator.reset()
+    assert "of a crash" not in run("info", simulator.port).stdout
 
 
 def test_drive_drives_and_stops(simulator: Simulator) -> None:

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x1b6c93c8;
+constexpr uint32_t kHash = 0xbf86e3a7;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -113,6 +113,8 @@ constexpr uint32_t kBattery = 1;
 constexpr uint32_t kEstopInput = 2;
 /// Drives a simulated motor and encoder.
 constexpr uint32_t kSimulatedPlant = 4;
+/// Holds the core dump of a crash in its flash.
+constexpr uint32_t kCoreDump = 8;
 }  // namespace capability
 
 /// Opens a session. Repeating it with the same nonce changes nothing.

@@ -54,6 +54,7 @@ class Robot {
   uint32_t control_period_us() const { return config_.period_us; }
   SupervisorState state() const { return supervisor_.state(); }
   uint32_t faults() const { return faults_; }
+  bool has_session() const { return session_.is_open(); }
   /// When the setpoint obeyed expires, device clock.
   uint64_t deadline_us() const { return setpoint_.deadline_us; }
 

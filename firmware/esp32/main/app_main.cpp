@@ -3,6 +3,7 @@
 #include "battery.hpp"
 #include "control_task.hpp"
 #include "enable_pins.hpp"
+#include "esp_core_dump.h"
 #include "housekeeping.hpp"
 #include "identity.hpp"
 #include "line.hpp"
@@ -38,7 +39,9 @@ Parameters stored_parameters() {
 }
 
 uint32_t capabilities(bool has_battery) {
-  return Machine::kCapabilities | (has_battery ? capability::kBattery : 0);
+  const bool has_core_dump = esp_core_dump_image_check() == ESP_OK;
+  return Machine::kCapabilities | (has_battery ? capability::kBattery : 0) |
+         (has_core_dump ? capability::kCoreDump : 0);
 }
 
 void start() {

@@ -45,6 +45,7 @@ bool ControlTask::prepare() {
   const TaskHandle_t self = xTaskGetCurrentTaskHandle();
   line_.notify(self, kBytesCame);
   robot_.start(now_us());
+  trial_.start();
   const esp_timer_create_args_t timer = {
       .callback = on_timer,
       .arg = self,
@@ -75,6 +76,7 @@ void ControlTask::serve() {
 
 void ControlTask::step() {
   robot_.step(now_us());
+  trial_.step(robot_, now_us());
   line_.push();
   dead_man_.feed();
   feed_task_watchdog();

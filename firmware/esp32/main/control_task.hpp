@@ -5,6 +5,7 @@
 #include "dead_man.hpp"
 #include "esp_timer.h"
 #include "line.hpp"
+#include "ota_trial.hpp"
 #include "robot.hpp"
 
 namespace wheelwire {
@@ -30,6 +31,7 @@ class ControlTask {
   Line& line_;
   DeadMan& dead_man_;
   BoardState& state_;
+  OtaTrial trial_;
   esp_timer_handle_t timer_ = nullptr;
   uint32_t period_us_ = 0;
 };

@@ -107,6 +107,11 @@ void Simulator::set_driver_failed(bool failed) {
   if (failed && robot_) robot_->report_driver_failure();
 }
 
+void Simulator::set_core_dump(bool present) {
+  identity_.capabilities &= ~capability::kCoreDump;
+  if (present) identity_.capabilities |= capability::kCoreDump;
+}
+
 void Simulator::observe() {
   const uint64_t now_us = board.device_us();
   if (robot_ && robot_->deadline_us() != 0) record_.deadline_us = robot_->deadline_us();

@@ -39,6 +39,9 @@ class Simulator {
   /// A motor or encoder peripheral does not start. Mended, it starts at the next reset.
   void set_driver_failed(bool failed);
   bool driver_failed() const { return driver_failed_; }
+  /// A core dump lies in flash or does not: as on the chip, the firmware looks when it starts.
+  void set_core_dump(bool present);
+  bool core_dump() const { return (identity_.capabilities & capability::kCoreDump) != 0; }
 
   uint32_t boot_id() const { return identity_.boot_id; }
   SupervisorState state() const { return robot_ ? robot_->state() : SupervisorState::kBoot; }

@@ -185,6 +185,13 @@ void add_device(std::vector<Variable>& table) {
     s.set_driver_failed(value != 0.0);
     return true;
   };
+  Variable dump = toggle(
+      "core_dump", "Flash holds the core dump of a crash; the firmware looks when it starts.");
+  dump.get = [](const Simulator& s) { return s.core_dump() ? 1.0 : 0.0; };
+  dump.set = [](Simulator& s, double value) {
+    s.set_core_dump(value != 0.0);
+    return true;
+  };
   Variable delay = whole("control_delay_us", "us", 0, 60e6,
                          "Setting it delays the next control step, once; reads as 0.");
   delay.get = [](const Simulator&) { return 0.0; };
@@ -192,7 +199,7 @@ void add_device(std::vector<Variable>& table) {
     s.delay_control(static_cast<uint64_t>(value));
     return true;
   };
-  table.insert(table.end(), {clock, baud, failed, delay});
+  table.insert(table.end(), {clock, baud, failed, dump, delay});
 }
 
 void add_readings(std::vector<Variable>& table) {

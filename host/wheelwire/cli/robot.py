@@ -24,6 +24,7 @@ COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
 
+_CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
@@ -39,6 +40,7 @@ def info(
         print_json(
             {
                 "link": link,
+                "core_dump": link.device.has_core_dump,
                 "state": sample.state,
                 "faults": sample.faults,
                 "host_counters": statistics,
@@ -54,6 +56,7 @@ def info(
             ("board", f"{device.board.name}, {device.board_id}"),
             ("firmware", f"{device.release} {device.git_hash}".rstrip()),
             ("last start", device.reset_reason.doc),
+            ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
             ("state", f"{sample.state.name}: {sample.state.doc}"),
             ("faults", ", ".join(plain(sample.faults)) or "none"),
             ("battery", "not measured" if sample.battery_v is None else f"{sample.battery_v} V"),

@@ -1,0 +1,23 @@
+#include "ota_trial.hpp"
+
+#include "esp_ota_ops.h"
+#include "image_trial.hpp"
+#include "task_watchdog.hpp"
+
+namespace wheelwire {
+
+void OtaTrial::start() {
+  esp_ota_img_states_t state{};
+  on_trial_ = esp_ota_get_state_partition(esp_ota_get_running_partition(), &state) == ESP_OK &&
+              state == ESP_OTA_IMG_PENDING_VERIFY;
+}
+
+void OtaTrial::step(const Robot& robot, uint64_t now_us) {
+  if (!on_trial_) return;
+  if (!has_proved_itself(now_us, robot.has_session(), robot.state(), robot.faults())) return;
+  on_trial_ = false;  // Tried once: where flash cannot be written, it would fail at every step.
+  const SlowOperation flash_write;
+  esp_ota_mark_app_valid_cancel_rollback();
+}
+
+}  // namespace wheelwire
