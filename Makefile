@@ -103,6 +103,7 @@ reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corru
 	$(BIN)/python tests/bench/rides.py
 	$(BIN)/python tests/bench/clock.py
 	$(BIN)/python tests/bench/reconnect.py
+	$(BIN)/python tests/bench/interrupts.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
 
 mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]

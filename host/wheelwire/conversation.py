@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Iterable
 
 from wheelwire_protocol.codec import message_id
@@ -53,7 +52,8 @@ class Conversation:
     def __init__(self, send: Callable[[AnyMessage], None], tally: Tally) -> None:
         self.values: dict[int, float] = {}
         """Parameter id -> the newest value that the device reported in this session."""
-        self.round_trips_us: deque[int] = deque(maxlen=ROUND_TRIPS)
+        self.round_trips_us: list[int] = []
+        """The last `ROUND_TRIPS`, in no order: a list, which other threads can copy in one step."""
         self.requests = RequestQueue(send, self._next_id)
         self.setpoints = SetpointSender(send)
         self.sampler = Sampler()
@@ -62,6 +62,7 @@ class Conversation:
         self._tally = tally
         self._session_id = self._request_id = 0
         self._state_us = 0
+        self._oldest_round_trip = 0
 
     def begin(self, session_id: int, now_us: int) -> None:
         """A session was opened."""
@@ -126,7 +127,7 @@ class Conversation:
         if exchange is None:
             self._tally.foreign += 1
         else:
-            self.round_trips_us.append(exchange.round_trip_us)
+            self._note_round_trip(exchange.round_trip_us)
 
     def on_states(self, states: Iterable[WheelState], now_us: int) -> WheelSample | None:
         """State frames in a row; returns the sample of the newest, if it is a new one."""
@@ -165,6 +166,13 @@ class Conversation:
             self.values[answer.parameter] = answer.value
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
             self.setpoints.clear()
+
+    def _note_round_trip(self, round_trip_us: int) -> None:
+        if len(self.round_trips_us) < ROUND_TRIPS:
+            self.round_trips_us.append(round_trip_us)
+        else:
+            self.round_trips_us[self._oldest_round_trip] = round_trip_us
+            self._oldest_round_trip = (self._oldest_round_trip + 1) % ROUND_TRIPS
 
     # --- sending -------------------------------------------------------------------------------
 

@@ -2,55 +2,56 @@
 
 from __future__ import annotations
 
-import threading
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 from .clock import host_clock_us
 from .errors import RequestTimeout, WheelwireError
 from .samples import WheelSample
+from .waiting import Notifier
 
 ATTENTION_US = 200_000
 """Whoever asked for a sample this lately is about to ask for the next."""
 
 
 class SampleInbox:
-    """One slot, the newest sample wins, each is handed out once. Safe between threads."""
+    """One slot, the newest sample wins, each is handed out once.
+
+    One thread at a time puts; any thread may take, also in a signal handler: nothing is locked.
+    """
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
+        self._changed = Notifier()
         self._last: WheelSample | None = None
-        self._unread: WheelSample | None = None
+        self._unread: deque[WheelSample] = deque(maxlen=1)
         self._current = False
-        self._left = 0
-        self._right = 0
+        self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
         self._asked_us = -ATTENTION_US
 
     def put(self, sample: WheelSample) -> None:
         """A new sample was measured."""
-        with self._changed:
-            if self._last is None:
-                self._left, self._right = sample.left_ticks, sample.right_ticks
-            else:
-                travel = sample.since(self._last)
-                self._left += travel.left
-                self._right += travel.right
-            self._last = self._unread = sample
-            self._current = True
-            self._changed.notify_all()
+        if self._last is None:
+            self._ticks = sample.left_ticks, sample.right_ticks
+        else:
+            travel, (left, right) = sample.since(self._last), self._ticks
+            self._ticks = left + travel.left, right + travel.right
+        self._last = sample
+        self._unread.append(sample)
+        self._current = True
+        self._changed.notify_all()
 
     def interrupt(self) -> None:
         """The source is interrupted: what was measured until now is no longer current."""
-        with self._changed:
-            self._current = False
+        self._current = False
 
     def fail(self, error: WheelwireError) -> None:
         """No sample will come any more: whoever asks from now on gets `error`."""
-        with self._changed:
-            self._failure = error
-            self._unread = None
-            self._current = False
-            self._changed.notify_all()
+        self._failure = error
+        self._unread.clear()
+        self._current = False
+        self._changed.notify_all()
 
     def take(self, timeout_s: float) -> WheelSample:
         """The newest sample not handed out yet, waiting for one if need be.
@@ -59,12 +60,18 @@ class SampleInbox:
             RequestTimeout: None came in time.
             WheelwireError: None will come, for the reason given to `fail`.
         """
-        with self._changed:
-            self._wait(timeout_s, lambda: self._unread is not None)
-            sample, self._unread = self._unread, None
-            if sample is None:
-                raise self._why_none(timeout_s)
-            return sample
+        taken: list[WheelSample] = []
+
+        def take() -> bool:
+            with suppress(IndexError):  # none, or another thread was quicker
+                if not taken:
+                    taken.append(self._unread.popleft())
+            return bool(taken)
+
+        self._wait(timeout_s, take)
+        if not taken:
+            raise self._why_none(timeout_s)
+        return taken[0]
 
     def ticks(self, timeout_s: float) -> tuple[int, int]:
         """The unbounded tick counts of the newest sample, waiting for a current one.
@@ -75,11 +82,10 @@ class SampleInbox:
             RequestTimeout: No current sample came in time.
             WheelwireError: None will come, for the reason given to `fail`.
         """
-        with self._changed:
-            self._wait(timeout_s, lambda: self._current)
-            if not self._current:
-                raise self._why_none(timeout_s)
-            return self._left, self._right
+        self._wait(timeout_s, lambda: self._current)
+        if not self._current:
+            raise self._why_none(timeout_s)
+        return self._ticks
 
     def is_read(self, now_us: int) -> bool:
         """Somebody asks for samples: the next one is worth having at once."""

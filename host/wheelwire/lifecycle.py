@@ -93,8 +93,8 @@ class Lifecycle:
 
     def close(self, error: WheelwireError) -> None:
         """End what there was: the port is gone."""
+        self.error = error  # first: other threads ask why as soon as they see the phase
         self.phase = Phase.CLOSED
-        self.error = error
         self.session_id = 0
         self._ended(error)
 

@@ -1,17 +1,20 @@
-"""An open link, for any thread: commands and requests in, information out.
+"""An open link, for any thread and any signal handler: commands and requests in, information out.
 
-The session is guarded by one lock. A call leaves its frames in the session and wakes the port's
-thread, which alone touches the port.
+The port's thread alone touches port and session. A call is handed to it, and waits for what came
+of it on a queue of its own, never longer than `CALL_TIMEOUT_S`.
 """
 
 from __future__ import annotations
 
+import _thread
 import os
 import threading
+import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
+from typing import cast
 
 from wheelwire_protocol.codes import StopMode
 
@@ -27,16 +30,19 @@ from .errors import (
 )
 from .identify import open_board
 from .inbox import SampleInbox
-from .port_loop import PortLoop
-from .requests import Answer, Done, RequestMessage
+from .port_loop import Done, PortLoop, Task
+from .requests import Answer, RequestMessage
 from .session import Phase, Session
 from .statistics import LinkStatistics
 from .transport import Transport, open_transport
+from .waiting import Notifier
 
 OpenPort = Callable[[int], Transport]
 
 JOIN_S = 2.0
 """Longer than the port's thread needs to end; it is a daemon in any case."""
+CALL_TIMEOUT_S = 5.0
+"""A request that is given up takes about one second, and others may be before it in the queue."""
 
 
 @dataclass(frozen=True)
@@ -89,16 +95,26 @@ class Link:
         open_port: OpenPort | None = None,
     ) -> None:
         self._port = port
-        self._changed = threading.Condition()
+        self._changed = Notifier()
         self._session = Session(_random_nonce, stream_rate_hz, watched)
         open_port = open_port or partial(_open_port, port, board_id)
         transport = open_port(baud_rate)
-        self._loop = PortLoop(transport, open_port, self._session, self._changed, inbox)
+        this = weakref.ref(self)
+        self._loop = PortLoop(
+            transport,
+            open_port,
+            self._session,
+            self._changed,
+            inbox,
+            is_wanted=lambda: this() is not None,
+        )
         self._thread = threading.Thread(
             target=self._loop.run, name=f"wheelwire {port}", daemon=True
         )
-        self._thread.start()
         try:
+            # Thread.start() waits for an Event: an exception out of a signal handler in there can
+            # leave the new thread waiting for ever. No handler interrupts a thread but the main.
+            _thread.start_new_thread(_start, (self._thread, self._loop))
             self._wait_until_open(connect_timeout_s)
         except BaseException:
             self.close()
@@ -107,50 +123,55 @@ class Link:
     @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        with self._changed:
-            device, loop = self._session.device, self._loop
-            if device is None:
-                raise self._session.error
-            return LinkInfo(loop.port, loop.baud_rate, loop.low_latency, device)
+        device, loop = self._session.device, self._loop
+        if device is None:
+            raise self._session.error
+        return LinkInfo(loop.port, loop.baud_rate, loop.low_latency, device)
 
     @property
     def statistics(self) -> LinkStatistics:
         """What was counted since the link was opened."""
-        with self._changed:
-            counted = self._session.statistics(host_clock_us())
-            return replace(counted, reconnects=self._loop.reconnects)
+        counted = self._session.statistics(host_clock_us())
+        return replace(counted, reconnects=self._loop.reconnects)
 
     @property
     def sessions(self) -> int:
         """How many there were since the link was opened."""
-        with self._changed:
-            return self._session.count
+        return self._session.count
 
     def value(self, parameter: int) -> float:
         """The newest value of a watched parameter."""
-        with self._changed:
-            self.check()
-            return self._session.values[parameter]
+        self.check()
+        value = self._session.values.get(parameter)
+        if value is None:  # another session has just begun
+            raise self._session.error
+        return value
 
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
-        with self._changed:
-            self._check_alive()
-            self._session.check_open()
+        self._check_alive()
+        self._session.check_open()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Send one velocity setpoint, void from the host's `expiry_us` on. Does not wait."""
-        with self._changed:
-            self.check()
-            self._session.drive_velocity(left_mps, right_mps, expiry_us, host_clock_us())
-        self._loop.wake()
+        """Send one velocity setpoint, void from the host's `expiry_us` on.
+
+        Waits until it is among what is written next, not for the device.
+        """
+
+        def drive(done: Done, now_us: int) -> None:
+            self._session.drive_velocity(left_mps, right_mps, expiry_us, now_us)
+            done(None)
+
+        self._call(drive)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Send one duty setpoint, void from the host's `expiry_us` on. Does not wait."""
-        with self._changed:
-            self.check()
-            self._session.drive_duty(left, right, expiry_us, host_clock_us())
-        self._loop.wake()
+        """Send one duty setpoint; otherwise as `drive_velocity`."""
+
+        def drive(done: Done, now_us: int) -> None:
+            self._session.drive_duty(left, right, expiry_us, now_us)
+            done(None)
+
+        self._call(drive)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.
@@ -160,11 +181,8 @@ class Link:
             LinkLost: The link is down, or went down before the answer came.
             RequestTimeout: No answer came.
         """
-
-        def submit(done: Done, now_us: int) -> None:
-            self._session.request(message, done, now_us)
-
-        return self._answer(submit)
+        answer = self._call(lambda done, now_us: self._session.request(message, done, now_us))
+        return cast("Answer", answer)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.
@@ -173,36 +191,39 @@ class Link:
             LinkLost: There is no session: whether the stop arrived is not known.
             RequestTimeout: No acknowledgement came.
         """
-
-        def submit(done: Done, now_us: int) -> None:
-            self._session.stop(mode, done, now_us)
-
-        self._answer(submit)
+        self._call(lambda done, now_us: self._session.stop(mode, done, now_us))
 
     def estop(self) -> None:
         """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
-        self._answer(self._session.estop)
-
-    def finish(self) -> None:
-        """Begin to close: stop the robot, close the port. Does not wait, takes no lock."""
-        self._loop.finish()
+        self._call(self._session.estop)
 
     def close(self) -> None:
         """Stop the robot, close the port and end the thread. Harmless when repeated."""
-        self.finish()
-        if threading.current_thread() is not self._thread:
+        self._loop.finish()
+        if threading.current_thread() is self._thread:
+            return  # the garbage collector's doing; the thread ends when it is back in its loop
+        # Not join() alone: interrupted by a signal handler's exception it may take the thread for
+        # ended, so that whoever closes once more would not wait.
+        ended = self._changed.wait_for(lambda: self._loop.end is not None, JOIN_S)
+        if ended and self._thread.ident is not None:
             self._thread.join(JOIN_S)
 
-    def _answer(self, submit: Callable[[Done, int], None]) -> Answer:
-        replies: SimpleQueue[Answer | WheelwireError] = SimpleQueue()
-        with self._changed:
-            self._check_alive()
-            submit(replies.put, host_clock_us())
-        self._loop.wake()
-        reply = replies.get()
-        if isinstance(reply, WheelwireError):
-            raise reply.with_traceback(None)
-        return reply
+    def _call(self, task: Task) -> Answer | None:
+        """Have the port's thread do `task`; returns what it is done with, or raises it."""
+        self._check_alive()
+        self._session.check_connected()
+        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
+        self._loop.call(task, results.put)
+        try:
+            result = results.get(timeout=CALL_TIMEOUT_S)
+        except Empty:
+            raise RequestTimeout(
+                f"the link's thread did not answer for {CALL_TIMEOUT_S:g} s: whether it was done "
+                "is not known; look at the port, and at what keeps this computer busy"
+            ) from None
+        if isinstance(result, WheelwireError):
+            raise result.with_traceback(None)
+        return result
 
     def _check_alive(self) -> None:
         if self._loop.end is not None:
@@ -214,10 +235,9 @@ class Link:
             final = isinstance(session.error, (ProtocolMismatch, DeviceRefused))
             return session.phase is Phase.OPEN or final or self._loop.end is not None
 
-        with self._changed:
-            if not self._changed.wait_for(decided, timeout_s):
-                raise self._why_not_open(timeout_s)
-            self.check()
+        if not self._changed.wait_for(decided, timeout_s):
+            raise self._why_not_open(timeout_s)
+        self.check()
 
     def _why_not_open(self, timeout_s: float) -> WheelwireError:
         session, tried = self._session, self._loop.search.tried
@@ -229,6 +249,13 @@ class Link:
         if session.bytes_received:
             return ForeignDevice(self._port, tried, session.bytes_received)
         return DeviceSilent(self._port, tried)
+
+
+def _start(thread: threading.Thread, loop: PortLoop) -> None:
+    try:
+        thread.start()
+    except RuntimeError as error:
+        loop.fail(error)
 
 
 def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:

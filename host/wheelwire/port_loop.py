@@ -1,12 +1,19 @@
-"""The loop that owns a port: it alone reads, writes, opens again and closes."""
+"""The loop that owns a port and the session on it: no other thread touches either.
+
+What an application asks for is handed over as a call, which the loop carries out between two
+reads. So nothing is locked, a signal handler may ask whatever the main thread was doing, and an
+exception out of one leaves nothing half done.
+"""
 
 from __future__ import annotations
 
 import logging
 import select
 import socket
-import threading
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeAlias
 
 from wheelwire_protocol.codes import StopMode
 
@@ -18,6 +25,7 @@ from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
 from .transport import Transport
+from .waiting import Notifier
 
 FIRST_PAUSE_S = 0.05
 """Between two attempts to open the port; each further one waits twice as long."""
@@ -29,6 +37,10 @@ OUTPUT_LIMIT = 4096
 """Bytes that wait for the port at most: older ones are worth nothing to a robot."""
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
+Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
+Task: TypeAlias = Callable[[Done, int], None]
+"""Uses the session at a time; passes on `done`, or calls it, or raises."""
+
 _log = logging.getLogger("wheelwire")
 
 
@@ -38,9 +50,10 @@ class PortLoop:
     Args:
         transport: The open port; the loop closes it.
         reopen: Opens it again at a baud rate, or raises a WheelwireError.
-        session: Not connected yet. Only used under `changed`.
-        changed: Guards the session; notified when it opens, ends or fails to open.
+        session: Not connected yet. Others may look at it, and change nothing.
+        changed: Notified when the session opens, ends or fails to open.
         inbox: Takes the samples.
+        is_wanted: Whether anybody is left who could use the link, or finish it.
     """
 
     def __init__(
@@ -48,8 +61,9 @@ class PortLoop:
         transport: Transport,
         reopen: Callable[[int], Transport],
         session: Session,
-        changed: threading.Condition,
+        changed: Notifier,
         inbox: SampleInbox,
+        is_wanted: Callable[[], bool],
     ) -> None:
         self.reconnects = 0
         self.end: WheelwireError | None = None
@@ -66,6 +80,8 @@ class PortLoop:
         self._session = session
         self._changed = changed
         self._inbox = inbox
+        self._is_wanted = is_wanted
+        self._calls: deque[tuple[Task, Done]] = deque()
         self._was_open = False
         self._output = b""
         self._coalescing = Coalescing()
@@ -88,11 +104,19 @@ class PortLoop:
         except OSError:  # full: it is awake already; closed: it has ended
             return
 
-    def finish(self) -> None:
-        """Stop the robot, close the port and end; from any thread, even from a finaliser.
+    def call(self, task: Task, done: Done) -> None:
+        """Have the loop do `task`; from any thread. Never waits.
 
-        Takes no lock: the garbage collector may call it in a thread that holds one.
+        `done` is called once, by the loop: by the task, or with the error that it raises, or with
+        the loop's end.
         """
+        self._calls.append((task, done))
+        self.wake()
+        if self.end is not None:  # maybe too late for the loop to have seen the call
+            self._refuse_calls(self.end)
+
+    def finish(self) -> None:
+        """Stop the robot, close the port and end; from any thread, even from a finaliser."""
         self._finishing = True
         self.wake()
 
@@ -102,9 +126,8 @@ class PortLoop:
         try:
             transport: Transport | None = self._first_transport
             while transport is not None:
-                with self._changed:
-                    self._session.connect(host_clock_us())
-                    self._expectant, self._due_us = True, 0
+                self._session.connect(host_clock_us())
+                self._expectant, self._due_us = True, 0
                 lost = self._serve(transport)
                 transport = self._reopen() if lost else None
         except BaseException as error:
@@ -120,7 +143,7 @@ class PortLoop:
         """Serve until the port is lost: True; or until the end: False. Closes the port."""
         self._poller.register(transport)
         try:
-            while not (self._finishing and self._farewell_over()):
+            while not (self._is_ending() and self._farewell_over()):
                 self._turn(transport)
         except LinkLost as error:
             self._lose(error)
@@ -138,11 +161,11 @@ class PortLoop:
         if events & _BROKEN and not data:
             raise transport.lost()
         now_us = host_clock_us()
-        with self._changed:
-            if data:
-                self._receive(data, now_us)
-            if self._has_work(now_us):
-                self._advance(transport, now_us)
+        if data:
+            self._receive(data, now_us)
+        self._do_calls(now_us)
+        if self._has_work(now_us):
+            self._advance(transport, now_us)
         if self._output:
             self._output = self._output[transport.write(self._output) :]
             if len(self._output) > OUTPUT_LIMIT:
@@ -168,7 +191,25 @@ class PortLoop:
         resting = now_us < self._coalescing.rest_until_us
         return resting and not self._expectant and not self._inbox.is_read(now_us)
 
-    # --- the session, always with the lock held ------------------------------------------------
+    # --- the session ---------------------------------------------------------------------------
+
+    def _do_calls(self, now_us: int) -> None:
+        while self._calls:
+            task, done = self._calls.popleft()
+            self._expectant = True
+            try:
+                task(done, now_us)
+            except WheelwireError as error:
+                done(error)
+            except Exception as error:
+                # Whatever is wrong with one call, the others must still be able to stop the robot.
+                _log.exception("a call of the link failed")
+                done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
+
+    def _refuse_calls(self, error: WheelwireError) -> None:
+        with suppress(IndexError):
+            while True:
+                self._calls.popleft()[1](error)
 
     def _receive(self, data: bytes, now_us: int) -> None:
         samples = self._session.receive(data, now_us)
@@ -204,27 +245,26 @@ class PortLoop:
             self.baud_rate = transport.baud_rate
 
     def _lose(self, error: LinkLost) -> None:
-        with self._changed:
-            self._session.disconnect(error)
-            self._tell_changes()
+        self._session.disconnect(error)
+        self._tell_changes()
         self._output = b""
 
     def _reopen(self) -> Transport | None:
         """Try again and again, until the port is there; None when the end has come."""
-        while not self._finishing:
+        while not self._is_ending():
             if self._pause_s:
                 self._poller.poll(self._pause_s * 1000)
                 self._drain_wake_ups()
-                if self._finishing:
+                if self._is_ending():
                     break
+            self._do_calls(host_clock_us())  # they learn why there is no session
             self._pause_s = min(max(2 * self._pause_s, FIRST_PAUSE_S), self._longest_pause_s)
             try:
                 transport = self._reopen_port(self.baud_rate or 0)
             except PortUnavailable:
                 continue
             except WheelwireError as error:
-                with self._changed:
-                    self._session.disconnect(LinkLost(f"{error}; trying again"))
+                self._session.disconnect(LinkLost(f"{error}; trying again"))
                 continue
             self.port = transport.port
             self.low_latency = transport.low_latency
@@ -235,7 +275,7 @@ class PortLoop:
     # --- news and the end ----------------------------------------------------------------------
 
     def _tell_changes(self) -> None:
-        """Notify who waits. Called with the lock held."""
+        """Notify who waits."""
         is_open = self._session.phase is Phase.OPEN
         if is_open != self._was_open:
             self._was_open = is_open
@@ -247,13 +287,15 @@ class PortLoop:
                 _log.warning("%s: %s", self.port, self._session.error)
         self._changed.notify_all()
 
+    def _is_ending(self) -> bool:
+        return self._finishing or not self._is_wanted()
+
     def _farewell_over(self) -> bool:
         """Stop the robot before the end; True when that is done, or in vain."""
         now_us = host_clock_us()
         if self._farewell_until_us is None:
             self._farewell_until_us = now_us + FAREWELL_US
-            with self._changed:
-                self._session.stop(StopMode.CONFIGURED, self._on_farewell, now_us)
+            self._session.stop(StopMode.CONFIGURED, self._on_farewell, now_us)
             self.wake()  # one more turn, to write it
             return False
         done = self._farewell_done and not self._output
@@ -262,11 +304,18 @@ class PortLoop:
     def _on_farewell(self, _result: Answer | WheelwireError) -> None:
         self._farewell_done = True
 
+    def fail(self, error: Exception) -> None:
+        """End before the beginning: there is no thread to run in."""
+        self._first_transport.close()
+        self._die(
+            LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
+        )
+
     def _die(self, end: WheelwireError) -> None:
-        with self._changed:
-            self.end = end
-            self._session.disconnect(end)
-            self._changed.notify_all()
+        self.end = end
+        self._session.disconnect(end)
+        self._refuse_calls(end)
         self._inbox.fail(end)
         self._wake_read.close()
         self._wake_write.close()
+        self._changed.notify_all()

@@ -192,8 +192,8 @@ class RequestQueue:
     def _begin(self, request: _Request, now_us: int) -> None:
         request_id = self.next_id()
         request.message = request.message._replace(request_id=request_id)
-        self._open[request_id] = request
         self._send(request, now_us)
+        self._open[request_id] = request
 
     def _send(self, request: _Request, now_us: int) -> None:
         request.attempts += 1

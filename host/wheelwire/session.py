@@ -168,6 +168,11 @@ class Session:
 
     # --- what the application asks for ---------------------------------------------------------
 
+    def check_connected(self) -> None:
+        """Raise why there is no port, if there is none."""
+        if self.phase is Phase.CLOSED:
+            raise self.error.with_traceback(None)
+
     def check_open(self) -> None:
         """Raise why the session is not open, if it is not."""
         if self.phase is not Phase.OPEN:

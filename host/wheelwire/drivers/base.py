@@ -27,7 +27,9 @@ class BaseDriver(ABC):
     """A robot with two driven wheels.
 
     A setpoint lives for its `ttl` and no longer; the library never renews one. The methods may be
-    called from any thread. As a context manager a driver stops the robot at the exit.
+    called from any thread and in a signal handler, whatever it interrupts: each ends within its
+    timeout, or raises an error of `wheelwire.errors`. As a context manager a driver stops the robot
+    at the exit.
 
     All methods that reach the robot raise `LinkLost` while it is out of reach.
     """

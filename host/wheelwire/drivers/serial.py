@@ -177,7 +177,8 @@ class SerialDriver(BaseDriver):
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Harmless when repeated."""
-        self._finalizer()
+        self._link.close()  # not by the finalizer: interrupted, it would do nothing the next time
+        self._finalizer.detach()
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
         self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)

@@ -1,0 +1,48 @@
+"""Waiting for what another thread does, in any thread and in a signal handler.
+
+`threading.Condition` and `threading.Event` take their lock in Python code. An exception that a
+signal handler raises there leaves the lock held for ever; a handler that calls a method of its
+own while the main thread is in there waits for itself. Here nothing is locked: each wait has a
+lock of its own, which no other call ever needs, and every step is one call into C.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+
+class Notifier:
+    """Wakes all who wait. Nobody waits without a limit."""
+
+    def __init__(self) -> None:
+        self._waiting: set[threading.Lock] = set()
+
+    def notify_all(self) -> None:
+        """Have everybody look again. Never waits."""
+        for _ in range(len(self._waiting)):
+            with suppress(KeyError):  # who waited has just given up
+                self._waiting.pop().release()
+
+    def wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until `ready()`, or for `timeout_s`; returns whether it was ready."""
+        end_s = time.monotonic() + timeout_s
+        while not ready():
+            left_s = end_s - time.monotonic()
+            if left_s <= 0:
+                return False
+            self._wait(ready, left_s)
+        return True
+
+    def _wait(self, ready: Callable[[], bool], timeout_s: float) -> None:
+        woken = threading.Lock()
+        woken.acquire(blocking=False)
+        self._waiting.add(woken)
+        try:
+            # What changed before we were listed here woke nobody.
+            if not ready():
+                woken.acquire(timeout=timeout_s)
+        finally:
+            self._waiting.discard(woken)

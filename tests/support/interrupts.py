@@ -1,0 +1,71 @@
+"""Signals at random moments into a program that uses a robot, and what came of its calls."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from wheelwire_protocol.types import ParameterSet, SetDuty, Stop
+
+from .pty_device import PtyDevice
+
+PROGRAM = Path(__file__).with_name("interrupted_host.py")
+LONGEST_PAUSE_S = 0.0015
+PATIENCE_S = 600.0
+
+
+@dataclass
+class Storm:
+    """What a storm of signals left behind."""
+
+    report: dict[str, Any]
+    unsent: list[str]
+    """Calls that said they succeeded, though the device never got their message."""
+
+
+def storm(count: int, mode: str, seed: int = 1) -> Storm:
+    """Interrupt a program `count` times; see `interrupted_host`."""
+    with tempfile.TemporaryDirectory() as folder, PtyDevice(Path(folder) / "robot") as robot:
+        process = subprocess.Popen(
+            [sys.executable, str(PROGRAM), str(robot.path), str(seed), str(count), mode],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            _shoot(process, random.Random(seed))
+            report = json.loads(process.stdout.read())
+        finally:
+            process.kill()
+            process.communicate()
+        return Storm(report, _unsent(report, robot))
+
+
+def _shoot(process: subprocess.Popen[str], moments: random.Random) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while process.poll() is None:
+        assert time.monotonic() < end, "the program hangs"
+        process.send_signal(signal.SIGINT)
+        time.sleep(moments.uniform(0, LONGEST_PAUSE_S))
+
+
+def _unsent(report: dict[str, Any], robot: PtyDevice) -> list[str]:
+    received = robot.device.received
+    duties = {m.left_duty_q15 for m in received if isinstance(m, SetDuty)}
+    values = {round(m.value, 4) for m in received if isinstance(m, ParameterSet)}
+    stops = sum(isinstance(message, Stop) for message in received)
+    unsent = [f"duty {duty}" for duty in report["duties"] if duty not in duties]
+    unsent += [f"value {value}" for value in report["values"] if value not in values]
+    missing = cast("int", report["stops"]) - stops
+    return unsent + ["stop"] * max(0, missing)

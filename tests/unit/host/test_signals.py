@@ -1,0 +1,154 @@
+"""Calls in signal handlers, and exceptions out of them, at every step of the calls they interrupt.
+
+A trace function stands in for the handler: like one, it runs between two bytecodes of the main
+thread, in the library's frames and in the standard library's. It runs at each of them in turn.
+"""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from support.interrupted_host import LONGEST_S
+from support.interrupts import storm
+from support.pty_device import PtyDevice
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.waiting import Notifier
+
+CALLS: dict[str, Callable[[SerialDriver], object]] = {
+    "set_duty": lambda robot: robot.set_duty(0.1, 0.1),
+    "stop": lambda robot: robot.stop(),
+    "read": lambda robot: robot.read(),
+    "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
+    "statistics": lambda robot: robot.statistics,
+    "get": lambda robot: robot.parameters.get("wheel_radius"),
+}
+
+
+@pytest.fixture
+def driver(tmp_path: Path) -> Iterator[SerialDriver]:
+    with PtyDevice(tmp_path / "robot") as device, SerialDriver(str(device.path)) as driver:
+        yield driver
+
+
+def interrupted(call: Callable[[], object], step: int, handler: Callable[[], object]) -> bool:
+    """Make `call`, and `handler` before its `step`th bytecode; False when it has fewer."""
+    left = step
+
+    def trace(frame: FrameType, event: str, _argument: Any) -> Any:
+        nonlocal left
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        if event == "opcode":
+            left -= 1
+            if left == 0:
+                sys.settrace(None)
+                handler()
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    finally:
+        sys.settrace(before)
+    return left <= 0
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) -> None:
+    step = 1
+    while interrupted(lambda: CALLS[name](driver), step, driver.stop):
+        step += 1
+    assert step > 20
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
+    driver: SerialDriver, name: str
+) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    step, done = 0, False
+    while not done:
+        step += 1
+        try:
+            done = not interrupted(lambda: CALLS[name](driver), step, interrupt)
+        except KeyboardInterrupt:
+            driver.stop()
+    driver.read()
+    assert step > 20
+
+
+def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
+    step = 1
+    while interrupted(driver.read, step, lambda: driver.read(0.5)):
+        step += 1
+
+
+@pytest.mark.parametrize("step", range(1, 400, 7))
+def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path, step: int) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    with PtyDevice(tmp_path / "robot") as device:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted(lambda: SerialDriver(str(device.path)), step, interrupt)
+        with SerialDriver(str(device.path)) as driver:
+            driver.stop()
+
+
+def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    for step in range(1, 60):
+        with PtyDevice(tmp_path / f"robot{step}") as device:
+            driver = SerialDriver(str(device.path))
+            try:
+                interrupted(driver.shutdown, step, interrupt)
+            except KeyboardInterrupt:
+                driver.shutdown()
+            with pytest.raises(errors.LinkClosed):
+                driver.stop()
+            SerialDriver(str(device.path)).shutdown()
+
+
+@pytest.mark.parametrize("mode", ["raise", "stop"])
+def test_a_storm_of_interrupts(mode: str) -> None:
+    result = storm(500, mode)
+    assert result.report["errors"] == {}
+    assert result.unsent == []
+    assert (result.report["alive"], result.report["left"]) == (1, 0)
+    assert result.report["longest_s"] < LONGEST_S
+
+
+def test_nobody_who_gave_up_waiting_is_remembered() -> None:
+    notifier = Notifier()
+    assert not notifier.wait_for(lambda: False, 0.01)
+    assert not notifier._waiting
+
+
+def test_a_notification_between_look_and_wait_is_not_missed() -> None:
+    notifier, looks = Notifier(), iter([False, True, True])
+    assert notifier.wait_for(lambda: next(looks), 10)
+
+
+def test_all_who_wait_are_woken() -> None:
+    notifier, flag = Notifier(), threading.Event()
+    woken: list[bool] = []
+    threads = [
+        threading.Thread(target=lambda: woken.append(notifier.wait_for(flag.is_set, 10)))
+        for _ in range(3)
+    ]
+    for thread in threads:
+        thread.start()
+    flag.set()
+    while any(thread.is_alive() for thread in threads):
+        notifier.notify_all()
+    assert woken == [True] * 3
