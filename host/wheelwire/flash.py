@@ -9,9 +9,9 @@ import importlib.util
 import re
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO
 
@@ -20,6 +20,16 @@ from wheelwire_protocol.codes import Board
 from .device import DeviceInfo
 from .drivers.serial import SerialDriver
 from .errors import FlashFailed, PortUnavailable, WheelwireError
+from .flash_layout import (
+    TABLE_BYTES,
+    TABLE_OFFSET,
+    Image,
+    Part,
+    Partition,
+    Plan,
+    parse_table,
+    read_image,
+)
 from .ports import list_serial_ports
 
 CHECKOUT_BUILD = Path(__file__).parents[2] / "build"
@@ -31,45 +41,9 @@ RETURN_TIMEOUT_S = 15.0
 """Native USB vanishes as the chip resets, and comes back."""
 REOPEN_PERIOD_S = 0.1
 
-# "App Image Format" and "Partition Tables" in ESP-IDF's documentation.
-_IMAGE_MAGIC = 0xE9
-_CHIP_ID_OFFSET = 12
-_BOOTLOADERS = {0x1000: {0: Board.ESP32}, 0: {9: Board.ESP32S3, 13: Board.ESP32C6}}
-"""Where a chip's bootloader begins, and the chip ids that its header may hold there."""
-_PARTITION_TABLE_OFFSET = 0x8000
-_PARTITION_MAGIC = b"\xaa\x50"
-
 _CONNECTED = re.compile(r"Connected to (ESP\S+)")
-_PERCENT = re.compile(r"(\d+(?:\.\d+)?)\s*%")
+_WRITING = re.compile(r"Writing at 0x([0-9a-f]+)")
 _LAST_LINES = 20
-
-
-@dataclass(frozen=True)
-class Image:
-    """A merged image: bootloader, partition table and firmware, written from address 0."""
-
-    path: Path
-    board: Board
-
-
-def read_image(path: Path) -> Image:
-    """Look into an image for the chip that it is made for.
-
-    Raises:
-        FlashFailed: There is no such file, or it is no image for a chip of ours.
-    """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FlashFailed(f"cannot read the image {path}: {error.strerror}") from error
-    table = content[_PARTITION_TABLE_OFFSET : _PARTITION_TABLE_OFFSET + len(_PARTITION_MAGIC)]
-    for offset, boards in _BOOTLOADERS.items():
-        header = content[offset:]
-        chip_id = int.from_bytes(header[_CHIP_ID_OFFSET : _CHIP_ID_OFFSET + 2], "little")
-        is_image = table == _PARTITION_MAGIC and header[0] == _IMAGE_MAGIC
-        if is_image and chip_id in boards:
-            return Image(path, boards[chip_id])
-    raise FlashFailed(f"{path} is no merged image for a chip of ours: take the one of a release")
 
 
 def built_image(board: Board, build: Path = CHECKOUT_BUILD) -> Image:
@@ -142,19 +116,49 @@ def identify_chip(port: str) -> Board:
         ) from None
 
 
-def write_image(port: str, image: Image, report: Callable[[float], None]) -> None:
-    """Write an image and reset the chip. `report` is told the part written, 0 to 1.
+def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
+    """The partition table that is on the chip; empty when it has none. The chip stays stopped.
+
+    Raises:
+        FlashFailed: esptool failed.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.bin"
+        command = ("read-flash", f"{TABLE_OFFSET:#x}", f"{TABLE_BYTES:#x}", str(path))
+        for _ in _esptool(*_chip_at(port, board), "--after", "no-reset", *command):
+            pass
+        return parse_table(path.read_bytes())
+
+
+def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], None]) -> None:
+    """Carry a plan out and reset the chip. `report` is told the part written, 0 to 1.
 
     Raises:
         FlashFailed: Another chip answers than the image is for, or esptool failed.
     """
-    arguments = ("--chip", image.board.name.lower(), "--port", port, "--baud", str(FLASH_BAUD_RATE))
-    for line in _esptool(*arguments, "write-flash", "0x0", str(image.path)):
-        if percent := _PERCENT.search(line):
-            report(min(1.0, float(percent[1]) / 100))
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = ["write-flash", *(["--erase-all"] if plan.erase_all else [])]
+        for index, part in enumerate(plan.writes):
+            path = Path(folder) / f"{index}.bin"
+            path.write_bytes(part.content)
+            arguments += [f"{part.offset:#x}", str(path)]
+        for line in _esptool(*_chip_at(port, board), "--baud", str(FLASH_BAUD_RATE), *arguments):
+            if writing := _WRITING.search(line):
+                report(_written(plan.writes, int(writing[1], 16)))
 
 
-def verify(port: str, image: Image) -> DeviceInfo:
+def _written(parts: Sequence[Part], address: int) -> float:
+    """How much of the parts lies before an address, 0 to 1."""
+    sizes = [len(part.content) for part in parts]
+    before = [min(max(address - part.offset, 0), len(part.content)) for part in parts]
+    return sum(before) / max(1, sum(sizes))
+
+
+def _chip_at(port: str, board: Board) -> tuple[str, ...]:
+    return "--chip", board.name.lower(), "--port", port
+
+
+def verify(port: str, board: Board) -> DeviceInfo:
     """Shake hands with the new firmware.
 
     Raises:
@@ -171,7 +175,7 @@ def verify(port: str, image: Image) -> DeviceInfo:
             if time.monotonic() > end:
                 raise
             time.sleep(REOPEN_PERIOD_S)
-    if device.board is not image.board:
+    if device.board is not board:
         raise FlashFailed(f"written, but the firmware says that it runs on {device.board.name}")
     return device
 
@@ -208,4 +212,4 @@ def _reason(lines: list[str]) -> str:
     for line in lines:
         if "error occurred" in line.lower():
             return f"esptool: {line}; hold the board's BOOT button if it does not connect"
-    return f"esptool: {lines[-1] if lines else 'ended without a word'}"
+    return f"esptool: {lines[-1] if lines else 'exited with no output'}"

@@ -8,16 +8,28 @@ import threading
 import time
 import tty
 from pathlib import Path
+from typing import Protocol
 
 from .fake_device import FakeDevice
 
 
-class PtyDevice:
-    """Serves a fake device at `path`; `unplug` and `plug` as with a USB cable."""
+class LineEnd(Protocol):
+    """What is at the far end of the line."""
 
-    def __init__(self, path: Path, device: FakeDevice | None = None) -> None:
+    def feed(self, data: bytes, now_us: int) -> None: ...
+    def advance(self, now_us: int) -> None: ...
+    def take_output(self) -> bytes: ...
+
+
+class PtyDevice:
+    """Serves a fake device, or what stands `before` it, at `path`; can be unplugged."""
+
+    def __init__(
+        self, path: Path, device: FakeDevice | None = None, before: LineEnd | None = None
+    ) -> None:
         self.path = path
         self.device = device or FakeDevice()
+        self._line_end = before or self.device
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
         self.plug()
@@ -53,9 +65,9 @@ class PtyDevice:
             events = poller.poll(1)
             now_us = time.monotonic_ns() // 1000
             if events:
-                self.device.feed(os.read(master, 4096), now_us)
-            self.device.advance(now_us)
-            output = self.device.take_output()
+                self._line_end.feed(os.read(master, 4096), now_us)
+            self._line_end.advance(now_us)
+            output = self._line_end.take_output()
             if output:
                 os.write(master, output)
         os.close(slave)

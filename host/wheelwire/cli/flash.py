@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -13,23 +13,32 @@ from wheelwire.errors import FlashFailed
 
 from .output import JsonFlag, console, print_json
 
+if TYPE_CHECKING:
+    from wheelwire.flash_layout import Plan
+
 PortOption = Annotated[
-    str | None, typer.Option(help="The board's port; without it, the only one that may be one.")
+    str | None,
+    typer.Option(help="The board's port; default: the only likely board, if there is exactly one."),
 ]
 ImageOption = Annotated[
-    Path | None, typer.Option(help="A release's image; without it, this checkout's build.")
+    Path | None, typer.Option(help="A release's image; default: this checkout's build.")
+]
+EraseFlag = Annotated[
+    bool, typer.Option("--erase", help="Erase the whole flash first, saved parameters included.")
 ]
 
 
 def flash(
     port: PortOption = None,
     image: ImageOption = None,
+    erase: EraseFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Write the firmware to a board, and shake hands with it."""
+    """Write the firmware to a board and connect to it. Saved parameters are kept."""
     from wheelwire import flash as flasher  # here, so that other commands start without it
+    from wheelwire.flash_layout import plan_flash, read_image
 
-    wanted = flasher.read_image(image) if image else None
+    wanted = read_image(image) if image else None
     port = port or flasher.only_likely_port()
     flasher.ensure_stopped(port)
     board = flasher.identify_chip(port)
@@ -38,13 +47,40 @@ def flash(
         raise FlashFailed(
             f"{chosen.path} is for the {chosen.board.name}, the chip at {port} is an {board.name}"
         )
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    plan = plan_flash(chosen, flasher.read_chip_table(port, board), erase_all=erase)
+    if not as_json:
+        for line in _describe(plan):
+            console.print(line, soft_wrap=True)
+    terminal = Console(stderr=True)
+    with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
         task = progress.add_task(f"writing {chosen.path.name}", total=1.0)
-        flasher.write_image(port, chosen, lambda part: progress.update(task, completed=part))
-    device = flasher.verify(port, chosen)
+        flasher.write_plan(port, board, plan, lambda part: progress.update(task, completed=part))
+    device = flasher.verify(port, board)
     if as_json:
-        print_json({"port": port, "image": str(chosen.path), "device": device})
+        erased = [{"name": p.name, "offset": p.offset, "size": len(p.content)} for p in plan.erased]
+        print_json(
+            {
+                "port": port,
+                "image": str(chosen.path),
+                "kept": plan.kept,
+                "erased": erased,
+                "erased_all": plan.erase_all,
+                "device": device,
+            }
+        )
     else:
         console.print(
             f"{device.board.name} {device.board_id} at {port} runs firmware {device.release}"
         )
+
+
+def _describe(plan: Plan) -> list[str]:
+    """What a person is told before anything is written."""
+    if plan.erase_all:
+        return ["erases the whole flash, saved parameters included"]
+    kept = ", ".join(plan.kept) or "nothing"
+    lines = [f"keeps of the data on the chip: {kept}"]
+    if plan.erased:
+        regions = ", ".join(f"{p.name} {p.offset:#x} to {p.end:#x}" for p in plan.erased)
+        lines.append(f"erases {regions}: {plan.reason}")
+    return lines

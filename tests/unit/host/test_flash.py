@@ -1,4 +1,4 @@
-"""`wheelwire flash` with a stand-in for esptool and a protocol-only device for the chip."""
+"""`wheelwire flash` with the real esptool, against a stand-in for the chip and its flash."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from random import Random
+from typing import Any
 
 import pytest
 
+from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
+from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from wheelwire import errors, flash
@@ -18,184 +22,177 @@ from wheelwire.ports import SerialPort
 from wheelwire_protocol.codes import Board
 from wheelwire_protocol.types import Stop
 
-PATIENCE_S = 60.0
-# Prints what the real one prints, as far as we read it.
-ESPTOOL = """
-import json, os, sys
-with open(os.environ["ESPTOOL_CALLS"], "a") as calls:
-    print(json.dumps(sys.argv[1:]), file=calls)
-chip = os.environ["ESPTOOL_CHIP_NAME"]
-if not chip:
-    print("A fatal error occurred: Failed to connect: No serial data received.")
-    sys.exit(2)
-print("Connecting....")
-print(f"Connected to {chip} on a port:")
-if "write-flash" in sys.argv:
-    for percent in (0, 33.3, 100):
-        print(f"Writing at 0x0 [=>] {percent:5.1f}%", end="\\r", flush=True)
-    print("\\nHash of data verified.")
-"""
-
-
-def image_bytes(bootloader: int, chip_id: int) -> bytes:
-    content = bytearray(b"\xff" * 0x9000)
-    content[bootloader] = 0xE9
-    content[bootloader + 12 : bootloader + 14] = chip_id.to_bytes(2, "little")
-    content[0x8000:0x8002] = b"\xaa\x50"
-    return bytes(content)
+PATIENCE_S = 120.0
+OTA_1_IS_SELECTED = OTADATA_ENTRY.pack(2, b"\xff" * 20, 2, 0x55F63774)
+"""As the bootloader's tools write it: sequence number 2, valid, and the CRC of the number."""
 
 
 @pytest.fixture
 def image(tmp_path: Path) -> Path:
     path = tmp_path / "wheelwire-esp32.bin"
-    path.write_bytes(image_bytes(0x1000, 0))
+    path.write_bytes(merged_image(seed=1))
     return path
 
 
 @pytest.fixture
-def device() -> FakeDevice:
-    return FakeDevice(board=Board.ESP32, wheel_mps=0.0)
+def chip() -> EspChip:
+    """A board that runs an earlier release of ours."""
+    chip = EspChip(device=FakeDevice(board=Board.ESP32, wheel_mps=0.0))
+    put(chip, 0, merged_image(seed=2, app_bytes=12_345))
+    return chip
 
 
 @pytest.fixture
-def port(device: FakeDevice, tmp_path: Path) -> Iterator[str]:
-    with PtyDevice(tmp_path / "port", device) as pty:
+def port(chip: EspChip, tmp_path: Path) -> Iterator[str]:
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
         yield str(pty.path)
 
 
-class Esptool:
-    """A stand-in on the path of child processes."""
-
-    def __init__(self, folder: Path) -> None:
-        package = folder / "modules" / "esptool"
-        package.mkdir(parents=True)
-        (package / "__init__.py").touch()
-        (package / "__main__.py").write_text(ESPTOOL)
-        self._calls = folder / "calls"
-        self.environment = {
-            **os.environ,
-            "PYTHONPATH": str(package.parent),
-            "ESPTOOL_CALLS": str(self._calls),
-            "ESPTOOL_CHIP_NAME": "ESP32",
-            "COLUMNS": "200",
-        }
-
-    @property
-    def calls(self) -> list[list[str]]:
-        if not self._calls.exists():
-            return []
-        return [json.loads(line) for line in self._calls.read_text().splitlines()]
-
-    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "wheelwire", "flash", *arguments],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-            env=self.environment,
-        )
+def put(chip: EspChip, offset: int, content: bytes) -> None:
+    chip.flash[offset : offset + len(content)] = content
 
 
-@pytest.fixture
-def esptool(tmp_path: Path) -> Esptool:
-    return Esptool(tmp_path)
+def fill_data(chip: EspChip) -> dict[str, bytes]:
+    """Something in every data partition of ours; returns what."""
+    held = {}
+    for seed, (name, kind, subtype, offset, size) in enumerate(our_layout()):
+        if kind == "data" and subtype != "ota":
+            held[name] = Random(seed).randbytes(size)
+            put(chip, offset, held[name])
+    return held
 
 
-def check_refusal(result: subprocess.CompletedProcess[str], esptool: Esptool, hint: str) -> None:
-    """One line that helps, and nothing was written."""
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "wheelwire", "flash", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def run_json(*arguments: str) -> Any:
+    result = run(*arguments, "--json")
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def check_holds(chip: EspChip, image: Path) -> None:
+    """The image is in flash to the byte, and boots."""
+    content = image.read_bytes()
+    for start, end in ((0x1000, 0x8000), (0x8000, 0x8C00), (0x100000, len(content))):
+        assert chip.flash[start:end] == content[start:end]
+    assert chip.boots()
+
+
+def check_refusal(result: subprocess.CompletedProcess[str], hint: str) -> None:
+    """One line that helps."""
     assert result.returncode == errors.FlashFailed.exit_code, result.stderr
     (line,) = result.stderr.splitlines()
     assert hint in line
-    assert not any("write-flash" in call for call in esptool.calls)
 
 
-def test_flash_stops_writes_and_shakes_hands(
-    esptool: Esptool, device: FakeDevice, port: str, image: Path
-) -> None:
-    result = esptool.run("--port", port, "--image", str(image), "--json")
+def test_what_the_chip_saved_is_there_afterwards(chip: EspChip, port: str, image: Path) -> None:
+    held = fill_data(chip)
+    put(chip, 0x11000, OTA_1_IS_SELECTED)
+    put(chip, 0x280000, b"\xe9 another application")
+    assert chip.application() == 0x280000
+    result = run("--port", port, "--image", str(image))
     assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout)["device"]["board"] == "ESP32"
-    identify, write = esptool.calls
-    assert identify == ["--port", port, "chip-id"]
-    assert write[:4] == ["--chip", "esp32", "--port", port]
-    assert write[-3:] == ["write-flash", "0x0", str(image)]
-    assert any(isinstance(message, Stop) for message in device.received)
+    assert "keeps of the data on the chip: nvs, recorder, coredump" in result.stdout
+    assert "erases" not in result.stdout
+    assert "ESP32 240ac4123456" in result.stdout
+    for name, _, _, offset, size in our_layout():
+        if name in held:
+            assert chip.flash[offset : offset + size] == held[name], name
+    check_holds(chip, image)
+    assert chip.application() == 0x100000
+    assert any(isinstance(message, Stop) for message in chip.device.received)
 
 
-def test_another_chip_than_the_images_is_refused(esptool: Esptool, port: str, image: Path) -> None:
-    esptool.environment["ESPTOOL_CHIP_NAME"] = "ESP32-S3"
-    check_refusal(esptool.run("--port", port, "--image", str(image)), esptool, "is an ESP32S3")
-
-
-def test_a_chip_without_the_peripherals_is_refused(
-    esptool: Esptool, port: str, image: Path
+def test_another_layouts_leftovers_are_erased_and_named(
+    chip: EspChip, port: str, image: Path
 ) -> None:
-    esptool.environment["ESPTOOL_CHIP_NAME"] = "ESP32-C3"
-    check_refusal(esptool.run("--port", port, "--image", str(image)), esptool, "ESP32-C3")
+    """A board of another firmware: its code lies in what becomes NVS, recorder and core dump."""
+    fill_data(chip)
+    put(chip, 0x8000, table_bytes(FACTORY_LAYOUT))
+    put(chip, 0x10000, b"\xe9" + Random(9).randbytes(0x8FFFF))
+    saved = bytes(chip.flash[0x9000:0xF000])
+    told = run_json("--port", port, "--image", str(image))
+    assert told["kept"] == ["nvs"]
+    assert [(region["name"], region["offset"]) for region in told["erased"]] == [
+        ("nvs", 0xF000),
+        ("recorder", 0x20000),
+        ("coredump", 0x70000),
+    ]
+    assert chip.flash[0x9000:0xF000] == saved
+    assert set(chip.flash[0xF000:0x13000]) == {0xFF}
+    assert set(chip.flash[0x20000:0x90000]) == {0xFF}
+    check_holds(chip, image)
 
 
-def test_no_chip_gives_esptools_reason(esptool: Esptool, port: str, image: Path) -> None:
-    esptool.environment["ESPTOOL_CHIP_NAME"] = ""
-    check_refusal(esptool.run("--port", port, "--image", str(image)), esptool, "No serial data")
+def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> None:
+    put(chip, 0, Random(3).randbytes(len(chip.flash)))
+    result = run("--port", port, "--image", str(image), "--erase")
+    assert result.returncode == 0, result.stderr
+    assert "erases the whole flash, saved parameters included" in result.stdout
+    check_holds(chip, image)
+    content = image.read_bytes().ljust(len(chip.flash), b"\xff")
+    assert chip.flash == content
 
 
-def test_wheels_that_turn_are_a_refusal(
-    esptool: Esptool, device: FakeDevice, port: str, image: Path
-) -> None:
-    device.wheel_mps = 0.2
-    check_refusal(esptool.run("--port", port, "--image", str(image)), esptool, "still turn")
-    assert esptool.calls == []
+def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
+    chip = EspChip(ESP32S3, FakeDevice(board=Board.ESP32S3, wheel_mps=0.0))
+    image = tmp_path / "wheelwire-esp32s3.bin"
+    image.write_bytes(merged_image(ESP32S3))
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
+        told = run_json("--port", str(pty.path), "--image", str(image))
+    assert told["kept"] == []
+    assert told["device"]["board"] == "ESP32S3"
+    assert chip.flash == image.read_bytes().ljust(len(chip.flash), b"\xff")
 
 
-def test_firmware_of_another_board_is_told(
-    esptool: Esptool, device: FakeDevice, port: str, image: Path
-) -> None:
-    device.board = Board.ESP32C6
-    result = esptool.run("--port", port, "--image", str(image))
-    assert result.returncode == errors.FlashFailed.exit_code
-    assert "runs on ESP32C6" in result.stderr
+def test_another_chip_than_the_images_is_refused(chip: EspChip, port: str, tmp_path: Path) -> None:
+    image = tmp_path / "wheelwire-esp32s3.bin"
+    image.write_bytes(merged_image(ESP32S3))
+    check_refusal(run("--port", port, "--image", str(image)), "is for the ESP32S3, the chip at")
+    assert chip.erased == []
 
 
-def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch, port: str) -> None:
+def test_a_chip_without_the_peripherals_is_refused(tmp_path: Path, image: Path) -> None:
+    chip = EspChip(ESP32C3)
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
+        check_refusal(run("--port", str(pty.path), "--image", str(image)), "is an ESP32-C3")
+    assert chip.erased == []
+
+
+def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) -> None:
+    chip.answers_loader = False
+    result = run("--port", port, "--image", str(image))
+    check_refusal(result, "Failed to connect")
+    assert "BOOT button" in result.stderr
+
+
+def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
+    chip.device.wheel_mps = 0.2
+    check_refusal(run("--port", port, "--image", str(image)), "still turn")
+    assert chip.erased == []
+
+
+def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
+    chip.device.board = Board.ESP32C6
+    check_refusal(run("--port", port, "--image", str(image), "--json"), "runs on ESP32C6")
+
+
+def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
     with pytest.raises(errors.FlashFailed, match=r"wheelwire\[flash\]"):
-        flash.identify_chip(port)
+        flash.identify_chip("/dev/null")
 
 
-@pytest.mark.parametrize(
-    ("bootloader", "chip_id", "board"),
-    [(0x1000, 0, Board.ESP32), (0, 9, Board.ESP32S3), (0, 13, Board.ESP32C6)],
-)
-def test_an_image_tells_its_chip(
-    tmp_path: Path, bootloader: int, chip_id: int, board: Board
-) -> None:
-    path = tmp_path / "image"
-    path.write_bytes(image_bytes(bootloader, chip_id))
-    assert flash.read_image(path).board is board
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"\xe9",
-        b"\xff" * 0x9000,
-        image_bytes(0, 0),  # the application alone, which belongs elsewhere
-        image_bytes(0, 5),  # ESP32-C3
-        image_bytes(0x1000, 0)[:0x8000],
-    ],
-)
-def test_anything_else_is_no_image(tmp_path: Path, content: bytes) -> None:
-    path = tmp_path / "image"
-    path.write_bytes(content)
-    with pytest.raises(errors.FlashFailed, match="no merged image"):
-        flash.read_image(path)
-
-
-def test_a_missing_image_says_which_to_take(tmp_path: Path) -> None:
-    with pytest.raises(errors.FlashFailed, match="No such file"):
-        flash.read_image(tmp_path / "none")
+def test_a_missing_build_says_which_image_to_take(tmp_path: Path) -> None:
     with pytest.raises(errors.FlashFailed, match=r"wheelwire-esp32s3\.bin"):
         flash.built_image(Board.ESP32S3, tmp_path)
 
