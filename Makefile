@@ -92,7 +92,7 @@ corruption: cpp-tests  ## Damage frames in every way, and count what gets throug
 	@$(HOST_BUILD)/wheelwire-corruption --random 100000000
 
 bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/report.md
-	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire-decoder wheelwire_capi)
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	@# Its HDLC needs none of the 60 packages, linters and SciPy among them, that pigweed asks for.
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'pigweed>=0.0.24'

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from wheelwire_protocol.framing import Counters, Decoder, Encoder
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Counters, Encoder
 from wheelwire_protocol.types import AnyMessage
 
 
@@ -23,9 +24,8 @@ class MessageStream:
 
     def restart(self) -> None:
         """The port was opened: sequence numbers start anew, and what waited is void."""
-        counters = self._decoder.counters
-        self._encoder, self._decoder = Encoder(), Decoder()
-        self._decoder.counters = counters
+        self._encoder = Encoder()
+        self._decoder.restart()
         self._output.clear()
 
     def restart_sequence(self) -> None:

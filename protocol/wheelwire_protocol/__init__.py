@@ -20,14 +20,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .bulk import decode_capture, dtype, iter_capture
     from .codec import message_id
-    from .framing import Counters, Decoder, Encoder, encode_frame
+    from .decoder import Decoder
+    from .framing import Counters, Encoder, encode_frame
     from .schema import PROTOCOL_VERSION, schema_hash
     from .types import AnyMessage
 else:
     _HOMES = {
         "AnyMessage": "types",
         "Counters": "framing",
-        "Decoder": "framing",
+        "Decoder": "decoder",
         "Encoder": "framing",
         "PROTOCOL_VERSION": "schema",
         "decode_capture": "bulk",

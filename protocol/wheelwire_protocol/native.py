@@ -1,7 +1,8 @@
 """The firmware's core as a library, loaded from where it is: an installed wheel or a checkout.
 
-`Core` is the robot of `firmware/esp32/capi/wheelwire_core.h`. Importing this module loads nothing;
-the first `Core` does, and raises `NativeMissingError` where there is no library of this release.
+`Core` is the robot of `firmware/esp32/capi/wheelwire_core.h`; the decoder of that header is used by
+`decoder` and `bulk`. Importing this module loads nothing; the first use does, and raises
+`NativeMissingError` where there is no library of this release.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, NamedTuple
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 1
+ABI = 2
 """Of `wheelwire_core.h`; a library of another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
@@ -211,15 +212,19 @@ def is_present() -> bool:
 
 
 @cache
-def load() -> ctypes.CDLL:
-    """The library, loaded once a process. Its calls release the interpreter's lock.
+def load() -> ctypes.PyDLL:
+    """The library, loaded once a process.
+
+    Its calls keep the interpreter's lock: they take microseconds, and to get the lock back from a
+    busy thread takes up to `sys.getswitchinterval()`. For a call that takes long there is
+    `load_unlocked`.
 
     Raises:
         NativeMissingError: It is not there, or of another release.
     """
     path = library_path()
     try:
-        library = ctypes.CDLL(str(path))
+        library = ctypes.PyDLL(str(path))
     except OSError as error:
         reason = error if path.exists() else f"{path} is not there"
         raise NativeMissingError(
@@ -231,11 +236,23 @@ def load() -> ctypes.CDLL:
         release = (0, 0)
     if release != (ABI, SCHEMA_HASH):
         raise NativeMissingError(f"{path} is not of this release; {_cure()}")
+    _declare(library)
+    return library
+
+
+@cache
+def load_unlocked() -> ctypes.CDLL:
+    """As `load`; a call lets other threads run meanwhile."""
+    library = ctypes.CDLL(load()._name)
+    _declare(library)
+    return library
+
+
+def _declare(library: ctypes.CDLL) -> None:
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)
         function.restype = result
         function.argtypes = arguments
-    return library
 
 
 def _cure() -> str:
@@ -301,8 +318,21 @@ class _Outputs(ctypes.Structure):
         )
 
 
+class Counters64(ctypes.Structure):
+    """As `framing.Counters`, in its order."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_uint64)
+        for name in (
+            *("frames", "bad_crc", "bad_cobs", "unknown_id"),
+            *("wrong_length", "seq_lost", "repeated"),
+        )
+    )
+
+
 _SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
-_CORE = ctypes.c_void_p
+_CORE = _DECODER = ctypes.c_void_p
+_BUFFER = ctypes.c_void_p
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_core_create": (
         _CORE,
@@ -322,4 +352,17 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_core_fail": (None, (_CORE,)),
     "wheelwire_core_feed": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
     "wheelwire_core_take": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
+    "wheelwire_decoder_create": (_DECODER, (_BUFFER, _BUFFER)),
+    "wheelwire_decoder_destroy": (None, (_DECODER,)),
+    "wheelwire_decoder_feed": (
+        ctypes.c_size_t,
+        (_DECODER, ctypes.c_char_p, ctypes.c_size_t),
+    ),
+    "wheelwire_decoder_restart_sequence": (None, (_DECODER,)),
+    "wheelwire_decoder_restart": (None, (_DECODER,)),
+    "wheelwire_decoder_counters": (None, (_DECODER, ctypes.POINTER(Counters64))),
+    "wheelwire_decode_capture": (
+        ctypes.c_size_t,
+        (_BUFFER, ctypes.c_size_t, ctypes.c_uint8, _BUFFER),
+    ),
 }

@@ -16,11 +16,12 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from support import capture_worker, decoders
+from support import capture_worker
 from support.benchmark import interleaved, output_folder, ratio, seconds, table
 from support.captures import capture
 from wheelwire_protocol import Decoder, decode_capture
 from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.columns import decode_columns
 from wheelwire_protocol.types import WheelState
 
 ROUNDS = 15
@@ -31,16 +32,16 @@ AT_ONCE_MB = 100
 
 BULK = "`decode_capture`"
 STREAM = "`Decoder`, in parts of 4096 bytes"
-FIRMWARE = "C++: the firmware's decoder"
+NUMPY = "numpy alone, where there is no library"
 LOOP = "C: a loop for this message, CRC by zlib"
 LOOP_BY_EIGHT = "C: the same, CRC eight bytes a step"
-AIM = 0.5
-"""Of the speed of a C loop."""
+AIM = 0.9
+"""Of the speed of a C loop that takes eight bytes of the CRC a step."""
 
 METHOD = f"""\
 {FRAMES} frames of WheelState, 49 bytes each, to rows of a structured array, or in C to an array of
-structures: nanoseconds a frame, medians of {ROUNDS} interleaved rounds. The firmware's decoder, at
--O3, goes byte by byte as on the chip; the loop is `tests/bench/decode_loop.c` at -O2, which knows
+structures: nanoseconds a frame, medians of {ROUNDS} interleaved rounds. `decode_capture` and
+`Decoder` are the firmware's decoder; the loop is `tests/bench/decode_loop.c` at -O2, which knows
 the one message.
 """
 METHOD_OF_SIZES = f"""\
@@ -82,10 +83,10 @@ def measure_speeds(folder: Path) -> dict[str, list[float]]:
     out = ctypes.create_string_buffer(len(data))
     loop = CLoop(folder)
     ways: dict[str, Callable[[], int]] = {
-        FIRMWARE: lambda: decoders.count_by_firmware(data, out),
         LOOP: lambda: loop.count(data, loop.by_zlib, out),
         LOOP_BY_EIGHT: lambda: loop.count(data, loop.by_eight, out),
         BULK: lambda: len(decode_capture(data, WheelState)),
+        NUMPY: lambda: len(decode_columns(data, BY_TYPE[WheelState])),
         STREAM: lambda: stream(data),
     }
     for way, decode in ways.items():
@@ -187,11 +188,11 @@ def main() -> int:
     draw(sizes, folder / "capture.png")
     header = ("decoder", "ns a frame", "speed of `decode_capture`, as a share")
     sys.stdout.write(f"## Captures in bulk\n\n{METHOD}\n{table(header, speed_rows(times))}\n")
-    sys.stdout.write(f"Aim: at least {AIM} of a C loop's speed, with zlib's CRC.\n\n")
+    sys.stdout.write(f"Aim: at least {AIM} of the speed of the faster C loop.\n\n")
     sys.stdout.write(f"{METHOD_OF_SIZES}\n")
     columns = ("capture", "frames", "time [s]", "ns a frame", "peak memory [MiB]")
     sys.stdout.write(f"{table(columns, size_rows(sizes))}\n![By size](capture.png)\n")
-    return 0 if ratio(times[LOOP], times[BULK]) >= AIM else 1
+    return 0 if ratio(times[LOOP_BY_EIGHT], times[BULK]) >= AIM else 1
 
 
 if __name__ == "__main__":

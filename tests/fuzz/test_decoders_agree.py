@@ -1,4 +1,4 @@
-"""The firmware's decoder and the host's: the same bytes, the same messages, the same counts."""
+"""The firmware's decoder and Python's: the same bytes, the same messages, the same counts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from support.decoders import LIBRARY, by_firmware, by_host
+from support.decoders import by_firmware, by_python
 from support.messages import corrupted_captures
-
-pytestmark = pytest.mark.skipif(not LIBRARY.exists(), reason="not built: make cpp-tests")
+from wheelwire_protocol.decoder import NativeDecoder
+from wheelwire_protocol.framing import Counters, PythonDecoder
 
 VECTORS = Path(__file__).parents[2] / "protocol" / "vectors"
 HANDMADE = json.loads((VECTORS / "handmade.json").read_text("utf-8"))
@@ -35,14 +35,17 @@ line = st.one_of(
 def test_any_bytes_in_any_chunking(data: bytes, at: list[int]) -> None:
     bounds = [0, *sorted(position % (len(data) + 1) for position in at), len(data)]
     pieces = [data[begin:end] for begin, end in pairwise(bounds)]
-    assert by_host(pieces) == by_firmware(data)
+    expected = by_python([data])
+    assert by_python(pieces) == expected
+    assert by_firmware([data]) == expected
+    assert by_firmware(pieces) == expected
 
 
 @pytest.mark.parametrize("length", range(45, 60))
 def test_chunks_about_the_longest(length: int) -> None:
     for tail in (b"", b"\0", b"\0" + FRAMES[0]):
         data = FRAMES[1] + b"\x01" * length + tail
-        assert by_host([data]) == by_firmware(data)
+        assert by_python([data]) == by_firmware([data])
 
 
 def mutate(data: bytearray, random: Random) -> None:
@@ -63,4 +66,23 @@ def test_mutations_of_vectors() -> None:
         data = bytearray().join(pieces)
         for _ in range(random.randrange(5)):
             mutate(data, random)
-        assert by_host([bytes(data)]) == by_firmware(bytes(data)), bytes(data).hex(" ")
+        assert by_python([bytes(data)]) == by_firmware([bytes(data)]), bytes(data).hex(" ")
+
+
+def test_parts_longer_than_the_library_takes_at_once() -> None:
+    data = b"".join(FRAMES) * 20 + b"\1" * 9000 + b"".join(STREAMS) * 20
+    assert by_firmware([data]) == by_python([data])
+
+
+def test_a_restart_voids_what_had_begun_and_keeps_the_counts() -> None:
+    decoders = (NativeDecoder(), PythonDecoder())
+    for decoder in decoders:
+        decoder.feed(FRAMES[0] + FRAMES[1][:9])
+        decoder.restart()
+        decoder.feed(FRAMES[1] + b"\1" * 100)
+        decoder.restart()
+        decoder.feed(FRAMES[2])
+        decoder.restart_sequence()
+        decoder.feed(FRAMES[0])
+    assert decoders[0].counters == decoders[1].counters
+    assert decoders[0].counters == Counters(frames=4, bad_cobs=1)

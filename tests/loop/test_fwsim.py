@@ -24,7 +24,8 @@ import pytest
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.sim import Simulator, TrueState, find_simulator
 from wheelwire_protocol.codes import ResetReason, SupervisorState
-from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import DeviceHello, Hello, WheelState
 

@@ -1,4 +1,4 @@
-"""Bulk decoding finds the frames that the stream decoder finds."""
+"""Bulk decoding finds the frames that the stream decoder finds, by the library and by numpy."""
 
 import itertools
 from collections.abc import Iterator
@@ -8,16 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of
-from wheelwire_protocol import bulk, codec, decode_capture, iter_capture, types
-from wheelwire_protocol.framing import MAX_ENCODED, Decoder, encode_frame
+from wheelwire_protocol import codec, columns, decode_capture, iter_capture, native, types
+from wheelwire_protocol.framing import MAX_ENCODED, PythonDecoder, encode_frame
 from wheelwire_protocol.types import AnyMessage, ParameterGet, WheelState
 
 message_types = st.sampled_from(list(codec.BY_TYPE))
 
 
 def check(data: bytes, message_type: type[AnyMessage]) -> None:
-    expected = [tuple(m) for m in Decoder().feed(data) if type(m) is message_type]
-    assert decode_capture(data, message_type).tolist() == expected
+    expected = [tuple(m) for m in PythonDecoder().feed(data) if type(m) is message_type]
+    for by_library in (True, False):
+        with patch.object(native, "is_present", return_value=by_library):
+            assert decode_capture(data, message_type).tolist() == expected
 
 
 def cut(data: bytes, sizes: list[int]) -> Iterator[bytes]:
@@ -40,7 +42,7 @@ def test_any_message_in_a_mixed_capture(data: bytes, message_type: type[AnyMessa
     block=st.integers(1, 200),
 )
 def test_any_size_of_block(data: bytes, block: int) -> None:
-    with patch.object(bulk, "_BLOCK_SIZE", block):
+    with patch.object(columns, "_BLOCK_SIZE", block):
         check(data, WheelState)
 
 
@@ -49,7 +51,7 @@ def test_any_size_of_block(data: bytes, block: int) -> None:
     sizes=st.lists(st.integers(0, 120), min_size=1, max_size=8),
 )
 def test_any_cutting_into_parts(data: bytes, sizes: list[int]) -> None:
-    expected = [tuple(m) for m in Decoder().feed(data) if type(m) is WheelState]
+    expected = [tuple(m) for m in PythonDecoder().feed(data) if type(m) is WheelState]
     arrays = iter_capture(cut(data, sizes), WheelState)
     assert [row for array in arrays for row in array.tolist()] == expected
 

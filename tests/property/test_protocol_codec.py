@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from support.messages import bodies, definitions, seqs
 from wheelwire_protocol import dtype, types
 from wheelwire_protocol.codec import BY_ID
-from wheelwire_protocol.framing import CRC_RESIDUE, Decoder, encode_frame, encode_payload
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import CRC_RESIDUE, encode_frame, encode_payload
 from wheelwire_protocol.message import Message
 from wheelwire_protocol.messages import MESSAGES
 from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE

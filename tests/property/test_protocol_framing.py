@@ -11,8 +11,8 @@ from wheelwire_protocol.framing import (
     DELIMITER,
     MAX_ENCODED,
     Counters,
-    Decoder,
     Encoder,
+    PythonDecoder,
     encode_frame,
 )
 from wheelwire_protocol.types import AnyMessage, Estop, WheelState
@@ -24,7 +24,7 @@ def cut(data: bytes, at: list[int]) -> list[bytes]:
 
 
 def decode(data: bytes) -> tuple[list[AnyMessage], Counters]:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     return decoder.feed(data), decoder.counters
 
 
@@ -37,7 +37,7 @@ noise = st.one_of(
 
 @given(sent=st.lists(any_message, max_size=8), at=st.lists(st.integers(0, 10_000), max_size=8))
 def test_what_is_sent_arrives_in_any_chunking(sent: list[AnyMessage], at: list[int]) -> None:
-    encoder, decoder = Encoder(), Decoder()
+    encoder, decoder = Encoder(), PythonDecoder()
     stream = b"".join(map(encoder.encode, sent))
     received = [message for part in cut(stream, at) for message in decoder.feed(part)]
     assert received == sent
@@ -46,7 +46,7 @@ def test_what_is_sent_arrives_in_any_chunking(sent: list[AnyMessage], at: list[i
 
 @given(data=noise, at=st.lists(st.integers(0, 10_000), max_size=8))
 def test_chunking_changes_nothing(data: bytes, at: list[int]) -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     received = [message for part in cut(data, at) for message in decoder.feed(part)]
     assert (received, decoder.counters) == decode(data)
 
@@ -61,7 +61,7 @@ def test_every_chunk_is_accounted_for(data: bytes) -> None:
 
 @given(parts=st.lists(st.binary(max_size=200), max_size=20))
 def test_memory_is_bounded(parts: list[bytes]) -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     for part in parts:
         decoder.feed(part)
         assert len(decoder._partial) <= MAX_ENCODED

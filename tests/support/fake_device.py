@@ -8,7 +8,8 @@ from random import Random
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Board, RefusalCode, SupervisorEvent, SupervisorState
-from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TypeVar
 
-from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, WheelState
 

@@ -10,7 +10,7 @@ from wheelwire.faultline import Direction, Faults
 from wheelwire.requests import Answer, RequestMessage
 from wheelwire.samples import WheelSample
 from wheelwire.session import Phase, Session
-from wheelwire_protocol.framing import Decoder
+from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 
 from .fake_device import FakeDevice

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Grows with every change of what is declared here. */
-#define WHEELWIRE_ABI 1
+#define WHEELWIRE_ABI 2
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the messages; as in DeviceHello. */
@@ -89,6 +89,51 @@ WHEELWIRE_EXPORT size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t*
 /* Bytes for the host; returns how many were written to `out`. What is not taken in time is dropped
  * frame by frame, and counted in LinkCounters. */
 WHEELWIRE_EXPORT size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity);
+
+/* The core's decoder, for a host: every message, not only those that a device receives. */
+typedef struct wheelwire_decoder wheelwire_decoder;
+
+/* Frames of one message that follow each other. */
+typedef struct wheelwire_run {
+  uint32_t id;
+  uint32_t frames;
+} wheelwire_run;
+
+/* What ReceiveCounters counts, in its order. */
+typedef struct wheelwire_counters {
+  uint64_t frames;
+  uint64_t bad_crc;
+  uint64_t bad_cobs;
+  uint64_t unknown_id;
+  uint64_t wrong_length;
+  uint64_t seq_lost;
+  uint64_t repeated;
+} wheelwire_counters;
+
+/* Bytes that a frame takes at least, without a body, with one delimiter. */
+#define WHEELWIRE_LEAST_FRAME 9
+
+/* What one call of feed completes is written to `bodies`, the frames' bodies packed one behind the
+ * other, and to `runs`, which messages they are. They outlive the decoder, and have room for what
+ * is fed at most in one call, and 64 bytes more; and for as many runs as that has least frames, and
+ * one more. NULL when out of memory. */
+WHEELWIRE_EXPORT wheelwire_decoder* wheelwire_decoder_create(uint8_t* bodies, wheelwire_run* runs);
+WHEELWIRE_EXPORT void wheelwire_decoder_destroy(wheelwire_decoder* decoder);
+
+/* Decodes what has arrived, cut anywhere. Returns the number of runs. */
+WHEELWIRE_EXPORT size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data,
+                                               size_t size);
+/* Expect any sequence number next: the sender is known to have started anew. */
+WHEELWIRE_EXPORT void wheelwire_decoder_restart_sequence(wheelwire_decoder* decoder);
+/* The line was opened anew: what it had begun is void, too. */
+WHEELWIRE_EXPORT void wheelwire_decoder_restart(wheelwire_decoder* decoder);
+WHEELWIRE_EXPORT void wheelwire_decoder_counters(const wheelwire_decoder* decoder,
+                                                 wheelwire_counters* counters);
+
+/* The bodies of all good frames of message `id` in a capture, packed one behind the other, to
+ * `bodies`, which has room for size bytes. Returns how many frames there were. */
+WHEELWIRE_EXPORT size_t wheelwire_decode_capture(const uint8_t* data, size_t size, uint8_t id,
+                                                 uint8_t* bodies);
 
 #ifdef __cplusplus
 }

@@ -10,9 +10,32 @@ constexpr uint16_t kRepeatWindow = 64;
 
 }  // namespace
 
-void FrameDecoder::give_up_chunk() {
-  if (!overlong_) ++counters_.bad_cobs;
-  overlong_ = true;
+size_t FrameDecoder::feed(const uint8_t* data, size_t size, Frame& frame, bool& complete) {
+  complete = false;
+  size_t taken = 0;
+  while (taken < size && !complete) {
+    const uint8_t* const rest = data + taken;
+    const auto* const delimiter = static_cast<const uint8_t*>(memchr(rest, 0, size - taken));
+    const size_t chunk =
+        delimiter == nullptr ? size - taken : static_cast<size_t>(delimiter - rest);
+    append(rest, chunk);
+    taken += chunk;
+    if (delimiter == nullptr) break;
+    complete = finish_chunk(frame);
+    ++taken;
+  }
+  return taken;
+}
+
+void FrameDecoder::append(const uint8_t* data, size_t size) {
+  const size_t room = kMaxEncoded - size_;
+  if (size > room) {
+    if (!overlong_) ++counters_.bad_cobs;
+    overlong_ = true;
+    size = room;
+  }
+  memcpy(buffer_ + size_, data, size);
+  size_ += size;
 }
 
 bool FrameDecoder::finish_chunk(Frame& frame) {
@@ -50,13 +73,14 @@ bool FrameDecoder::finish_chunk(Frame& frame) {
 /// In place: the payload then begins behind the first code byte. Payloads are too short for the
 /// code 0xff, so each code but the first stands where the payload has a zero.
 bool FrameDecoder::decode_cobs(size_t encoded_size) {
-  size_t code = 0;
-  while (code < encoded_size) {
-    const size_t next_code = code + buffer_[code];
-    buffer_[code] = 0;
-    code = next_code;
+  uint8_t* code = buffer_;
+  uint8_t* const end = buffer_ + encoded_size;
+  while (code < end) {
+    const uint8_t distance = *code;
+    *code = 0;
+    code += distance;
   }
-  return code == encoded_size;
+  return code == end;
 }
 
 void FrameDecoder::check_sequence(uint16_t seq) {

@@ -45,23 +45,28 @@ class FrameDecoder {
   /// `body_size` tells the size of the body of each id that is known here, -1 for any other.
   explicit FrameDecoder(BodySize body_size) : body_size_(body_size) {}
 
+  /// Takes bytes up to the one that completes a good frame, or all of them; returns how many.
+  /// `complete` tells whether such a frame is now in `frame`.
+  size_t feed(const uint8_t* data, size_t size, Frame& frame, bool& complete);
   /// Returns true when `byte` completed a good frame, which is then in `frame`.
   bool feed(uint8_t byte, Frame& frame) {
-    if (byte == 0) return finish_chunk(frame);
-    if (size_ == kMaxEncoded) {
-      give_up_chunk();
-    } else {
-      buffer_[size_++] = byte;
-    }
-    return false;
+    bool complete;
+    feed(&byte, 1, frame, complete);
+    return complete;
   }
   /// Expect any sequence number next.
   void restart_sequence() { sequence_known_ = false; }
+  /// The line was opened anew: what it had begun is void. The counters go on.
+  void restart() {
+    size_ = 0;
+    overlong_ = false;
+    sequence_known_ = false;
+  }
 
   const ReceiveCounters& counters() const { return counters_; }
 
  private:
-  void give_up_chunk();
+  void append(const uint8_t* data, size_t size);
   bool finish_chunk(Frame& frame);
   bool decode_cobs(size_t encoded_size);
   void check_sequence(uint16_t seq);

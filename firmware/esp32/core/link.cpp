@@ -13,12 +13,12 @@ int received_body_size(uint8_t id) { return id < kFirstDeviceId ? body_size(id) 
 Link::Link(ByteStream& line) : line_(line), decoder_(received_body_size) {}
 
 bool Link::receive(Frame& frame) {
-  for (;;) {
-    while (chunk_used_ < chunk_size_) {
-      if (decoder_.feed(chunk_[chunk_used_++], frame)) return true;
-    }
-    if (!refill()) return false;
+  while (chunk_used_ < chunk_size_ || refill()) {
+    bool complete;
+    chunk_used_ += decoder_.feed(chunk_ + chunk_used_, chunk_size_ - chunk_used_, frame, complete);
+    if (complete) return true;
   }
+  return false;
 }
 
 bool Link::refill() {

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from random import Random
 
-from wheelwire_protocol.framing import Decoder
+from wheelwire_protocol.decoder import Decoder
 
 from .profile import Faults
 

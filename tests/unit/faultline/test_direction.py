@@ -7,7 +7,8 @@ from random import Random
 import pytest
 
 from wheelwire.faultline import Direction, Faults
-from wheelwire_protocol.framing import Decoder, Encoder
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import Ping
 
 COUNT = 500

@@ -4,9 +4,15 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from wheelwire_protocol import decode_capture, dtype, iter_capture
-from wheelwire_protocol.framing import Decoder, encode_frame
+from wheelwire_protocol import decode_capture, dtype, iter_capture, native
+from wheelwire_protocol.framing import PythonDecoder, encode_frame
 from wheelwire_protocol.types import Estop, WheelState
+
+
+@pytest.fixture(params=[True, False], ids=["firmware's decoder", "numpy"], autouse=True)
+def with_library(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "is_present", lambda: request.param)
+
 
 FRAME = encode_frame(Estop(session_id=0x1A2B3C4D, request_id=7), 5)
 
@@ -41,6 +47,6 @@ def test_last_code_byte_must_point_to_the_end() -> None:
     last_code = FRAME.rindex(b"\x05")
     for code in range(1, 256):
         capture = FRAME[:last_code] + bytes([code]) + FRAME[last_code + 1 :]
-        streamed = [tuple(message) for message in Decoder().feed(capture)]
+        streamed = [tuple(message) for message in PythonDecoder().feed(capture)]
         assert decode_capture(capture, Estop).tolist() == streamed
         assert bool(streamed) == (code == FRAME[last_code])

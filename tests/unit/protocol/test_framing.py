@@ -6,8 +6,8 @@ from wheelwire_protocol.framing import (
     DELIMITER,
     MAX_ENCODED,
     Counters,
-    Decoder,
     Encoder,
+    PythonDecoder,
     encode_frame,
 )
 from wheelwire_protocol.types import Estop, SetStreamRate
@@ -16,7 +16,7 @@ FRAME = encode_frame(Estop(1, 2), 0)
 
 
 def test_longest_chunk_is_judged_by_its_content() -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     decoder.feed(b"\x01" * MAX_ENCODED)
     assert decoder.counters == Counters()
     decoder.feed(DELIMITER)
@@ -24,7 +24,7 @@ def test_longest_chunk_is_judged_by_its_content() -> None:
 
 
 def test_one_byte_longer_is_counted_before_it_ends() -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     decoder.feed(b"\x01" * MAX_ENCODED)
     for more in (1, 1000, 1000):
         decoder.feed(b"\x01" * more)
@@ -34,13 +34,13 @@ def test_one_byte_longer_is_counted_before_it_ends() -> None:
 
 
 def test_a_good_crc_does_not_excuse_a_payload_without_header() -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     decoder.feed(DELIMITER + b"\x01" * 5 + DELIMITER)  # the CRC of nothing is four zeros
     assert decoder.counters == Counters(bad_cobs=1)
 
 
 def test_restart_sequence_forgets_the_expectation() -> None:
-    decoder = Decoder()
+    decoder = PythonDecoder()
     decoder.feed(FRAME)
     decoder.restart_sequence()
     decoder.feed(encode_frame(Estop(1, 2), 9))
@@ -48,7 +48,7 @@ def test_restart_sequence_forgets_the_expectation() -> None:
 
 
 def test_encoder_counts_frames_modulo_65536() -> None:
-    encoder, decoder = Encoder(), Decoder()
+    encoder, decoder = Encoder(), PythonDecoder()
     for _ in range(65537):
         decoder.feed(encoder.encode(Estop(1, 2)))
     assert decoder.counters == Counters(frames=65537)

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from wheelwire_protocol import types
-from wheelwire_protocol.framing import Decoder, encode_frame, encode_payload
+from wheelwire_protocol.decoder import NativeDecoder
+from wheelwire_protocol.framing import PythonDecoder, encode_frame, encode_payload
 from wheelwire_protocol.messages import MESSAGES
 
+DECODERS = (PythonDecoder, NativeDecoder)
 VECTORS = Path(__file__).parents[3] / "protocol/vectors"
 HANDMADE = json.loads((VECTORS / "handmade.json").read_text("utf-8"))
 GENERATED = json.loads((VECTORS / "generated.json").read_text("utf-8"))
@@ -30,14 +32,18 @@ def test_frame(vector: dict[str, Any]) -> None:
     payload, frame = bytes.fromhex(vector["payload"]), bytes.fromhex(vector["frame"])
     assert encode_payload(message(vector), vector["seq"]) == payload
     assert encode_frame(message(vector), vector["seq"]) == frame
-    assert Decoder().feed(frame) == [message(vector)]
+    for decoder in DECODERS:
+        assert decoder().feed(frame) == [message(vector)]
 
 
 @pytest.mark.parametrize("stream", HANDMADE["streams"], ids=name)
-def test_stream_split_anywhere(stream: dict[str, Any]) -> None:
+@pytest.mark.parametrize("make", DECODERS)
+def test_stream_split_anywhere(
+    stream: dict[str, Any], make: type[PythonDecoder | NativeDecoder]
+) -> None:
     data = bytes.fromhex("".join(stream["bytes"]))
     for split in range(len(data) + 1):
-        decoder = Decoder()
+        decoder = make()
         delivered = decoder.feed(data[:split]) + decoder.feed(data[split:])
         assert delivered == [message(expected) for expected in stream["delivered"]]
         counted = {counter: count for counter, count in asdict(decoder.counters).items() if count}
@@ -50,4 +56,4 @@ def test_every_message_has_vectors() -> None:
 
 def test_every_counter_has_a_stream() -> None:
     counted = {counter for stream in HANDMADE["streams"] for counter in stream["counters"]}
-    assert counted == set(asdict(Decoder().counters))
+    assert counted == set(asdict(PythonDecoder().counters))

@@ -1,0 +1,103 @@
+// The C interface of the core's decoder.
+#include <stdlib.h>
+#include <string.h>
+
+#include <new>
+
+#include "framing.hpp"
+#include "wheelwire_core.h"
+
+using wheelwire::Frame;
+using wheelwire::FrameDecoder;
+
+namespace {
+
+/// Bytes of each id's body; no switch, which would be mispredicted at every frame.
+struct BodySizes {
+  int of[256];
+};
+
+constexpr BodySizes make_body_sizes() {
+  BodySizes sizes{};
+  for (int id = 0; id < 256; ++id) sizes.of[id] = wheelwire::body_size(static_cast<uint8_t>(id));
+  return sizes;
+}
+
+constexpr BodySizes kBodySizes = make_body_sizes();
+
+int body_size(uint8_t id) { return kBodySizes.of[id]; }
+
+}  // namespace
+
+struct wheelwire_decoder {
+  uint8_t* bodies;
+  wheelwire_run* runs;
+  FrameDecoder frames{body_size};
+  wheelwire_counters total{};
+};
+
+wheelwire_decoder* wheelwire_decoder_create(uint8_t* bodies, wheelwire_run* runs) {
+  void* const memory = malloc(sizeof(wheelwire_decoder));
+  if (memory == nullptr) return nullptr;
+  return new (memory) wheelwire_decoder{.bodies = bodies, .runs = runs};
+}
+
+void wheelwire_decoder_destroy(wheelwire_decoder* decoder) { free(decoder); }
+
+size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data, size_t size) {
+  uint8_t* bodies = decoder->bodies;
+  wheelwire_run* const runs = decoder->runs;
+  const wheelwire::ReceiveCounters before = decoder->frames.counters();
+  size_t count = 0;
+  while (size > 0) {
+    Frame frame;
+    bool complete;
+    const size_t taken = decoder->frames.feed(data, size, frame, complete);
+    data += taken;
+    size -= taken;
+    if (!complete) break;
+    if (count == 0 || runs[count - 1].id != frame.id) runs[count++] = {.id = frame.id, .frames = 0};
+    ++runs[count - 1].frames;
+    const auto body = static_cast<size_t>(body_size(frame.id));
+    memcpy(bodies, frame.body, body);
+    bodies += body;
+  }
+  const wheelwire::ReceiveCounters& now = decoder->frames.counters();
+  wheelwire_counters& total = decoder->total;
+  total.frames += now.frames - before.frames;
+  total.bad_crc += now.bad_crc - before.bad_crc;
+  total.bad_cobs += now.bad_cobs - before.bad_cobs;
+  total.unknown_id += now.unknown_id - before.unknown_id;
+  total.wrong_length += now.wrong_length - before.wrong_length;
+  total.seq_lost += now.seq_lost - before.seq_lost;
+  total.repeated += now.repeated - before.repeated;
+  return count;
+}
+
+void wheelwire_decoder_restart_sequence(wheelwire_decoder* decoder) {
+  decoder->frames.restart_sequence();
+}
+
+void wheelwire_decoder_restart(wheelwire_decoder* decoder) { decoder->frames.restart(); }
+
+void wheelwire_decoder_counters(const wheelwire_decoder* decoder, wheelwire_counters* counters) {
+  *counters = decoder->total;
+}
+
+size_t wheelwire_decode_capture(const uint8_t* data, size_t size, uint8_t id, uint8_t* bodies) {
+  FrameDecoder frames(body_size);
+  const auto body = static_cast<size_t>(body_size(id));
+  size_t count = 0;
+  while (size > 0) {
+    Frame frame;
+    bool complete;
+    const size_t taken = frames.feed(data, size, frame, complete);
+    data += taken;
+    size -= taken;
+    if (!complete || frame.id != id) continue;
+    memcpy(bodies, frame.body, body);
+    bodies += body;
+    ++count;
+  }
+  return count;
+}

@@ -1,0 +1,121 @@
+"""Bytes in, typed messages out: `Decoder` is the firmware's own where its library is there.
+
+Where it is not, it is the one in Python, which gives the same messages and counts, more slowly.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import struct
+from itertools import repeat
+from typing import TYPE_CHECKING, Any
+
+from . import native
+from .codec import BY_ID
+from .framing import Counters, PythonDecoder
+from .types import AnyMessage
+
+_PART_SIZE = 1 << 12
+"""Bytes decoded at once: enough to outweigh the call."""
+
+_LEAST_FRAME = 9
+"""Bytes that a frame takes at least; as WHEELWIRE_LEAST_FRAME."""
+_ROOM_BESIDE = 64
+"""Bytes of bodies beyond those fed: a frame's beginning was fed before."""
+
+_Bodies = ctypes.c_uint8 * (_PART_SIZE + _ROOM_BESIDE)
+_Runs = ctypes.c_uint32 * (2 * (_PART_SIZE // _LEAST_FRAME + 1))
+
+_NEW: Any = tuple.__new__
+"""Makes a message of its class and the tuple of its fields, without their names being checked."""
+
+_BODIES = {
+    codec.id: (codec.type, body.size, body.unpack_from, body.iter_unpack)
+    for codec in BY_ID.values()
+    for body in (struct.Struct(f"<{codec.formats}"),)
+}
+
+
+class NativeDecoder:
+    """Bytes in, typed messages out, in any chunking; by the firmware's decoder.
+
+    Not to be used by two threads at once.
+
+    Raises:
+        NativeMissingError: There is no library of this release.
+        MemoryError: There is none left.
+    """
+
+    def __init__(self) -> None:
+        library = native.load()
+        self._feed = library.wheelwire_decoder_feed
+        self._destroy = library.wheelwire_decoder_destroy
+        self._library = library
+        bodies, runs = _Bodies(), _Runs()
+        self._bodies = memoryview(bodies).cast("B")
+        self._runs = memoryview(runs).cast("B").cast("I")
+        self._handle = library.wheelwire_decoder_create(
+            ctypes.addressof(bodies), ctypes.addressof(runs)
+        )
+        if not self._handle:
+            raise MemoryError("no memory for a decoder")
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._destroy(self._handle)
+
+    def feed(self, data: bytes) -> list[AnyMessage]:
+        """Decode what has arrived.
+
+        Args:
+            data: Any number of bytes, cut anywhere.
+
+        Returns:
+            The messages of the frames that were completed by `data`, in order.
+        """
+        size = len(data)
+        if size > _PART_SIZE or type(data) is not bytes:
+            return self._feed_in_parts(memoryview(data))
+        count = self._feed(self._handle, data, size)
+        if count == 0:
+            return []
+        # One frame, or many of one message, is what nearly every call finds.
+        runs, bodies = self._runs, self._bodies
+        message_type, body_size, unpack, iter_unpack = _BODIES[runs[0]]
+        frames = runs[1]
+        if frames == 1:
+            messages = [_NEW(message_type, unpack(bodies))]
+        else:
+            fields = iter_unpack(bodies[: frames * body_size])
+            messages = list(map(_NEW, repeat(message_type), fields))
+        at = frames * body_size
+        for run in range(2, 2 * count, 2):
+            message_type, body_size, unpack, iter_unpack = _BODIES[runs[run]]
+            end = at + runs[run + 1] * body_size
+            messages += map(_NEW, repeat(message_type), iter_unpack(bodies[at:end]))
+            at = end
+        return messages
+
+    def restart_sequence(self) -> None:
+        """Expect any sequence number next: the sender is known to have started anew."""
+        self._library.wheelwire_decoder_restart_sequence(self._handle)
+
+    def restart(self) -> None:
+        """The line was opened anew: what it had begun is void. The counters go on."""
+        self._library.wheelwire_decoder_restart(self._handle)
+
+    @property
+    def counters(self) -> Counters:
+        """What was seen so far."""
+        raw = native.Counters64()
+        self._library.wheelwire_decoder_counters(self._handle, ctypes.byref(raw))
+        return Counters(*(getattr(raw, field[0]) for field in raw._fields_))
+
+    def _feed_in_parts(self, data: memoryview) -> list[AnyMessage]:
+        messages: list[AnyMessage] = []
+        for at in range(0, len(data), _PART_SIZE):
+            messages += self.feed(bytes(data[at : at + _PART_SIZE]))
+        return messages
+
+
+Decoder = NativeDecoder if TYPE_CHECKING or native.is_present() else PythonDecoder
