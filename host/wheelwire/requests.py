@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
@@ -62,6 +63,15 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterList: ParameterEntry,
     LinkCountersGet: LinkCounters,
 }
+
+
+def _subject(message: RequestMessage) -> str:
+    """What a person calls the request."""
+    if not isinstance(message, ParameterSet):
+        return type(message).__name__
+    definition = PARAMETER_BY_ID.get(message.parameter)
+    name = definition.name if definition else f"parameter {message.parameter}"
+    return f"{name} = {message.value:g}"
 
 
 @dataclass
@@ -173,7 +183,7 @@ class RequestQueue:
         request = self._open.get(refuse.reference)
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
-        error = DeviceRefused(refuse.code, type(request.message).__name__)
+        error = DeviceRefused(refuse.code, _subject(request.message))
         self._finish(refuse.reference, error, now_us)
         return True
 

@@ -313,7 +313,7 @@ EVENT = Message(
 LINK_COUNTERS = Message(
     id=0x88,
     name="LinkCounters",
-    doc="What the device's receiver and sender have counted since reset. All wrap.",
+    doc="What the device's receiver, sender and supervisor have counted since reset. All wrap.",
     body=Struct(
         _session(),
         _request(),
@@ -326,6 +326,7 @@ LINK_COUNTERS = Message(
         field("seq_lost", Int32ul, Unit.NONE, "Frames missing by their sequence numbers."),
         field("send_dropped", Int32ul, Unit.NONE, "Frames not sent because the line was full."),
         field("refused", Int32ul, Unit.NONE, "Requests and setpoints refused."),
+        field("faults_tripped", Int16ul, Unit.NONE, "Faults, also those cleared at once."),
     ),
 )
 

@@ -17,12 +17,24 @@ class Kind(enum.Enum):
     SWITCH = "switch"
 
 
+class Changes(enum.Enum):
+    """When the device takes another value. It takes the value that is in force at any time."""
+
+    ALWAYS = "always"
+    """While driving too, from one control period to the next."""
+    STOPPED = "stopped"
+    """Not while driving: safety rests on it, or the controller would jump."""
+    RELEASED = "released"
+    """Nor while an e-stop is latched: it decides whether that e-stop can be cleared."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of the firmware. Bounds are inclusive."""
 
     id: int
     name: str
+    changes: Changes
     unit: Unit
     kind: Kind
     default: float
@@ -32,72 +44,84 @@ class Parameter:
 
 
 def _real(
-    id_: int, name: str, unit: Unit, default: float, low: float, high: float, doc: str
+    id_: int,
+    name: str,
+    changes: Changes,
+    unit: Unit,
+    default: float,
+    low: float,
+    high: float,
+    doc: str,
 ) -> Parameter:
-    return Parameter(id_, name, unit, Kind.REAL, default, low, high, doc)
+    return Parameter(id_, name, changes, unit, Kind.REAL, default, low, high, doc)
 
 
 def _whole(
-    id_: int, name: str, unit: Unit, default: int, low: int, high: int, doc: str
+    id_: int, name: str, changes: Changes, unit: Unit, default: int, low: int, high: int, doc: str
 ) -> Parameter:
-    return Parameter(id_, name, unit, Kind.WHOLE, default, low, high, doc)
+    return Parameter(id_, name, changes, unit, Kind.WHOLE, default, low, high, doc)
 
 
-def _switch(id_: int, name: str, default: bool, doc: str) -> Parameter:
-    return Parameter(id_, name, Unit.NONE, Kind.SWITCH, float(default), 0, 1, doc)
+def _switch(id_: int, name: str, changes: Changes, default: bool, doc: str) -> Parameter:
+    return Parameter(id_, name, changes, Unit.NONE, Kind.SWITCH, float(default), 0, 1, doc)
 
+
+_ALWAYS, _STOPPED, _RELEASED = Changes.ALWAYS, Changes.STOPPED, Changes.RELEASED
 
 # A table reads best in rows.
 # fmt: off
 PARAMETERS: tuple[Parameter, ...] = (
-    _real(1, "wheel_radius", Unit.METRE, 0.033, 0.005, 1, "Radius of the driven wheels."),
-    _real(2, "wheel_separation", Unit.METRE, 0.20, 0.02, 5,
+    _real(1, "wheel_radius", _STOPPED, Unit.METRE, 0.033, 0.005, 1, "Radius of the driven wheels."),
+    _real(2, "wheel_separation", _STOPPED, Unit.METRE, 0.20, 0.02, 5,
           "Between the contact points of the wheels. Kept here so that it travels with the robot."),
-    _whole(3, "counts_per_revolution", Unit.TICK, 360, 4, 200_000,
+    _whole(3, "counts_per_revolution", _STOPPED, Unit.TICK, 360, 4, 200_000,
            "Ticks per wheel turn, after x4 decoding and the gearbox."),
-    _whole(4, "control_rate_hz", Unit.HERTZ, 1000, 100, 5000,
+    _whole(4, "control_rate_hz", _STOPPED, Unit.HERTZ, 1000, 100, 5000,
            "Rate of the control loop. Beyond 1000 it has been run in simulation only."),
-    _whole(5, "pwm_frequency_hz", Unit.HERTZ, 20_000, 100, 40_000,
+    _whole(5, "pwm_frequency_hz", _ALWAYS, Unit.HERTZ, 20_000, 100, 40_000,
            "PWM frequency on the bridge's enable inputs. In force after a restart."),
-    _real(6, "max_velocity_mps", Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
+    _real(6, "max_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
           "Limit of either wheel; beyond it both setpoints are scaled by one factor."),
-    _real(7, "max_acceleration_mps2", Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
+    _real(7, "max_acceleration_mps2", _ALWAYS, Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
           "Slew limit of the velocity setpoints. A stop bypasses it."),
-    _real(8, "max_duty", Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
-    _real(9, "max_duty_rate_per_s", Unit.DUTY_PER_SECOND, 20, 0.5, 1000,
+    _real(8, "max_duty", _ALWAYS, Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
+    _real(9, "max_duty_rate_per_s", _ALWAYS, Unit.DUTY_PER_SECOND, 20, 0.5, 1000,
           "Slew limit of duty setpoints. A stop bypasses it."),
-    _real(10, "proportional_gain", Unit.DUTY_PER_MPS, 1.0, 0, 50, "Of the velocity loop."),
-    _real(11, "integral_gain", Unit.DUTY_PER_METRE, 16.0, 0, 500, "Of the velocity loop."),
-    _real(12, "velocity_feedforward", Unit.DUTY_PER_MPS, 1.447, 0, 50,
+    _real(10, "proportional_gain", _ALWAYS, Unit.DUTY_PER_MPS, 1.0, 0, 50, "Of the velocity loop."),
+    _real(11, "integral_gain", _ALWAYS, Unit.DUTY_PER_METRE, 16.0, 0, 500, "Of the velocity loop."),
+    _real(12, "velocity_feedforward", _ALWAYS, Unit.DUTY_PER_MPS, 1.447, 0, 50,
           "Duty per speed: 1 / no-load speed at the supply less the bridge's drop."),
-    _real(13, "acceleration_feedforward", Unit.DUTY_PER_MPS2, 0.15, 0, 10,
+    _real(13, "acceleration_feedforward", _ALWAYS, Unit.DUTY_PER_MPS2, 0.15, 0, 10,
           "Duty per acceleration: velocity_feedforward x the drive's mechanical time constant."),
-    _real(14, "static_feedforward", Unit.DUTY, 0.04, 0, 0.5,
+    _real(14, "static_feedforward", _ALWAYS, Unit.DUTY, 0.04, 0, 0.5,
           "Dead-band compensation: the duty that just overcomes friction."),
-    _whole(15, "velocity_window_us", Unit.MICROSECOND, 20_000, 1000, 200_000,
+    _whole(15, "velocity_window_us", _ALWAYS, Unit.MICROSECOND, 20_000, 1000, 200_000,
            "Velocity is measured between ticks at least this far apart."),
-    _real(16, "ttl_max_s", Unit.SECOND, 1.0, 0.02, 5,
+    _real(16, "ttl_max_s", _STOPPED, Unit.SECOND, 1.0, 0.02, 5,
           "No setpoint lives longer than this after its arrival."),
-    _whole(17, "stop_mode", Unit.NONE, 2, 1, 2, "1: coast. 2: brake for brake_time_s, then coast."),
-    _real(18, "brake_time_s", Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
-    _real(19, "stall_duty", Unit.DUTY, 0.5, 0.05, 1,
+    _whole(17, "stop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
+           "1: coast. 2: brake for brake_time_s, then coast."),
+    _real(18, "brake_time_s", _STOPPED, Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
+    _real(19, "stall_duty", _STOPPED, Unit.DUTY, 0.5, 0.05, 1,
           "At this duty or more a wheel must count, or NOT_COUNTING trips."),
-    _real(20, "stall_time_s", Unit.SECOND, 0.5, 0.05, 10, "For how long it may not count."),
-    _real(21, "reversal_duty", Unit.DUTY, 0.3, 0.05, 1,
+    _real(20, "stall_time_s", _STOPPED, Unit.SECOND, 0.5, 0.05, 10,
+          "For how long it may not count."),
+    _real(21, "reversal_duty", _STOPPED, Unit.DUTY, 0.3, 0.05, 1,
           "At this duty or more speed must not grow against the drive, or REVERSED trips."),
-    _real(22, "reversal_velocity_mps", Unit.METRE_PER_SECOND, 0.15, 0.01, 5,
+    _real(22, "reversal_velocity_mps", _STOPPED, Unit.METRE_PER_SECOND, 0.15, 0.01, 5,
           "By how much it may grow."),
-    _whole(23, "overrun_limit_us", Unit.MICROSECOND, 20_000, 2000, 1_000_000,
+    _whole(23, "overrun_limit_us", _STOPPED, Unit.MICROSECOND, 20_000, 2000, 1_000_000,
            "A control step this late trips CONTROL_OVERRUN."),
-    _switch(24, "left_motor_inverted", False, "Forward is IN2 high."),
-    _switch(25, "right_motor_inverted", False, "Forward is IN2 high."),
-    _switch(26, "left_encoder_inverted", False, "Forward is B before A."),
-    _switch(27, "right_encoder_inverted", False, "Forward is B before A."),
-    _switch(28, "estop_input_enabled", True,
-            "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop."),
-    _whole(29, "glitch_filter_ns", Unit.NANOSECOND, 1000, 0, 12_787,
+    _switch(24, "left_motor_inverted", _STOPPED, False, "Forward is IN2 high."),
+    _switch(25, "right_motor_inverted", _STOPPED, False, "Forward is IN2 high."),
+    _switch(26, "left_encoder_inverted", _STOPPED, False, "Forward is B before A."),
+    _switch(27, "right_encoder_inverted", _STOPPED, False, "Forward is B before A."),
+    _switch(28, "estop_input_enabled", _RELEASED, True,
+            "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop. "
+            "Where none is fitted, join its pin to ground while you set this to 0."),
+    _whole(29, "glitch_filter_ns", _ALWAYS, Unit.NANOSECOND, 1000, 0, 12_787,
            "Shorter encoder pulses are ignored. In force after a restart."),
-    _whole(30, "stream_rate_hz", Unit.HERTZ, 100, 0, 5000,
+    _whole(30, "stream_rate_hz", _ALWAYS, Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
 )
 # fmt: on

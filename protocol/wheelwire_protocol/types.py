@@ -332,7 +332,7 @@ class Event(NamedTuple):
 
 
 class LinkCounters(NamedTuple):
-    """What the device's receiver and sender have counted since reset. All wrap."""
+    """What the device's receiver, sender and supervisor have counted since reset. All wrap."""
 
     session_id: int
     """Nonce XOR boot_id of the session this is in."""
@@ -356,6 +356,8 @@ class LinkCounters(NamedTuple):
     """Frames not sent because the line was full."""
     refused: int
     """Requests and setpoints refused."""
+    faults_tripped: int
+    """Faults, also those cleared at once."""
 
 
 AnyMessage = (
@@ -409,8 +411,8 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x85, ParameterValue, "LHBf"),
     (0x86, ParameterEntry, "LHBBBffff"),
     (0x87, Event, "LLBBBBH"),
-    (0x88, LinkCounters, "LHLLLLLLLLL"),
+    (0x88, LinkCounters, "LHLLLLLLLLLH"),
 )
 """Id, class, and the body in the letters of `struct`, one a field."""
 
-SCHEMA_HASH = 0xBF86E3A7
+SCHEMA_HASH = 0xDBE4F25B

@@ -290,7 +290,7 @@ class FakeDevice:
         if isinstance(request, LinkCountersGet):
             c = self._decoder.counters
             damage = (c.bad_crc, c.bad_cobs, c.unknown_id, c.wrong_length, c.seq_lost)
-            return LinkCounters(*head, c.frames, 0, *damage, 0, 0)
+            return LinkCounters(*head, c.frames, 0, *damage, 0, 0, 0)
         if isinstance(request, ParameterReset):
             self.parameters = {p.id: float(p.default) for p in PARAMETERS}
         elif isinstance(request, SetStreamRate):

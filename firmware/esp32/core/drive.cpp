@@ -48,6 +48,7 @@ uint32_t Drive::latch(const EncoderCounts& counts, const ControlConfig& config) 
 }
 
 void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
+  if (spend_step()) return;
   if (!following_ || mode != mode_) {
     following_ = true;
     mode_ = mode;
@@ -70,10 +71,20 @@ void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& conf
   if (mode == StopMode::kConfigured) mode = config.stop_mode;
   brake_until_us_ = mode == StopMode::kBrake ? now_us + config.brake_time_us : now_us;
   following_ = false;
-  keep_stopped(now_us);
+  stop_began_ = true;
+  left_.coast();
+  right_.coast();
+}
+
+/// True in the first control step after a stop began: that may have been a moment ago.
+bool Drive::spend_step() {
+  const bool spent = stop_began_;
+  stop_began_ = false;
+  return spent;
 }
 
 void Drive::keep_stopped(uint64_t now_us) {
+  if (spend_step()) return;
   if (now_us < brake_until_us_) {
     left_.brake();
     right_.brake();

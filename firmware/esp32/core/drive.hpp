@@ -29,7 +29,8 @@ class Drive {
 
   /// One control step towards the target.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
-  /// Removes the drive at once and begins the stop.
+  /// Removes the drive at once. The outputs stay off for a whole control period at least: a
+  /// bridge's inputs never switch under current.
   void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
   /// One control step of a stop: brakes for its time, then coasts.
   void keep_stopped(uint64_t now_us);
@@ -38,12 +39,15 @@ class Drive {
   const Wheel& right() const { return right_; }
 
  private:
+  bool spend_step();
+
   Wheel left_;
   Wheel right_;
   ControlMode mode_ = ControlMode::kVelocity;
   bool following_ = false;  // else the next setpoint starts from the speed the wheels have
   WheelPair slewed_{};
   uint64_t brake_until_us_ = 0;
+  bool stop_began_ = false;  // since the last control step
 };
 
 }  // namespace wheelwire

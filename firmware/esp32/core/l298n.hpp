@@ -10,8 +10,9 @@ class L298n final : public MotorPort {
  public:
   explicit L298n(BridgePort& pins) : pins_(pins) {}
 
-  /// Call once per control period: a change of direction spends one period with EN low, so that the
-  /// inputs never switch under current.
+  /// Call these two once per control period, and not in the one after a coast() between two: a
+  /// change of direction spends one period with EN low, so that the inputs never switch under
+  /// current.
   void drive(int16_t duty_q15) override;
   void brake() override;
   void coast() override;

@@ -29,15 +29,20 @@ bool Parameters::exists(ParameterId id) {
   return number >= 1 && number <= kParameterCount;
 }
 
-RefusalCode Parameters::set(ParameterId id, float value) {
+RefusalCode Parameters::check(ParameterId id, float value) const {
   if (!exists(id)) return RefusalCode::kUnknownParameter;
   if (!__builtin_isfinite(value)) return RefusalCode::kNotFinite;
   const ParameterSpec& spec = this->spec(id);
   if (value < spec.minimum || value > spec.maximum) return RefusalCode::kOutOfRange;
   if (spec.kind != ParameterKind::kReal && value != static_cast<float>(static_cast<int32_t>(value)))
     return RefusalCode::kNotIntegral;
-  values_[static_cast<size_t>(id) - 1] = value;
   return RefusalCode::kNone;
+}
+
+RefusalCode Parameters::set(ParameterId id, float value) {
+  const RefusalCode refusal = check(id, value);
+  if (refusal == RefusalCode::kNone) values_[static_cast<size_t>(id) - 1] = value;
+  return refusal;
 }
 
 void Parameters::set_defaults() {

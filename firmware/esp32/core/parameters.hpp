@@ -19,7 +19,9 @@ class Parameters {
   float get(ParameterId id) const { return values_[static_cast<size_t>(id) - 1]; }
   bool is_on(ParameterId id) const { return get(id) != 0; }
 
-  /// kNone, or why the value was not taken.
+  /// kNone, or why the parameter cannot have this value.
+  RefusalCode check(ParameterId id, float value) const;
+  /// As `check`, and takes the value.
   RefusalCode set(ParameterId id, float value);
   void set_defaults();
 

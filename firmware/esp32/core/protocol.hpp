@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0xbf86e3a7;
+constexpr uint32_t kHash = 0xdbe4f25b;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -49,10 +49,9 @@ enum class RefusalCode : uint8_t {
   kUnknownParameter = 8,     ///< No such parameter in this firmware; list the parameters.
   kEstopped = 9,             ///< Emergency stop is latched; remove its cause, then clear it.
   kFault = 10,               ///< A fault is latched; remove its cause, then clear it.
-  kCausePresent =
-      11,             ///< The cause still lasts; release the e-stop button or mend the fault first.
-  kNotStopped = 12,   ///< Not while driving; stop the robot first.
-  kStoreFailed = 13,  ///< The parameter store could not be written; the values hold until a reset.
+  kCausePresent = 11,  ///< The cause still lasts; close the e-stop contact or mend the fault first.
+  kNotStopped = 12,    ///< Not while driving, nor with an e-stop latched; stop, or clear it, first.
+  kStoreFailed = 13,   ///< The parameter store could not be written; the values hold until a reset.
   kRateTooHigh = 14,  ///< More than the control rate or the line carries; ask for less or raise it.
   kNotIntegral = 15,  ///< This parameter takes whole numbers only.
   kBooting = 16,      ///< The device is still starting; try again in a moment.
@@ -866,10 +865,10 @@ struct Event {
   }
 };
 
-/// What the device's receiver and sender have counted since reset. All wrap.
+/// What the device's receiver, sender and supervisor have counted since reset. All wrap.
 struct LinkCounters {
   static constexpr uint8_t kId = 0x88;
-  static constexpr size_t kSize = 42;
+  static constexpr size_t kSize = 44;
 
   uint32_t session_id{};       ///< Nonce XOR boot_id of the session this is in.
   uint16_t request_id{};       ///< Counts up in a session; an answer repeats it.
@@ -882,6 +881,7 @@ struct LinkCounters {
   uint32_t seq_lost{};         ///< Frames missing by their sequence numbers.
   uint32_t send_dropped{};     ///< Frames not sent because the line was full.
   uint32_t refused{};          ///< Requests and setpoints refused.
+  uint16_t faults_tripped{};   ///< Faults, also those cleared at once.
 
   bool operator==(const LinkCounters&) const = default;
 
@@ -898,6 +898,7 @@ struct LinkCounters {
     wire::put(out, seq_lost);
     wire::put(out, send_dropped);
     wire::put(out, refused);
+    wire::put(out, faults_tripped);
   }
 
   /// Reads kSize bytes.
@@ -914,6 +915,7 @@ struct LinkCounters {
     wire::get(in, message.seq_lost);
     wire::get(in, message.send_dropped);
     wire::get(in, message.refused);
+    wire::get(in, message.faults_tripped);
     return message;
   }
 };
@@ -1013,6 +1015,7 @@ enum class ParameterId : uint8_t {
   kRightEncoderInverted = 27,  ///< Forward is B before A.
   kEstopInputEnabled =
       28,  ///< The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop.
+           ///< Where none is fitted, join its pin to ground while you set this to 0.
   kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. In force after a restart. [ns]
   kStreamRateHz = 30,    ///< Rate of WheelState when a session opens. [Hz]
 };
@@ -1023,9 +1026,17 @@ enum class ParameterKind : uint8_t {
   kSwitch,
 };
 
+/// When the device takes another value.
+enum class ParameterChanges : uint8_t {
+  kAlways,
+  kStopped,
+  kReleased,
+};
+
 struct ParameterSpec {
   ParameterId id;
   ParameterKind kind;
+  ParameterChanges changes;
   float default_value;
   float minimum;
   float maximum;
@@ -1033,36 +1044,61 @@ struct ParameterSpec {
 
 constexpr size_t kParameterCount = 30;
 constexpr ParameterSpec kParameters[kParameterCount] = {
-    {ParameterId::kWheelRadius, ParameterKind::kReal, 0.033f, 0.005f, 1.0f},
-    {ParameterId::kWheelSeparation, ParameterKind::kReal, 0.2f, 0.02f, 5.0f},
-    {ParameterId::kCountsPerRevolution, ParameterKind::kWhole, 360.0f, 4.0f, 200000.0f},
-    {ParameterId::kControlRateHz, ParameterKind::kWhole, 1000.0f, 100.0f, 5000.0f},
-    {ParameterId::kPwmFrequencyHz, ParameterKind::kWhole, 20000.0f, 100.0f, 40000.0f},
-    {ParameterId::kMaxVelocityMps, ParameterKind::kReal, 0.4f, 0.01f, 10.0f},
-    {ParameterId::kMaxAccelerationMps2, ParameterKind::kReal, 1.5f, 0.05f, 100.0f},
-    {ParameterId::kMaxDuty, ParameterKind::kReal, 1.0f, 0.1f, 1.0f},
-    {ParameterId::kMaxDutyRatePerS, ParameterKind::kReal, 20.0f, 0.5f, 1000.0f},
-    {ParameterId::kProportionalGain, ParameterKind::kReal, 1.0f, 0.0f, 50.0f},
-    {ParameterId::kIntegralGain, ParameterKind::kReal, 16.0f, 0.0f, 500.0f},
-    {ParameterId::kVelocityFeedforward, ParameterKind::kReal, 1.447f, 0.0f, 50.0f},
-    {ParameterId::kAccelerationFeedforward, ParameterKind::kReal, 0.15f, 0.0f, 10.0f},
-    {ParameterId::kStaticFeedforward, ParameterKind::kReal, 0.04f, 0.0f, 0.5f},
-    {ParameterId::kVelocityWindowUs, ParameterKind::kWhole, 20000.0f, 1000.0f, 200000.0f},
-    {ParameterId::kTtlMaxS, ParameterKind::kReal, 1.0f, 0.02f, 5.0f},
-    {ParameterId::kStopMode, ParameterKind::kWhole, 2.0f, 1.0f, 2.0f},
-    {ParameterId::kBrakeTimeS, ParameterKind::kReal, 1.0f, 0.0f, 5.0f},
-    {ParameterId::kStallDuty, ParameterKind::kReal, 0.5f, 0.05f, 1.0f},
-    {ParameterId::kStallTimeS, ParameterKind::kReal, 0.5f, 0.05f, 10.0f},
-    {ParameterId::kReversalDuty, ParameterKind::kReal, 0.3f, 0.05f, 1.0f},
-    {ParameterId::kReversalVelocityMps, ParameterKind::kReal, 0.15f, 0.01f, 5.0f},
-    {ParameterId::kOverrunLimitUs, ParameterKind::kWhole, 20000.0f, 2000.0f, 1000000.0f},
-    {ParameterId::kLeftMotorInverted, ParameterKind::kSwitch, 0.0f, 0.0f, 1.0f},
-    {ParameterId::kRightMotorInverted, ParameterKind::kSwitch, 0.0f, 0.0f, 1.0f},
-    {ParameterId::kLeftEncoderInverted, ParameterKind::kSwitch, 0.0f, 0.0f, 1.0f},
-    {ParameterId::kRightEncoderInverted, ParameterKind::kSwitch, 0.0f, 0.0f, 1.0f},
-    {ParameterId::kEstopInputEnabled, ParameterKind::kSwitch, 1.0f, 0.0f, 1.0f},
-    {ParameterId::kGlitchFilterNs, ParameterKind::kWhole, 1000.0f, 0.0f, 12787.0f},
-    {ParameterId::kStreamRateHz, ParameterKind::kWhole, 100.0f, 0.0f, 5000.0f},
+    {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
+     1.0f},
+    {ParameterId::kWheelSeparation, ParameterKind::kReal, ParameterChanges::kStopped, 0.2f, 0.02f,
+     5.0f},
+    {ParameterId::kCountsPerRevolution, ParameterKind::kWhole, ParameterChanges::kStopped, 360.0f,
+     4.0f, 200000.0f},
+    {ParameterId::kControlRateHz, ParameterKind::kWhole, ParameterChanges::kStopped, 1000.0f,
+     100.0f, 5000.0f},
+    {ParameterId::kPwmFrequencyHz, ParameterKind::kWhole, ParameterChanges::kAlways, 20000.0f,
+     100.0f, 40000.0f},
+    {ParameterId::kMaxVelocityMps, ParameterKind::kReal, ParameterChanges::kAlways, 0.4f, 0.01f,
+     10.0f},
+    {ParameterId::kMaxAccelerationMps2, ParameterKind::kReal, ParameterChanges::kAlways, 1.5f,
+     0.05f, 100.0f},
+    {ParameterId::kMaxDuty, ParameterKind::kReal, ParameterChanges::kAlways, 1.0f, 0.1f, 1.0f},
+    {ParameterId::kMaxDutyRatePerS, ParameterKind::kReal, ParameterChanges::kAlways, 20.0f, 0.5f,
+     1000.0f},
+    {ParameterId::kProportionalGain, ParameterKind::kReal, ParameterChanges::kAlways, 1.0f, 0.0f,
+     50.0f},
+    {ParameterId::kIntegralGain, ParameterKind::kReal, ParameterChanges::kAlways, 16.0f, 0.0f,
+     500.0f},
+    {ParameterId::kVelocityFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 1.447f,
+     0.0f, 50.0f},
+    {ParameterId::kAccelerationFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.15f,
+     0.0f, 10.0f},
+    {ParameterId::kStaticFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.04f, 0.0f,
+     0.5f},
+    {ParameterId::kVelocityWindowUs, ParameterKind::kWhole, ParameterChanges::kAlways, 20000.0f,
+     1000.0f, 200000.0f},
+    {ParameterId::kTtlMaxS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.02f, 5.0f},
+    {ParameterId::kStopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 2.0f},
+    {ParameterId::kBrakeTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.0f, 5.0f},
+    {ParameterId::kStallDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.05f, 1.0f},
+    {ParameterId::kStallTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.05f,
+     10.0f},
+    {ParameterId::kReversalDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.3f, 0.05f,
+     1.0f},
+    {ParameterId::kReversalVelocityMps, ParameterKind::kReal, ParameterChanges::kStopped, 0.15f,
+     0.01f, 5.0f},
+    {ParameterId::kOverrunLimitUs, ParameterKind::kWhole, ParameterChanges::kStopped, 20000.0f,
+     2000.0f, 1000000.0f},
+    {ParameterId::kLeftMotorInverted, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f,
+     0.0f, 1.0f},
+    {ParameterId::kRightMotorInverted, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f,
+     0.0f, 1.0f},
+    {ParameterId::kLeftEncoderInverted, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f,
+     0.0f, 1.0f},
+    {ParameterId::kRightEncoderInverted, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f,
+     0.0f, 1.0f},
+    {ParameterId::kEstopInputEnabled, ParameterKind::kSwitch, ParameterChanges::kReleased, 1.0f,
+     0.0f, 1.0f},
+    {ParameterId::kGlitchFilterNs, ParameterKind::kWhole, ParameterChanges::kAlways, 1000.0f, 0.0f,
+     12787.0f},
+    {ParameterId::kStreamRateHz, ParameterKind::kWhole, ParameterChanges::kAlways, 100.0f, 0.0f,
+     5000.0f},
 };
 
 struct PlatformDefault {

@@ -19,31 +19,41 @@ void Robot::start(uint64_t now_us) {
 }
 
 void Robot::step(uint64_t now_us) {
+  if (parameters_changed_) apply_parameters();
   const EncoderCounts counts = hal_.encoders.latch();
   encoder_us_ = counts.t_us;
-  faults_ |= drive_.latch(counts, config_);
-  check_timing(now_us);
+  // Before the link is read: what it says may clear a fault only once that has been told.
+  trip(drive_.latch(counts, config_) | check_timing(now_us), now_us);
   service_link(now_us);
-  supervise(now_us);
+  check_contact(now_us);
+  check_deadline(now_us);
   actuate(now_us);
   stream_state(now_us);
 }
 
 void Robot::report_driver_failure() { driver_failed_ = true; }
 
-void Robot::check_timing(uint64_t now_us) {
+uint32_t Robot::check_timing(uint64_t now_us) {
   const uint64_t elapsed_us = now_us - last_step_us_;
   last_step_us_ = now_us;
   if (elapsed_us > config_.period_us + config_.period_us / 2) ++overruns_;
   // Standing still, a late step (a flash write, say) hurts nobody.
-  if (supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us)
-    faults_ |= fault::kControlOverrun;
+  const bool fails = supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us;
+  return fails ? fault::kControlOverrun : 0;
 }
 
-void Robot::supervise(uint64_t now_us) {
-  if (driver_failed_) faults_ |= fault::kDriverFailed;
+void Robot::trip(uint32_t faults, uint64_t now_us) {
+  if (driver_failed_) faults |= fault::kDriverFailed;
+  if ((faults & ~faults_) != 0) ++faults_tripped_;
+  faults_ |= faults;
   if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
+}
+
+void Robot::check_contact(uint64_t now_us) {
   if (config_.estop_input_enabled && hal_.estop.is_open()) apply(SupervisorEvent::kEstop, now_us);
+}
+
+void Robot::check_deadline(uint64_t now_us) {
   if (supervisor_.may_drive() && now_us >= setpoint_.deadline_us)
     apply(SupervisorEvent::kDeadline, now_us);
 }
@@ -102,7 +112,18 @@ void Robot::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
   next_state_us_ = now_us;
 }
 
-void Robot::apply_parameters() { config_ = make_config(parameters_); }
+/// While driving only at the beginning of a control step, so that each works with one
+/// configuration.
+void Robot::apply_parameters() {
+  parameters_changed_ = false;
+  config_ = make_config(parameters_);
+  setpoint_.target = limited(setpoint_.mode, setpoint_.asked);
+}
+
+WheelPair Robot::limited(ControlMode mode, WheelPair asked) const {
+  return scale_to_limit(
+      asked, mode == ControlMode::kVelocity ? config_.max_velocity_umps : config_.gains.limit_q15);
+}
 
 /// A host that connects is told once a session what became of its saved parameters.
 void Robot::announce_store() {

@@ -61,18 +61,22 @@ class Robot {
  private:
   struct Setpoint {
     ControlMode mode;
-    WheelPair target;
+    WheelPair asked;
+    WheelPair target;  ///< Within the limits.
     uint64_t deadline_us;
     uint32_t command_seq;
   };
 
   // robot.cpp: what happens every control step.
-  void check_timing(uint64_t now_us);
-  void supervise(uint64_t now_us);
+  uint32_t check_timing(uint64_t now_us);
+  void trip(uint32_t faults, uint64_t now_us);
+  void check_contact(uint64_t now_us);
+  void check_deadline(uint64_t now_us);
   void actuate(uint64_t now_us);
   void stream_state(uint64_t now_us);
   void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
   void apply_parameters();
+  WheelPair limited(ControlMode mode, WheelPair asked) const;
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
   void announce_store();
 
@@ -86,7 +90,9 @@ class Robot {
   void on(const Ping& ping, uint64_t now_us);
   RefusalCode admit(uint64_t expiry_us, uint64_t now_us) const;
   template <typename Message>
-  void obey(const Message& message, ControlMode mode, WheelPair target, uint64_t now_us);
+  bool take(const Message& message);
+  template <typename Message>
+  void obey(const Message& message, ControlMode mode, WheelPair asked, uint64_t now_us);
   template <typename Request>
   void on_request(const Request& request, uint64_t now_us);
 
@@ -124,7 +130,9 @@ class Robot {
   Drive drive_;
   Setpoint setpoint_{};
   Parameters::Load store_state_ = Parameters::Load::kLoaded;
+  bool parameters_changed_ = false;  // and not in force yet
   uint32_t faults_ = 0;
+  uint16_t faults_tripped_ = 0;
   bool driver_failed_ = false;
   uint64_t last_step_us_ = 0;
   uint64_t encoder_us_ = 0;

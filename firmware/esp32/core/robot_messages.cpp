@@ -101,28 +101,36 @@ void Robot::on(const Estop& estop, uint64_t now_us) {
 // -------------------------------------------------------------------------------------
 
 void Robot::on(const SetWheelVelocity& message, uint64_t now_us) {
+  if (!take(message)) return;
   if (!__builtin_isfinite(message.left_mps) || !__builtin_isfinite(message.right_mps))
     return refuse(message, message.command_seq, RefusalCode::kNotFinite);
-  const WheelPair target{to_umps(message.left_mps), to_umps(message.right_mps)};
-  obey(message, ControlMode::kVelocity, scale_to_limit(target, config_.max_velocity_umps), now_us);
+  obey(message, ControlMode::kVelocity, {to_umps(message.left_mps), to_umps(message.right_mps)},
+       now_us);
 }
 
 void Robot::on(const SetDuty& message, uint64_t now_us) {
-  const WheelPair target{message.left_duty_q15, message.right_duty_q15};
-  obey(message, ControlMode::kDuty, scale_to_limit(target, config_.gains.limit_q15), now_us);
+  if (!take(message)) return;
+  obey(message, ControlMode::kDuty, {message.left_duty_q15, message.right_duty_q15}, now_us);
+}
+
+/// True for a setpoint of this session that is newer than all before it. It is that also when it is
+/// refused afterwards: no repeat of it, after a ClearEstop say, is looked at again.
+template <typename Message>
+bool Robot::take(const Message& message) {
+  if (session_.names(message.session_id)) return session_.take_command(message.command_seq);
+  refuse(message, message.command_seq, RefusalCode::kNoSession);
+  return false;
 }
 
 template <typename Message>
-void Robot::obey(const Message& message, ControlMode mode, WheelPair target, uint64_t now_us) {
-  if (!session_.names(message.session_id))
-    return refuse(message, message.command_seq, RefusalCode::kNoSession);
-  if (!session_.take_command(message.command_seq)) return;  // a repeat, or late
+void Robot::obey(const Message& message, ControlMode mode, WheelPair asked, uint64_t now_us) {
   const RefusalCode refusal = admit(message.expiry_us, now_us);
   if (refusal != RefusalCode::kNone) return refuse(message, message.command_seq, refusal);
   const uint64_t longest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = mode,
-      .target = target,
+      .asked = asked,
+      .target = limited(mode, asked),
       .deadline_us = message.expiry_us < longest_us ? message.expiry_us : longest_us,
       .command_seq = message.command_seq,
   };
@@ -173,6 +181,7 @@ void Robot::on_request(const Request& request, uint64_t now_us) {
 RefusalCode Robot::carry_out(const ClearEstop&, uint64_t now_us) {
   if (config_.estop_input_enabled && hal_.estop.is_open()) return RefusalCode::kCausePresent;
   apply(SupervisorEvent::kClearEstop, now_us);
+  trip(0, now_us);  // one that was latched below the e-stop
   return RefusalCode::kNone;
 }
 
@@ -192,16 +201,17 @@ RefusalCode Robot::carry_out(const SetStreamRate& request, uint64_t now_us) {
 }
 
 RefusalCode Robot::carry_out(const ParameterSave&, uint64_t) {
-  if (supervisor_.state() == SupervisorState::kBoot) return RefusalCode::kBooting;
-  if (supervisor_.may_drive()) return RefusalCode::kNotStopped;
+  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
+  if (refusal != RefusalCode::kNone) return refusal;
   if (!parameters_.save(hal_.store)) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kLoaded;
   return RefusalCode::kNone;
 }
 
-RefusalCode Robot::carry_out(const ParameterReset&, uint64_t) {
-  if (supervisor_.state() == SupervisorState::kBoot) return RefusalCode::kBooting;
-  if (supervisor_.may_drive()) return RefusalCode::kNotStopped;
+RefusalCode Robot::carry_out(const ParameterReset&, uint64_t now_us) {
+  check_contact(now_us);
+  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kReleased);
+  if (refusal != RefusalCode::kNone) return refusal;
   parameters_.set_defaults();
   apply_parameters();
   if (!hal_.store.erase()) return RefusalCode::kStoreFailed;
@@ -215,11 +225,17 @@ RefusalCode Robot::carry_out(const ParameterGet& request, uint64_t) {
              : RefusalCode::kUnknownParameter;
 }
 
-RefusalCode Robot::carry_out(const ParameterSet& request, uint64_t) {
-  const RefusalCode refusal =
-      parameters_.set(static_cast<ParameterId>(request.parameter), request.value);
-  if (refusal == RefusalCode::kNone) apply_parameters();
-  return refusal;
+RefusalCode Robot::carry_out(const ParameterSet& request, uint64_t now_us) {
+  const auto id = static_cast<ParameterId>(request.parameter);
+  RefusalCode refusal = parameters_.check(id, request.value);
+  if (refusal != RefusalCode::kNone || request.value == parameters_.get(id)) return refusal;
+  check_contact(now_us);  // it may have opened since the last control step
+  refusal = change_refusal(supervisor_.state(), parameters_.spec(id).changes);
+  if (refusal != RefusalCode::kNone) return refusal;
+  parameters_.set(id, request.value);
+  parameters_changed_ = true;
+  if (!supervisor_.may_drive()) apply_parameters();
+  return RefusalCode::kNone;
 }
 
 RefusalCode Robot::carry_out(const ParameterList& request, uint64_t) {
@@ -288,6 +304,7 @@ void Robot::reply(const LinkCountersGet& request) {
                                  .seq_lost = received.seq_lost,
                                  .send_dropped = link_.send_dropped(),
                                  .refused = refused_,
+                                 .faults_tripped = faults_tripped_,
                              });
 }
 

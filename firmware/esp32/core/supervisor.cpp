@@ -41,4 +41,12 @@ RefusalCode setpoint_refusal(SupervisorState state) {
   return RefusalCode::kBooting;
 }
 
+RefusalCode change_refusal(SupervisorState state, ParameterChanges changes) {
+  if (state == kBoot) return RefusalCode::kBooting;
+  const bool allowed =
+      changes == ParameterChanges::kAlways ||
+      (state != kDriving && (state != kEstopped || changes == ParameterChanges::kStopped));
+  return allowed ? RefusalCode::kNone : RefusalCode::kNotStopped;
+}
+
 }  // namespace wheelwire

@@ -14,6 +14,9 @@ SupervisorState next_state(SupervisorState state, SupervisorEvent event);
 /// Why a setpoint is refused in `state`; kNone where it drives.
 RefusalCode setpoint_refusal(SupervisorState state);
 
+/// Why a parameter may not change in `state`; kNone where it may.
+RefusalCode change_refusal(SupervisorState state, ParameterChanges changes);
+
 class Supervisor {
  public:
   SupervisorState state() const { return state_; }

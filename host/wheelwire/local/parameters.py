@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_protocol.parameters import PARAMETERS, Parameter
+from wheelwire_protocol.parameters import PARAMETERS, Changes, Parameter
 
 from ..errors import ConfigurationError, DeviceRefused, WheelwireError
 from ..parameters import ParameterInfo, Parameters, checked_value
@@ -113,6 +113,8 @@ class LocalParameters(Parameters):
         return self._values[definition.name]
 
     def _write(self, definition: Parameter, value: float) -> float:
+        if definition.changes is not Changes.ALWAYS and value != self._values[definition.name]:
+            self._check_stopped(f"{definition.name} = {value:g}")
         with self._lock:
             self._values = {**self._values, definition.name: value}
             self._apply(self._values)

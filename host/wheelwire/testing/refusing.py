@@ -80,6 +80,26 @@ class RefusingTests:
         steady = drill.drive(0.4, 0.0, 1.0)
         assert mean([s.left_mps for s in steady]) == pytest.approx(0.15, rel=CLOSE)
 
+    def test_what_safety_rests_on_does_not_change_while_driving(self, drill: Drill) -> None:
+        parameters = drill.driver.parameters
+        before = {name: parameters[name] for name in ("counts_per_revolution", "ttl_max_s")}
+        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+        for name, value in before.items():
+            drill.driver.set_velocity(SPEED_MPS, 0.0)
+            with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
+                parameters[name] = value * 2
+            assert parameters[name] == value
+            parameters[name] = value
+        drill.driver.stop()
+        parameters["ttl_max_s"] = 0.5
+        assert parameters["ttl_max_s"] == 0.5
+
+    def test_gains_may_change_while_driving(self, drill: Drill) -> None:
+        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+        drill.driver.parameters["integral_gain"] = 12.0
+        assert drill.driver.parameters["integral_gain"] == 12.0
+        assert drill.next().state is SupervisorState.DRIVING
+
     def test_nothing_is_saved_while_driving(self, drill: Drill) -> None:
         drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         with pytest.raises(errors.DeviceRefused, match="driving"):

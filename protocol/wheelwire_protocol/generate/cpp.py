@@ -7,7 +7,7 @@ import enum
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES
-from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
+from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
 from ..schema import PROTOCOL_VERSION
 from .text import banner, constant_name
 from .wire_layout import layout_hash
@@ -90,9 +90,10 @@ def _number(value: float) -> str:
 
 def _parameter_row(parameter: Parameter) -> str:
     kind = constant_name(parameter.kind.value)
+    changes = constant_name(parameter.changes.value)
+    codes = f"ParameterKind::{kind}, ParameterChanges::{changes}"
     numbers = ", ".join(map(_number, (parameter.default, parameter.minimum, parameter.maximum)))
-    name = constant_name(parameter.name)
-    return f"    {{ParameterId::{name}, ParameterKind::{kind}, {numbers}}},"
+    return f"    {{ParameterId::{constant_name(parameter.name)}, {codes}, {numbers}}},"
 
 
 def _parameters() -> list[str]:
@@ -105,9 +106,17 @@ def _parameters() -> list[str]:
     lines += [
         "};",
         "",
+        "/// When the device takes another value.",
+        "enum class ParameterChanges : uint8_t {",
+    ]
+    lines += [f"  {constant_name(changes.value)}," for changes in Changes]
+    lines += [
+        "};",
+        "",
         "struct ParameterSpec {",
         "  ParameterId id;",
         "  ParameterKind kind;",
+        "  ParameterChanges changes;",
         "  float default_value;",
         "  float minimum;",
         "  float maximum;",

@@ -109,6 +109,7 @@ def _parameter_row(parameter: Parameter) -> tuple[str, ...]:
         parameter.kind.value,
         f"{parameter.default:.9g}",
         bounds,
+        parameter.changes.value,
         parameter.doc,
     )
 
@@ -118,10 +119,11 @@ def _parameters() -> list[str]:
         "## Parameters",
         "",
         "Every value travels as `f32`. A *whole* one takes whole numbers only, a *switch* 0 or 1.",
-        "Bounds are inclusive.",
+        "Bounds are inclusive. *Changes* says when another value is taken: *always*, or only when",
+        "*stopped*, so not in DRIVING, or *released*, so neither in DRIVING nor in ESTOPPED.",
         "",
         *_table(
-            ("id", "name", "unit", "kind", "default", "bounds", "meaning"),
+            ("id", "name", "unit", "kind", "default", "bounds", "changes", "meaning"),
             map(_parameter_row, PARAMETERS),
         ),
         "Other defaults by board:",

@@ -1,0 +1,238 @@
+// A whole robot on hardware made of variables, and a host that sends exactly what a test says.
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "check.hpp"
+#include "l298n.hpp"
+#include "memory_store.hpp"
+#include "robot.hpp"
+
+namespace wheelwire::test {
+
+/// One half of a bridge. Notes when EN fell, and how long it had been low when the inputs switched.
+class BenchBridge final : public BridgePort {
+ public:
+  explicit BenchBridge(const uint64_t& now_us) : now_us_(now_us) {}
+
+  void set_inputs(bool a, bool b) override {
+    if (enable != 0) switched_under_current = true;
+    const uint64_t low_us = now_us_ - low_since_us_;
+    if (was_driven_ && low_us < shortest_pause_us) shortest_pause_us = low_us;
+    in1 = a;
+    in2 = b;
+  }
+  void set_enable(uint16_t duty_q15) override {
+    if (enable != 0 && duty_q15 == 0) low_since_us_ = now_us_;
+    was_driven_ |= duty_q15 != 0;
+    enable = duty_q15;
+  }
+
+  bool brakes() const { return in1 == in2 && enable != 0; }
+  /// EN's duty, with the direction's sign; braking and coasting are 0.
+  int duty() const { return in1 == in2 ? 0 : in1 ? enable : -enable; }
+
+  bool in1 = false;
+  bool in2 = false;
+  uint16_t enable = 0;
+  bool switched_under_current = false;
+  uint64_t shortest_pause_us = UINT64_MAX;
+
+ private:
+  const uint64_t& now_us_;
+  uint64_t low_since_us_ = 0;
+  bool was_driven_ = false;
+};
+
+struct BenchEncoders final : EncoderPort {
+  EncoderCounts counts{};
+  EncoderCounts latch() override { return counts; }
+};
+
+struct BenchLine final : ByteStream {
+  std::deque<uint8_t> to_device;
+  std::vector<uint8_t> to_host;
+  size_t room = SIZE_MAX;  ///< Bytes that it still takes.
+  uint32_t rate = 0;
+
+  size_t read(uint8_t* out, size_t capacity) override {
+    size_t size = 0;
+    for (; size < capacity && !to_device.empty(); ++size) {
+      out[size] = to_device.front();
+      to_device.pop_front();
+    }
+    return size;
+  }
+  bool write(const uint8_t* data, size_t size) override {
+    if (size > room) return false;
+    to_host.insert(to_host.end(), data, data + size);
+    return true;
+  }
+  uint32_t bytes_per_second() const override { return rate; }
+};
+
+struct BenchContact final : EstopInput {
+  bool open = false;
+  bool is_open() override { return open; }
+};
+
+struct BenchBattery final : BatterySense {
+  uint16_t millivolts() override { return 7400; }
+};
+
+class RobotBench {
+ public:
+  static constexpr uint64_t kPeriodUs = 1000;
+  static constexpr uint32_t kNonce = 0x1234;
+  static constexpr uint32_t kBootId = 0xab00;
+
+  /// `start_us`: the device's clock at the start.
+  explicit RobotBench(uint64_t start_us = 1'000'000) : now_us(start_us) {}
+
+  /// Powers up, opens a session and synchronises the clock.
+  RobotBench& open() {
+    start();
+    send(hello(kNonce));
+    send(Ping{session_id(), ++request_id, 0});
+    step();
+    received.clear();
+    return *this;
+  }
+  void start() {
+    robot.start(now_us);
+    step();
+  }
+
+  uint32_t session_id() const { return kNonce ^ kBootId; }
+  static Hello hello(uint32_t nonce) {
+    return {.nonce = nonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash};
+  }
+
+  /// Puts a frame on the line, for the next `step` or `service`.
+  template <typename Message>
+  void send(const Message& message) {
+    uint8_t body[Message::kSize];
+    message.encode(body);
+    uint8_t frame[kMaxFrame];
+    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
+    line.to_device.insert(line.to_device.end(), frame, frame + size);
+  }
+  /// Sends a request under the session's next id, lets the device read it, and returns the answer.
+  template <typename Answer, typename Request>
+  std::optional<Answer> ask(Request request) {
+    request.session_id = session_id();
+    request.request_id = ++request_id;
+    send(request);
+    service();
+    for (const Answer& answer : of<Answer>()) {
+      if (reference(answer) == request_id) return answer;
+    }
+    return std::nullopt;
+  }
+  /// Why a request is refused; kNone when it is not.
+  template <typename Request>
+  RefusalCode refusal(const Request& request) {
+    const auto refused = ask<Refuse>(request);
+    return refused ? refused->code : RefusalCode::kNone;
+  }
+  RefusalCode set(ParameterId id, float value) {
+    return refusal(ParameterSet{.parameter = static_cast<uint8_t>(id), .value = value});
+  }
+  RefusalCode clear_fault() { return refusal(ClearFault{}); }
+  RefusalCode clear_estop() { return refusal(ClearEstop{}); }
+
+  SetWheelVelocity velocity(float left_mps, float right_mps, uint64_t ttl_us = 300'000) {
+    return {session_id(), ++command_seq, now_us + ttl_us, left_mps, right_mps};
+  }
+  SetDuty duty(int16_t left_q15, int16_t right_q15, uint64_t ttl_us = 300'000) {
+    return {session_id(), ++command_seq, now_us + ttl_us, left_q15, right_q15};
+  }
+  Stop stop(StopMode mode = StopMode::kConfigured) {
+    return {session_id(), ++request_id, command_seq, mode};
+  }
+  /// Commands a velocity and lets the loop run for a while.
+  void drive(float left_mps, float right_mps, int steps = 20) {
+    send(velocity(left_mps, right_mps));
+    run(steps);
+  }
+
+  /// One control period, with a step at its end.
+  void step(uint64_t elapsed_us = kPeriodUs) {
+    now_us += elapsed_us;
+    encoders.counts.t_us = now_us;
+    robot.step(now_us);
+    collect();
+  }
+  void run(int steps) {
+    for (int i = 0; i < steps; ++i) step();
+  }
+  /// The device reads its line between two steps.
+  void service() {
+    robot.service_link(now_us);
+    collect();
+  }
+  /// Both wheels count on.
+  void turn(int left_ticks, int right_ticks) {
+    encoders.counts.left = static_cast<int16_t>(encoders.counts.left + left_ticks);
+    encoders.counts.right = static_cast<int16_t>(encoders.counts.right + right_ticks);
+  }
+
+  template <typename Message>
+  std::vector<Message> of() const {
+    std::vector<Message> found;
+    for (const auto& [id, body] : received) {
+      if (id == Message::kId) found.push_back(Message::decode(body.data()));
+    }
+    return found;
+  }
+  bool driven() const { return left.duty() != 0 || right.duty() != 0; }
+  SupervisorState state() const { return robot.state(); }
+
+  uint64_t now_us;
+  BenchBridge left{now_us};
+  BenchBridge right{now_us};
+  BenchEncoders encoders;
+  BenchLine line;
+  MemoryStore store;
+  BenchContact contact;
+  BenchBattery battery;
+  L298n left_motor{left};
+  L298n right_motor{right};
+  Robot robot{{left_motor, right_motor, encoders, line, store, contact, battery},
+              {.boot_id = kBootId,
+               .reset_reason = ResetReason::kPowerOn,
+               .board = Board::kSimulated,
+               .board_id = 7,
+               .capabilities = 0,
+               .version_major = 0,
+               .version_minor = 1,
+               .version_patch = 0,
+               .git_hash = 0}};
+  std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
+  uint16_t request_id = 0;
+  uint32_t command_seq = 0;
+
+ private:
+  static uint32_t reference(const Refuse& refuse) { return refuse.reference; }
+  template <typename Answer>
+  static uint32_t reference(const Answer& answer) {
+    return answer.request_id;
+  }
+
+  void collect() {
+    Frame frame{};
+    for (const uint8_t byte : line.to_host) {
+      if (!decoder_.feed(byte, frame)) continue;
+      const auto size = static_cast<size_t>(body_size(frame.id));
+      received.emplace_back(frame.id, std::vector<uint8_t>(frame.body, frame.body + size));
+    }
+    line.to_host.clear();
+  }
+
+  FrameDecoder decoder_{body_size};
+  uint16_t seq_ = 0;
+};
+
+}  // namespace wheelwire::test

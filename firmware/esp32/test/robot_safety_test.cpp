@@ -1,0 +1,281 @@
+// Stops, faults, the e-stop and what may change meanwhile, at the robot's pins.
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+/// Every parameter with a value other than the one in force, and within its bounds.
+float another_value(const ParameterSpec& spec) {
+  return spec.default_value == spec.minimum ? spec.maximum : spec.minimum;
+}
+
+template <typename Visit>
+void for_each_parameter(Visit&& visit) {
+  for (const ParameterSpec& spec : kParameters) visit(spec);
+}
+
+}  // namespace
+
+// --- a stop that slews
+// -----------------------------------------------------------------------------
+
+TEST(a_stop_in_a_step_leaves_enable_low_for_a_whole_period) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+  bench.send(bench.stop(StopMode::kBrake));
+  bench.step();
+  CHECK(bench.left.enable == 0);
+  bench.run(3);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+  CHECK(bench.right.shortest_pause_us >= RobotBench::kPeriodUs);
+}
+
+TEST(a_stop_between_two_steps_leaves_enable_low_for_a_whole_period) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.now_us += 969;
+  bench.send(bench.stop(StopMode::kBrake));
+  bench.service();
+  CHECK(!bench.driven() && bench.left.enable == 0);
+  bench.step(31);
+  bench.run(3);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+  CHECK(!bench.left.switched_under_current);
+}
+
+TEST(a_stop_and_a_reversal_in_one_read_leave_enable_low_for_a_whole_period) {
+  for (const bool twice : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    bench.send(bench.duty(20'000, 20'000));
+    bench.run(100);
+    CHECK(bench.left.duty() > 10'000);
+    bench.now_us += 969;
+    bench.send(bench.stop(StopMode::kBrake));
+    bench.send(bench.duty(-20'000, -20'000));
+    if (twice) {
+      bench.send(bench.stop(StopMode::kBrake));
+      bench.send(bench.duty(-20'000, -20'000));
+    }
+    bench.service();
+    bench.step(31);
+    bench.run(10);
+    CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
+    CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+    CHECK(!bench.left.switched_under_current);
+  }
+}
+
+TEST(a_deadline_brakes_as_configured_after_a_period_with_enable_low) {
+  RobotBench bench;
+  bench.open();
+  bench.send(bench.velocity(0.2f, 0.2f, 50'000));
+  bench.run(49);
+  CHECK(bench.driven());
+  bench.step();
+  CHECK(!bench.driven() && bench.state() == SupervisorState::kTimedOut);
+  bench.run(2);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  CHECK(bench.left.shortest_pause_us == RobotBench::kPeriodUs);
+  bench.run(1000);
+  CHECK(!bench.left.brakes() && bench.left.enable == 0);
+}
+
+// --- parameters
+// ------------------------------------------------------------------------------------
+
+TEST(every_parameter_says_when_it_may_change_and_is_refused_otherwise) {
+  for_each_parameter([](const ParameterSpec& spec) {
+    using enum RefusalCode;
+    const float value = another_value(spec);
+    RobotBench idle;
+    idle.open();
+    CHECK(idle.set(spec.id, value) == kNone);
+
+    RobotBench driving;
+    driving.open().drive(0.1f, 0.1f);
+    const bool always = spec.changes == ParameterChanges::kAlways;
+    CHECK(driving.set(spec.id, value) == (always ? kNone : kNotStopped));
+    CHECK(driving.set(spec.id, always ? value : spec.default_value) == kNone);
+    CHECK(driving.state() == SupervisorState::kDriving);
+
+    RobotBench latched;
+    latched.open().send(Estop{});
+    latched.step();
+    const bool refused = spec.changes == ParameterChanges::kReleased;
+    CHECK(latched.set(spec.id, value) == (refused ? kNotStopped : kNone));
+    CHECK(latched.set(spec.id, refused ? spec.default_value : value) == kNone);
+  });
+}
+
+TEST(no_parameter_changes_before_the_saved_ones_are_loaded) {
+  RobotBench bench;
+  bench.send(RobotBench::hello(RobotBench::kNonce));
+  bench.service();
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kBooting);
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kBooting);
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kBooting);
+}
+
+TEST(what_must_not_change_while_driving_is_exactly_this) {
+  for_each_parameter([](const ParameterSpec& spec) {
+    switch (spec.id) {
+      case kEstopInputEnabled:
+        return CHECK(spec.changes == ParameterChanges::kReleased);
+      case kWheelRadius:
+      case kWheelSeparation:
+      case kCountsPerRevolution:
+      case kControlRateHz:
+      case kTtlMaxS:
+      case kStopMode:
+      case kBrakeTimeS:
+      case kStallDuty:
+      case kStallTimeS:
+      case kReversalDuty:
+      case kReversalVelocityMps:
+      case kOverrunLimitUs:
+      case kLeftMotorInverted:
+      case kRightMotorInverted:
+      case kLeftEncoderInverted:
+      case kRightEncoderInverted:
+        return CHECK(spec.changes == ParameterChanges::kStopped);
+      default:
+        return;
+    }
+  });
+}
+
+TEST(an_open_contact_cannot_be_switched_off) {
+  RobotBench bench;
+  bench.open();
+  bench.contact.open = true;
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kEstopped);
+  CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kNotStopped);
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
+  CHECK(bench.clear_estop() == RefusalCode::kCausePresent);
+  bench.drive(0.2f, 0.2f);
+  CHECK(!bench.driven());
+}
+
+TEST(a_contact_that_opened_since_the_last_step_cannot_be_switched_off) {
+  for (const bool reset : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    bench.contact.open = true;
+    CHECK((reset ? bench.refusal(ParameterReset{}) : bench.set(kEstopInputEnabled, 0)) ==
+          RefusalCode::kNotStopped);
+    CHECK(bench.state() == SupervisorState::kEstopped);
+  }
+}
+
+TEST(a_closed_contact_can_be_switched_off_and_is_then_ignored) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kNone);
+  bench.contact.open = true;
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(parameters_are_neither_saved_nor_reset_while_driving) {
+  RobotBench bench;
+  bench.open().drive(0.1f, 0.1f);
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNotStopped);
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNotStopped);
+  CHECK(bench.store.block.empty());
+  bench.send(bench.stop());
+  bench.step();
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNone);
+  CHECK(!bench.store.block.empty());
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNone);
+  CHECK(bench.store.block.empty());
+}
+
+TEST(an_estopped_robot_may_be_saved) {
+  RobotBench bench;
+  bench.open().send(Estop{});
+  bench.step();
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNone);
+}
+
+TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
+  RobotBench bench;
+  bench.open();
+  bench.send(bench.duty(20'000, -20'000));
+  bench.run(100);
+  CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -20'000);
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+  CHECK(bench.left.duty() == 20'000);
+  bench.run(40);
+  CHECK(bench.left.duty() == 16'384 && bench.right.duty() == -16'384);
+  CHECK(bench.set(kMaxDuty, 1.0f) == RefusalCode::kNone);
+  bench.run(40);
+  CHECK(bench.left.duty() == 20'000);
+}
+
+TEST(a_limit_and_a_setpoint_in_one_read_are_taken_in_their_order) {
+  for (const bool driving : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    if (driving) bench.drive(0.1f, 0.1f);
+    bench.send(
+        ParameterSet{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty), 0.5f});
+    bench.send(bench.duty(30'000, 30'000));
+    bench.service();
+    bench.run(100);
+    CHECK(bench.left.duty() == 16'384);
+  }
+}
+
+// --- faults
+// ----------------------------------------------------------------------------------------
+
+TEST(a_fault_of_one_step_is_told_and_counted_though_clears_are_waiting) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.received.clear();
+  for (int i = 0; i < 3; ++i) bench.send(ClearFault{bench.session_id(), ++bench.request_id});
+  bench.step(50'000);  // CONTROL_OVERRUN
+  CHECK(!bench.driven());
+  const auto events = bench.of<Event>();
+  CHECK(events.size() == 2);
+  CHECK(events[0].after == SupervisorState::kFault);
+  CHECK(events[0].faults == fault::kControlOverrun);
+  CHECK(events[1].after == SupervisorState::kIdle);
+  CHECK(bench.of<Ack>().size() == 3);
+  CHECK(bench.ask<LinkCounters>(LinkCountersGet{})->faults_tripped == 1);
+}
+
+TEST(a_fault_is_counted_once_however_long_it_lasts) {
+  RobotBench bench;
+  bench.open();
+  bench.robot.report_driver_failure();
+  bench.run(10);
+  CHECK(bench.state() == SupervisorState::kFault);
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+  CHECK(bench.ask<LinkCounters>(LinkCountersGet{})->faults_tripped == 1);
+}
+
+TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.step(50'000);
+  bench.send(Estop{});
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kEstopped);
+  bench.send(ClearEstop{bench.session_id(), ++bench.request_id});
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.service();
+  CHECK(bench.state() == SupervisorState::kFault);
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  bench.step();
+  CHECK(!bench.driven());
+}
