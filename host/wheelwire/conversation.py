@@ -21,7 +21,7 @@ from wheelwire_protocol.types import (
 )
 
 from .errors import InvalidCommand, WheelwireError
-from .requests import ID_MODULUS, Answer, RequestQueue
+from .requests import Answer, RequestQueue
 from .sampler import Sampler
 from .samples import WheelSample
 from .setpoints import SETPOINT_IDS, Setpoint, SetpointSender
@@ -54,24 +54,24 @@ class Conversation:
         """Parameter id -> the newest value that the device reported in this session."""
         self.round_trips_us: list[int] = []
         """The last `ROUND_TRIPS`, in no order: a list, which other threads can copy in one step."""
-        self.requests = RequestQueue(send, self._next_id)
+        self.requests = RequestQueue(send)
         self.setpoints = SetpointSender(send)
         self.sampler = Sampler()
-        self.synchroniser = Synchroniser(0, send, self._next_id, 0)
+        self.synchroniser = Synchroniser(0, send, 0)
         self._send = send
         self._tally = tally
-        self._session_id = self._request_id = 0
+        self._session_id = 0
         self._state_us = 0
         self._oldest_round_trip = 0
 
     def begin(self, session_id: int, now_us: int) -> None:
         """A session was opened."""
         self._session_id = session_id
-        self._request_id = 0
         self._state_us = now_us
         self.values.clear()
+        self.requests.begin_session()
         self.setpoints.begin_session()
-        self.synchroniser = Synchroniser(session_id, self._send, self._next_id, now_us)
+        self.synchroniser = Synchroniser(session_id, self._send, now_us)
         self.synchroniser.ping(now_us)
 
     def end(self, error: WheelwireError) -> None:
@@ -181,7 +181,3 @@ class Conversation:
         quiet_us = heard_us + (QUIET_US if streams else IDLE_QUIET_US)
         earliest_us = self.synchroniser.sent_us + QUIET_PERIOD_US
         return min(self.synchroniser.due_us, max(quiet_us, earliest_us))
-
-    def _next_id(self) -> int:
-        self._request_id = (self._request_id + 1) % ID_MODULUS
-        return self._request_id

@@ -56,6 +56,7 @@ ATTEMPTS = 12
 URGENT_ATTEMPTS = 40
 """In a second. A stop's waits do not grow: each copy is carried out, and harmless."""
 ID_MODULUS = 1 << 16
+_URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
 _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterGet: ParameterValue,
@@ -85,21 +86,22 @@ class _Request:
 
 @dataclass
 class RequestQueue:
-    """The requests of one session.
+    """The requests of one session after the other.
 
     Stop and Estop do not queue: the device neither caches nor orders them. The others go one at a
-    time, for the device remembers only its last few answers.
+    time, for the device remembers only its last few answers. Each kind counts its ids by itself:
+    after 32768 stops in a row the device would take the next request's for an old one.
 
     Args:
         send: Takes a message for the line.
-        next_id: The session's next request id.
     """
 
     send: Callable[[AnyMessage], None]
-    next_id: Callable[[], int]
     repeated: int = 0
     _waiting: deque[_Request] = field(default_factory=deque)
-    _open: dict[int, _Request] = field(default_factory=dict)
+    _open: dict[tuple[bool, int], _Request] = field(default_factory=dict)
+    """(urgent, request_id) -> what is not answered yet."""
+    _last_ids: dict[bool, int] = field(default_factory=dict)
 
     @property
     def waits_in_order(self) -> bool:
@@ -110,6 +112,10 @@ class RequestQueue:
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
         return min((r.deadline_us for r in self._open.values()), default=None)
+
+    def begin_session(self) -> None:
+        """Count ids from the start: the device has forgotten the former session's."""
+        self._last_ids.clear()
 
     def submit(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send `message`, now or after those before it; its request_id is filled in.
@@ -151,8 +157,8 @@ class RequestQueue:
 
     def advance(self, now_us: int) -> None:
         """Repeat what has waited long enough; give up what was repeated often enough."""
-        for request_id, request in list(self._open.items()):
-            if request.deadline_us > now_us or request_id not in self._open:
+        for key, request in list(self._open.items()):
+            if request.deadline_us > now_us or key not in self._open:
                 continue  # not due, or ended by what an earlier one's `done` did
             if request.attempts < (URGENT_ATTEMPTS if request.urgent else ATTEMPTS):
                 self.repeated += 1
@@ -163,11 +169,13 @@ class RequestQueue:
                     f"no answer to {name} after {request.attempts} attempts: "
                     "look at the link's statistics, and whether the device still runs"
                 )
-                self._finish(request_id, error, now_us)
+                self._finish(key, error, now_us)
 
     def on_answer(self, answer: Answer, now_us: int) -> bool:
         """Take an answer of this session; False when no open request expects it."""
-        request = self._open.get(answer.request_id)
+        urgent = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
+        key = urgent, answer.request_id
+        request = self._open.get(key)
         if request is None:
             return False
         expected = _ANSWER_TYPES.get(type(request.message), Ack)
@@ -175,16 +183,17 @@ class RequestQueue:
             return False
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
             return False
-        self._finish(answer.request_id, answer, now_us)
+        self._finish(key, answer, now_us)
         return True
 
     def on_refuse(self, refuse: Refuse, now_us: int) -> bool:
         """Take a refusal of this session; False when it refuses no open request."""
-        request = self._open.get(refuse.reference)
+        key = refuse.message_id in _URGENT_IDS, refuse.reference
+        request = self._open.get(key)
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
         error = DeviceRefused(refuse.code, _subject(request.message))
-        self._finish(refuse.reference, error, now_us)
+        self._finish(key, error, now_us)
         return True
 
     def abort(self, error: WheelwireError) -> None:
@@ -200,10 +209,11 @@ class RequestQueue:
             self._begin(self._waiting.popleft(), now_us)
 
     def _begin(self, request: _Request, now_us: int) -> None:
-        request_id = self.next_id()
+        request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS
+        self._last_ids[request.urgent] = request_id
         request.message = request.message._replace(request_id=request_id)
         self._send(request, now_us)
-        self._open[request_id] = request
+        self._open[request.urgent, request_id] = request
 
     def _send(self, request: _Request, now_us: int) -> None:
         request.attempts += 1
@@ -211,7 +221,7 @@ class RequestQueue:
         request.deadline_us = now_us + min(REPEAT_US << doublings, LONGEST_WAIT_US)
         self.send(request.message)
 
-    def _finish(self, request_id: int, result: Answer | WheelwireError, now_us: int) -> None:
-        request = self._open.pop(request_id)
+    def _finish(self, key: tuple[bool, int], result: Answer | WheelwireError, now_us: int) -> None:
+        request = self._open.pop(key)
         self._begin_next(now_us)
         request.done(result)

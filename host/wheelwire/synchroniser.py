@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from wheelwire_protocol.types import Ping, Pong
 
 from .clock import ClockEstimator, Exchange
+from .requests import ID_MODULUS
 
 BURST = 8
 """Pings at the start of a session, each sent when the former is answered, or lost."""
@@ -28,18 +29,18 @@ class Synchroniser:
     Args:
         session_id: The session's.
         send: Takes a message for the line.
-        next_id: The session's next request id.
         due_us: When the next ping is due, on the host's clock.
         sent_us: When the last one was sent.
     """
 
     session_id: int
     send: Callable[[Ping], None]
-    next_id: Callable[[], int]
     due_us: int
     sent_us: int = 0
     clock: ClockEstimator = field(default_factory=ClockEstimator)
     _burst_left: int = BURST
+    _last_id: int = 0
+    """Of its own: a request's id far ahead of the one before it is an old one to the device."""
     _open: dict[int, int] = field(default_factory=dict)
 
     @property
@@ -53,7 +54,7 @@ class Synchroniser:
 
     def ping(self, now_us: int) -> None:
         """Send a ping. A lost one is never repeated: its time would be wrong."""
-        request_id = self.next_id()
+        self._last_id = request_id = (self._last_id + 1) % ID_MODULUS
         self._open[request_id] = now_us
         if len(self._open) > OPEN_PINGS:
             del self._open[next(iter(self._open))]

@@ -261,7 +261,7 @@ class FakeDevice:
         if cached is not None:
             self.send(cached)
             return
-        if request.request_id <= self._newest_request:
+        if not 0 < (request.request_id - self._newest_request) % (1 << 16) < 1 << 15:
             return
         self._newest_request = request.request_id
         answer = self._do(request)

@@ -112,3 +112,29 @@ def test_the_bound_covers_ways_that_turn_unequal_in_the_worst_order() -> None:
         moment = 10**9 + 63 * 500_000 + held_over_us
         host_us, bound_us = estimator.device_to_host(moment)
         assert abs(host_us - moment) <= bound_us
+
+
+def test_the_bound_covers_ways_that_are_always_unequal() -> None:
+    # All of the delay is on the way out: the estimate is off by half of it, which is the bound.
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        estimator.add(Exchange(sent, sent + 300, sent + 300, sent + 300))
+        host_us, bound_us = estimator.device_to_host(sent)
+        assert abs(host_us - sent) == 150
+        assert bound_us >= 150
+    middle = 10**9 + 32 * 500_000
+    host_us, bound_us = estimator.device_to_host(middle)
+    assert abs(host_us - middle) <= bound_us < 200
+
+
+def test_the_bound_covers_a_drift_that_changes_after_the_last_exchange() -> None:
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        estimator.add(Exchange(sent, sent, sent, sent))
+    for seconds in (10, 60):
+        moment = sent + seconds * 1_000_000
+        device_us = moment + round(seconds * 1.9)  # 1.9 ppm, as a crystal that warms up
+        host_us, bound_us = estimator.device_to_host(device_us)
+        assert abs(host_us - moment) <= bound_us

@@ -65,3 +65,11 @@ def test_reset_forgets() -> None:
     covariance.update(update(Pose(), 1, 1), SEPARATION_M)
     covariance.reset()
     assert np.all(covariance.matrix == 0)
+
+
+def test_a_metre_backwards_is_as_uncertain_as_one_forwards() -> None:
+    forwards, backwards = PoseCovariance(VARIANCE, VARIANCE), PoseCovariance(VARIANCE, VARIANCE)
+    there = forwards.update(update(Pose(), 1, 0), SEPARATION_M)
+    back = backwards.update(update(Pose(), -1, 0), SEPARATION_M)
+    assert np.diag(back) == pytest.approx(np.diag(there))
+    assert there[0, 0] > 0

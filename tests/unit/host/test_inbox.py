@@ -64,3 +64,10 @@ def test_it_is_read_for_some_time_after_each_question() -> None:
     asked_us = host_clock_us()
     assert inbox.is_read(asked_us)
     assert not inbox.is_read(asked_us + ATTENTION_US)
+
+
+def test_ticks_go_on_across_a_reset_of_the_device() -> None:
+    inbox = SampleInbox()
+    for boot_id, left, right in ((1, 5, 7), (1, 8, 9), (2, 0, 0), (2, 2, 3)):
+        inbox.put(sample(boot_id=boot_id, left_ticks=left, right_ticks=right))
+    assert inbox.ticks(0) == (10, 12)

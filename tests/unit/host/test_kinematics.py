@@ -46,3 +46,14 @@ def test_a_larger_left_wheel_is_told_to_turn_less() -> None:
     wheels = drive.wheel_velocities(Twist(0.21, 0.0))
     assert wheels == pytest.approx((0.2, 0.21))
     assert drive.twist(wheels) == pytest.approx((0.21, 0.0))
+
+
+def test_a_larger_right_wheel_is_told_to_turn_less() -> None:
+    drive = DifferentialDrive(0.2, 0.033, 360, right_radius_multiplier=1.05)
+    wheels = drive.wheel_velocities(Twist(0.21, 0.0))
+    assert wheels == pytest.approx((0.21, 0.2))
+    assert drive.twist(wheels) == pytest.approx((0.21, 0.0))
+
+
+def test_backwards_the_limit_holds_too() -> None:
+    assert ROBOT.saturate(WheelVelocities(-0.8, -0.4)) == pytest.approx((-0.4, -0.2))

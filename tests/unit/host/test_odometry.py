@@ -98,3 +98,12 @@ def test_a_larger_left_wheel_travels_further_by_the_same_ticks() -> None:
     travel_m = 1000 * FINE.metres_per_tick
     assert update.distance_m == pytest.approx(1.025 * travel_m)
     assert update.turn_rad == pytest.approx(-0.05 * travel_m / FINE.wheel_separation)
+
+
+def test_a_larger_right_wheel_travels_further_by_the_same_ticks() -> None:
+    odometry = Odometry(replace(FINE, right_radius_multiplier=1.05))
+    odometry.update(sample())
+    update = odometry.update(sample(left_ticks=1000, right_ticks=1000, t_us=1))
+    travel_m = 1000 * FINE.metres_per_tick
+    assert update.distance_m == pytest.approx(1.025 * travel_m)
+    assert update.turn_rad == pytest.approx(0.05 * travel_m / FINE.wheel_separation)

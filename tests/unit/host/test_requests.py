@@ -3,16 +3,31 @@ import pytest
 from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.faultline import Faults
+from wheelwire.requests import RequestQueue
 from wheelwire.session import Phase
-from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import RefusalCode, StopMode
 from wheelwire_protocol.types import (
     Ack,
+    AnyMessage,
+    ClearEstop,
+    ClearFault,
+    Estop,
     ParameterGet,
     ParameterSet,
     ParameterValue,
     Ping,
+    Refuse,
     Stop,
 )
+
+
+def begin(line: VirtualLine, stop: type[Stop | Estop], outcomes: list[object]) -> None:
+    """A stop or an e-stop of the host; its outcome goes to `outcomes`."""
+    if stop is Stop:
+        line.session.stop(StopMode.BRAKE, outcomes.append, line.now_us)
+    else:
+        line.session.estop(outcomes.append, line.now_us)
 
 
 def test_an_answer_to_a_request_that_was_given_up_is_no_value() -> None:
@@ -82,16 +97,100 @@ def test_requests_go_one_at_a_time_in_order() -> None:
     assert [o.parameter for o in outcomes if isinstance(o, ParameterValue)] == [1, 2, 3]
 
 
-def test_a_stop_overtakes_a_request_that_waits() -> None:
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None:
     line = VirtualLine().open()
     line.to_device.faults.loss = 1.0
-    line.session.request(ParameterGet(0, 0, 1), lambda _: None, line.now_us)
-    line.run(0.05)
+    answers: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), answers.append, line.now_us)
+    line.run(0.005)
     line.to_device.faults.loss = 0.0
     outcomes: list[object] = []
-    line.session.stop(StopMode.BRAKE, outcomes.append, line.now_us)
-    line.run_until(lambda: bool(outcomes), patience_s=0.1)
+    begin(line, stop, outcomes)
+    line.run_until(lambda: bool(outcomes), patience_s=0.01)
     assert isinstance(outcomes[0], Ack)
+    assert answers == []
+
+
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_is_repeated_forty_times_a_second_before_it_is_given_up(
+    stop: type[Stop | Estop],
+) -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    begin_us = line.now_us
+    begin(line, stop, outcomes)
+    line.run_until(lambda: bool(outcomes))
+    assert isinstance(outcomes[0], RequestTimeout)
+    assert len(line.sent_of(stop)) == 40
+    assert line.now_us - begin_us == pytest.approx(1_000_000, abs=2_000)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Ack(0, 1, message_id(ParameterGet)),
+        Refuse(0, message_id(ParameterSet), RefusalCode.OUT_OF_RANGE, 1),
+        ParameterValue(0, 2, 1, 5.0),
+    ],
+)
+def test_what_does_not_answer_the_request_that_is_open_is_foreign(answer: Ack | Refuse) -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    foreign = line.session.statistics(line.now_us).foreign
+    line.device.send(answer._replace(session_id=line.device.session_id))
+    line.run(0.01)
+    assert outcomes == []
+    assert line.session.statistics(line.now_us).foreign == foreign + 1
+
+
+def test_an_acknowledgement_of_something_else_is_foreign() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ClearFault(0, 0), outcomes.append, line.now_us)
+    line.device.send(Ack(line.device.session_id, 1, message_id(ClearEstop)))
+    line.run(0.01)
+    assert outcomes == []
+
+
+def test_neither_stops_nor_pings_make_the_next_request_an_old_one() -> None:
+    """The device takes an id that is ahead by more than 32767 for an old one, and is silent."""
+    line = VirtualLine().open()
+    for _ in range(3):
+        assert isinstance(line.request(ParameterGet(0, 0, 1)), ParameterValue)
+        for _ in range(3):
+            line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+            line.session.estop(lambda _: None, line.now_us)
+        line.run(1.0)
+    assert [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)] == [
+        1,
+        2,
+        3,
+    ]
+
+
+def test_request_ids_wrap_at_65536() -> None:
+    sent: list[AnyMessage] = []
+    queue = RequestQueue(sent.append)
+    for _ in range(65537):
+        queue.submit(ParameterGet(7, 0, 1), lambda _: None, 0)
+        request = sent[-1]
+        assert isinstance(request, ParameterGet)
+        assert queue.on_answer(ParameterValue(7, request.request_id, 1, 0.5), 0)
+    assert [m.request_id for m in sent[-3:] if isinstance(m, ParameterGet)] == [65535, 0, 1]
+
+
+def test_request_ids_begin_anew_in_a_new_session() -> None:
+    line = VirtualLine(watched=(1, 2)).open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    ids = [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)]
+    assert ids == [1, 2, 1, 2]
 
 
 def test_an_answer_that_comes_twice_is_taken_once() -> None:

@@ -1,18 +1,23 @@
 import pytest
 
-from support.fake_device import FakeDevice
+from support.fake_device import FakeDevice, Request
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
 from wheelwire.faultline import Faults
 from wheelwire.session import Phase
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import (
+    AnyMessage,
+    DeviceHello,
+    Event,
     Hello,
     ParameterGet,
     ParameterValue,
     Ping,
+    Pong,
     Refuse,
     SetStreamRate,
     SetWheelVelocity,
@@ -227,3 +232,111 @@ def test_after_the_port_was_opened_again_sequence_numbers_start_anew() -> None:
     line.wait_open()
     assert line.session.statistics(line.now_us).frames_lost == 0
     assert line.device._decoder.counters.seq_lost == 0
+
+
+def test_after_a_reset_no_value_of_the_former_boot_is_left() -> None:
+    line = VirtualLine(watched=(1,)).open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is Phase.PREPARING)
+    assert line.session.values == {}
+
+
+def test_each_session_has_a_nonce_of_its_own() -> None:
+    line = VirtualLine().open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    hellos = [message for message in line.sent if isinstance(message, Hello)]
+    assert hellos[-1].nonce != hellos[0].nonce
+
+
+def test_a_value_for_another_session_answers_no_request_of_this_one() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 99.0))
+    line.run(0.01)
+    assert outcomes == []
+
+
+def test_a_pong_for_another_session_sets_no_clock() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    pings = len(line.sent_of(Ping))
+    line.run_until(lambda: len(line.sent_of(Ping)) > pings)
+    ping = line.sent_of(Ping)[-1]
+    assert isinstance(ping, Ping)
+    error_us = line.session.statistics(line.now_us).clock_error_us
+    device_us = line.device.clock(line.now_us) + 9_000_000
+    other = line.device.session_id ^ 1
+    line.device.send(Pong(other, ping.request_id, ping.host_us, device_us, device_us))
+    line.run(0.001)
+    assert line.session.statistics(line.now_us).clock_error_us >= error_us
+
+
+def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
+    line = VirtualLine().open()
+    t_us = line.device.clock(line.now_us) & 0xFFFFFFFF
+    states = SupervisorState.IDLE, SupervisorState.ESTOPPED
+    late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0)
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    line.device.rate_hz = 0
+    line.run(0.05)
+    line.device.send(late)
+    line.run(0.005)
+    line.drive()
+
+
+def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
+    line = VirtualLine()
+    line.to_device.faults.loss = 1.0
+    line.session.connect(line.now_us)
+    line.run(0.01)
+    hello = line.sent_of(Hello)[0]
+    assert isinstance(hello, Hello)
+    theirs = hello._replace(nonce=hello.nonce ^ 1)
+    line.device.feed(Encoder().encode(theirs), line.now_us)
+    line.run(0.1)
+    assert line.session.phase is Phase.GREETING
+    assert line.session.statistics(line.now_us).foreign > 0
+
+
+def test_what_a_device_says_to_others_does_not_keep_a_session_alive() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    for _ in range(5):
+        line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 0.5))
+        line.run(0.5)
+    assert line.session.phase is Phase.GREETING
+
+
+def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
+    class Unwilling(FakeDevice):
+        def send(self, message: AnyMessage) -> None:
+            if isinstance(message, DeviceHello):
+                message = message._replace(refusal=RefusalCode.NOT_STOPPED)
+            super().send(message)
+
+    line = VirtualLine(device=Unwilling())
+    line.session.connect(line.now_us)
+    line.run(0.2)
+    assert line.session.phase is Phase.GREETING
+    assert isinstance(line.session.error, DeviceRefused)
+
+
+def test_one_refusal_among_what_a_session_needs_keeps_it_closed() -> None:
+    class Forgetful(FakeDevice):
+        def _do(self, request: Request) -> AnyMessage:
+            if isinstance(request, ParameterGet):
+                ids = request.session_id, message_id(ParameterGet)
+                return Refuse(*ids, RefusalCode.UNKNOWN_PARAMETER, request.request_id)
+            return super()._do(request)
+
+    line = VirtualLine(device=Forgetful(), watched=(1,), stream_rate_hz=50)
+    line.session.connect(line.now_us)
+    line.run(0.5)
+    assert line.session.phase is not Phase.OPEN
+    assert isinstance(line.session.error, DeviceRefused)

@@ -4,10 +4,13 @@ from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, InvalidCommand
 from wheelwire.faultline import Faults
+from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,
+    Estop,
+    Refuse,
     SetWheelVelocity,
     Stop,
 )
@@ -52,17 +55,59 @@ def test_a_setpoint_that_expired_before_its_repeat_is_not_repeated() -> None:
     assert len(line.sent_of(SetWheelVelocity)) == 1
 
 
-def test_a_stop_voids_the_repeat_of_a_setpoint() -> None:
+def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice() -> None:
     line = VirtualLine().open()
+    line.device.mute = True
+    line.drive(ttl_s=0.5)
+    line.run(0.45)
+    assert len(line.sent_of(SetWheelVelocity)) == 2
+
+
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0  # no state frame tells that anything arrived
+    line.run(0.05)
     line.to_device.faults.loss = 1.0
     line.drive()
+    line.flush()
     line.to_device.faults.loss = 0.0
-    line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    if stop is Stop:
+        line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    else:
+        line.session.estop(lambda _: None, line.now_us)
     line.run(0.3)
     assert len(line.sent_of(SetWheelVelocity)) == 1
+    assert line.sent_of(stop)
+
+
+def test_a_stop_outdates_the_setpoints_before_it() -> None:
+    line = VirtualLine().open()
+    line.drive()
+    line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    line.run(0.05)
     stop = line.sent_of(Stop)[0]
     assert isinstance(stop, Stop)
     assert stop.command_seq == 1
+
+
+@pytest.mark.parametrize("news", ["refused", "obeyed"])
+def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.drive()
+    line.run(0.05)
+    line.to_device.faults.loss = 1.0
+    line.drive()
+    line.flush()
+    line.to_device.faults.loss = 0.0
+    if news == "obeyed":
+        line.device.send(line.device.state(line.now_us))
+    else:
+        ids = line.device.session_id, message_id(SetWheelVelocity)
+        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, 1))
+    line.run(0.05)
+    assert [setpoint.command_seq for setpoint in line.device.obeyed] == [1, 2]
 
 
 def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:

@@ -29,6 +29,7 @@ def test_one_byte_longer_is_counted_before_it_ends() -> None:
     for more in (1, 1000, 1000):
         decoder.feed(b"\x01" * more)
         assert decoder.counters == Counters(bad_cobs=1)
+        assert len(decoder._partial) <= MAX_ENCODED
     assert decoder.feed(b"\x01" * 1000 + DELIMITER + FRAME) == [Estop(1, 2)]
     assert decoder.counters == Counters(bad_cobs=1, frames=1)
 
