@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .errors import SimulatorNotFound as SimulatorNotFound
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
+    from .errors import WrongBoard as WrongBoard
     from .factory import driver_names as driver_names
     from .factory import open_driver as open_driver
     from .kinematics import DifferentialDrive as DifferentialDrive
@@ -63,6 +64,7 @@ _MODULES = {
         "SimulatorNotFound",
         "UnknownParameter",
         "WheelwireError",
+        "WrongBoard",
     ),
     "factory": ("driver_names", "open_driver"),
     "kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),

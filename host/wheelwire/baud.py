@@ -6,35 +6,56 @@ USUAL_RATES = (921_600, 115_200, 460_800, 230_400, 1_000_000, 2_000_000)
 FIRST_US = 1_000_000
 """Opening a port may reset an ESP32: it needs this long to answer even at the right rate."""
 NEXT_US = 500_000
+ROUND_US = FIRST_US + (len(USUAL_RATES) - 1) * NEXT_US
+"""A round where there is no rate to change: nothing but opening the port anew can help."""
 
 
 class BaudSearch:
     """Which rate to try when.
 
     Args:
-        first: The rate in force; None where there is none, and nothing to search.
+        first: The rate in force; None where there is none, and nothing to try.
         now_us: The host's clock.
     """
 
     def __init__(self, first: int | None, now_us: int) -> None:
-        self.tried: list[int] = [] if first is None else [first]
+        self.rate = first
+        """The first of each round: the one at which a device answered last, or was expected to."""
+        self.tried: list[int] = []
         """In the order of their trial; each once."""
-        self._rates = [first, *(rate for rate in USUAL_RATES if rate != first)]
-        self._index = 0
-        self.due_us: int | None = None if first is None else now_us + FIRST_US
-        """When to go on; None: not at all."""
+        self.over = False
+        """No rate of the round was answered: it is time to open the port anew."""
+        self._waiting: list[int] = []
+        self._due_us: int | None = None
+        self.begin(now_us)
+
+    def begin(self, now_us: int) -> None:
+        """The port was opened, at `rate`: a round begins."""
+        self.over = False
+        if self.rate is None:
+            self._due_us = now_us + ROUND_US
+            return
+        self._waiting = [rate for rate in USUAL_RATES if rate != self.rate]
+        self._due_us = now_us + FIRST_US
+        self._note(self.rate)
 
     def next(self, now_us: int) -> int | None:
-        """The rate to change to now; None when it is not time yet."""
-        if self.due_us is None or now_us < self.due_us:
+        """The rate to change to now; None when it is not time yet, or the round is over."""
+        if self._due_us is None or now_us < self._due_us:
             return None
-        self._index = (self._index + 1) % len(self._rates)
-        rate = self._rates[self._index]
-        if rate is not None and rate not in self.tried:
-            self.tried.append(rate)
-        self.due_us = now_us + (NEXT_US if self._index else FIRST_US)
+        if not self._waiting:
+            self.over = True
+            return None
+        self._due_us = now_us + NEXT_US
+        rate = self._waiting.pop(0)
+        self._note(rate)
         return rate
 
-    def end(self) -> None:
+    def end(self, rate: int | None) -> None:
         """A device answered at the rate in force."""
-        self.due_us = None
+        self.rate = rate
+        self._due_us = None
+
+    def _note(self, rate: int) -> None:
+        if rate not in self.tried:
+            self.tried.append(rate)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -37,6 +37,36 @@ RESOLUTION_US = 1.0
 def host_clock_us() -> int:
     """`time.monotonic()` in whole microseconds: the host's clock of the whole library."""
     return time.monotonic_ns() // 1000
+
+
+class SuspendWatch:
+    """Notices that the computer slept: its monotonic clock stood still, the device's went on."""
+
+    STEP_US = 10_000
+    """The two clocks that are compared run at one rate: a step is a sleep."""
+
+    def __init__(self, boot_clock_us: Callable[[], int | None] | None = None) -> None:
+        self._boot_clock_us = boot_clock_us or _boot_clock_us
+        self._asleep_us: int | None = None
+        """The most that the computer can have slept until the last look."""
+        self.slept()
+
+    def slept(self) -> bool:
+        """Whether it has slept since the last look."""
+        before_us = host_clock_us()
+        boot_us = self._boot_clock_us()
+        if boot_us is None:
+            return False
+        # Between two readings this thread may have waited: what is between them counts for none.
+        least_us, most_us = boot_us - host_clock_us(), boot_us - before_us
+        former_us, self._asleep_us = self._asleep_us, most_us
+        return former_us is not None and least_us > former_us + self.STEP_US
+
+
+def _boot_clock_us() -> int | None:
+    """Goes on while the computer sleeps; None where there is no such clock."""
+    clock = getattr(time, "CLOCK_BOOTTIME", None)
+    return None if clock is None else time.clock_gettime_ns(clock) // 1000
 
 
 class Exchange(NamedTuple):

@@ -111,9 +111,23 @@ class LinkLost(WheelwireError):  # noqa: N818
 
 
 class LinkClosed(LinkLost):
-    """The link is down for good: it was closed, or its thread failed. Open it again."""
+    """The link is down for good: it was closed, its thread failed, or this is a forked process."""
 
     exit_code = 17
+
+
+class WrongBoard(LinkLost):
+    """Another board than the one that the link was opened to is at its port. It is left alone."""
+
+    exit_code = 18
+
+    def __init__(self, expected: str, found: str) -> None:
+        super().__init__(
+            f"board {found} is at the port in place of {expected}: connect {expected} again, or "
+            "open the driver with any_board=True to go on with whichever is there"
+        )
+        self.expected = expected
+        self.found = found
 
 
 class RequestTimeout(WheelwireError):  # noqa: N818

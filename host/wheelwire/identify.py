@@ -21,7 +21,7 @@ from wheelwire_protocol.types import DeviceHello, Hello
 from .clock import host_clock_us
 from .errors import LinkLost, PortUnavailable
 from .greeting import PERIOD_US
-from .ports import final_name, is_in_use
+from .ports import PSEUDO_TERMINALS, final_name, is_in_use
 from .transport import Transport, open_transport
 
 NO_VERSION = 0
@@ -29,7 +29,6 @@ NO_VERSION = 0
 and says who it is."""
 PATIENCE_US = 1_000_000
 """Opening a port may reset an ESP32: it answers after its boot."""
-_PSEUDO = "/dev/pts/"
 
 
 def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
@@ -99,7 +98,7 @@ def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
 def _is_free(name: str) -> bool:
     final = final_name(name)
     # A pseudo-terminal is held open by whoever simulates the device, too; the lock will tell.
-    if final.startswith(_PSEUDO):
+    if final.startswith(PSEUDO_TERMINALS):
         return True
     # Looking through all processes takes long: not for a name that has vanished meanwhile.
     return Path(final).exists() and is_in_use(final) is not True

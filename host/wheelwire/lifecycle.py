@@ -8,7 +8,7 @@ from collections.abc import Callable
 from wheelwire_protocol.types import DeviceHello
 
 from .device import BootHistory, DeviceInfo
-from .errors import LinkLost, WheelwireError
+from .errors import LinkLost, WheelwireError, WrongBoard
 from .greeting import Greeting
 from .statistics import Tally
 
@@ -37,6 +37,7 @@ class Lifecycle:
     Args:
         greeting: Says hello.
         tally: Counts what it must not believe.
+        any_board: Whether to go on with another board than the first.
         begun: Called with the time whenever a session begins.
         ended: Called with the reason whenever what there was ends.
     """
@@ -45,6 +46,7 @@ class Lifecycle:
         self,
         greeting: Greeting,
         tally: Tally,
+        any_board: bool,
         begun: Callable[[int], None],
         ended: Callable[[WheelwireError], None],
     ) -> None:
@@ -59,10 +61,13 @@ class Lifecycle:
         """When the device was last heard in this session."""
         self.sessions = 0
         self.boots = BootHistory()
-        self.answered = False
-        """Something on the line understood a hello, whether it opened a session or not."""
+        self.answers = 0
+        """How often something understood a hello, whether it opened a session or not."""
+        self.unanswered_since_us: int | None = None
+        """Since when hellos have gone unanswered; None while there is a session or no port."""
         self._greeting = greeting
         self._tally = tally
+        self._any_board = any_board
         self._begun = begun
         self._ended = ended
 
@@ -89,6 +94,7 @@ class Lifecycle:
         """End what there was and begin a session, under a new nonce."""
         self.close(error)
         self.phase = Phase.GREETING
+        self.unanswered_since_us = now_us + pause_us
         self._greeting.begin(now_us, pause_us)
 
     def close(self, error: WheelwireError) -> None:
@@ -96,6 +102,7 @@ class Lifecycle:
         self.error = error  # first: other threads ask why as soon as they see the phase
         self.phase = Phase.CLOSED
         self.session_id = 0
+        self.unanswered_since_us = None
         self._ended(error)
 
     def on_hello(self, hello: DeviceHello, now_us: int) -> None:
@@ -103,12 +110,14 @@ class Lifecycle:
         if hello.nonce != self._greeting.nonce:
             self._tally.foreign += 1
             return
-        self.answered = True
+        self.answers += 1
         if self.in_session:
             self._greet_if_reset(hello.boot_id, now_us)
             return
+        self.unanswered_since_us = now_us
         try:
             device = self._greeting.judge(hello)
+            self._check_board(device)
         except WheelwireError as error:
             self.error = error
         except ValueError:
@@ -135,10 +144,16 @@ class Lifecycle:
             self.heard_us = now_us
         return ours
 
+    def _check_board(self, found: DeviceInfo) -> None:
+        first = self.device
+        if first is not None and found.board_id != first.board_id and not self._any_board:
+            raise WrongBoard(first.board_id, found.board_id)
+
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
         self.boots.enter(device.boot_id)
         self.device = device
         self.phase = Phase.PREPARING
+        self.unanswered_since_us = None
         self.sessions += 1
         self.session_id = self._greeting.nonce ^ device.boot_id
         self.heard_us = now_us

@@ -70,8 +70,10 @@ class Link:
         watched: Ids of parameters whose values are always at hand in `values`.
         board_id: Only this board will do, at whichever free port it answers; `port` may then be
             glob patterns, separated by commas.
+        any_board: Whether to go on with another board than the first, where a port leads to one.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
-            again whenever it was lost. It may raise any WheelwireError.
+            again whenever it was lost. It may raise any WheelwireError. It decides which board
+            is the right one: any is.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -92,11 +94,14 @@ class Link:
         stream_rate_hz: int | None = None,
         watched: Sequence[int] = (),
         board_id: str | None = None,
+        any_board: bool = False,
         open_port: OpenPort | None = None,
     ) -> None:
         self._port = port
         self._changed = Notifier()
-        self._session = Session(_random_nonce, stream_rate_hz, watched)
+        self._session = Session(
+            _random_nonce, stream_rate_hz, watched, any_board=any_board or open_port is not None
+        )
         open_port = open_port or partial(_open_port, port, board_id)
         transport = open_port(baud_rate)
         this = weakref.ref(self)
@@ -241,7 +246,7 @@ class Link:
 
     def _why_not_open(self, timeout_s: float) -> WheelwireError:
         session, tried = self._session, self._loop.search.tried
-        if session.answered:
+        if session.answers:
             return RequestTimeout(
                 f"{self._port} answers, but no session could be opened in {timeout_s:g} s "
                 f"({session.error}): allow more time, look at the cable"

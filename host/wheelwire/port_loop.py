@@ -18,9 +18,10 @@ from typing import TypeAlias
 from wheelwire_protocol.codes import StopMode
 
 from .baud import BaudSearch
-from .clock import host_clock_us
+from .clock import SuspendWatch, host_clock_us
 from .coalescing import Coalescing
-from .errors import LinkClosed, LinkLost, PortUnavailable, WheelwireError
+from .errors import LinkClosed, LinkLost, PortUnavailable, WheelwireError, WrongBoard
+from .forking import forsake_in_child
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
@@ -33,6 +34,12 @@ FAREWELL_US = 500_000
 """How long the end waits for the device to acknowledge the stop."""
 IDLE_US = 1_000_000
 """How long the loop may sleep when nothing is due."""
+UNANSWERED_US = 1_000_000
+"""A device that has answered at this port, and then does not: the port may be what is wrong."""
+CHECK_US = 1_000_000
+"""Between two looks at the port's settings."""
+WRONG_BOARD_PAUSE_S = 1.0
+"""Opening a port may reset the board there, and another program may want that one."""
 OUTPUT_LIMIT = 4096
 """Bytes that wait for the port at most: older ones are worth nothing to a robot."""
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
@@ -73,6 +80,10 @@ class PortLoop:
         self.baud_rate = transport.baud_rate
         self.port = transport.port
         self._first_transport = transport
+        self._suspend = SuspendWatch()
+        self._check_due_us = 0
+        self._answers_before = 0
+        self._wrong_board = ""
         self._reopen_port = reopen
         self._longest_pause_s = transport.longest_pause_s
         self._pause_s = 0.0
@@ -96,6 +107,7 @@ class PortLoop:
         self._wake_write.setblocking(False)
         self._poller = select.poll()
         self._poller.register(self._wake_read, select.POLLIN)
+        forsake_in_child(self)
 
     def wake(self) -> None:
         """Make the loop look at the session; from any thread."""
@@ -126,8 +138,7 @@ class PortLoop:
         try:
             transport: Transport | None = self._first_transport
             while transport is not None:
-                self._session.connect(host_clock_us())
-                self._expectant, self._due_us = True, 0
+                self._connect(transport)
                 lost = self._serve(transport)
                 transport = self._reopen() if lost else None
         except BaseException as error:
@@ -161,6 +172,8 @@ class PortLoop:
         if events & _BROKEN and not data:
             raise transport.lost()
         now_us = host_clock_us()
+        if self._suspend.slept():
+            self._renew(now_us)
         if data:
             self._receive(data, now_us)
         self._do_calls(now_us)
@@ -222,6 +235,7 @@ class PortLoop:
         return self._expectant or now_us >= self._due_us or self._session.phase is not Phase.OPEN
 
     def _advance(self, transport: Transport, now_us: int) -> None:
+        self._check_port(transport, now_us)
         self._search_baud_rate(transport, now_us)
         self._session.advance(now_us)
         self._output += self._session.take_output()
@@ -237,12 +251,52 @@ class PortLoop:
             return
 
     def _search_baud_rate(self, transport: Transport, now_us: int) -> None:
-        if self._session.answered:
-            self.search.end()
         rate = self.search.next(now_us)
         if rate is not None:
             transport.set_baud_rate(rate)
             self.baud_rate = transport.baud_rate
+        if self.search.over:
+            raise LinkLost("nothing answers at any usual baud rate; opening the port anew")
+
+    def _check_port(self, transport: Transport, now_us: int) -> None:
+        """See to it that the port is as it was opened, and leads to whom it led."""
+        if now_us >= self._check_due_us:
+            self._check_due_us = now_us + CHECK_US
+            transport.check()
+        session = self._session
+        if session.answers > self._answers_before:
+            self.search.end(self.baud_rate)
+            since_us = session.unanswered_since_us
+            if since_us is not None and now_us >= since_us + UNANSWERED_US:
+                raise LinkLost("the device does not answer any more; opening the port anew")
+        if session.phase is Phase.GREETING and isinstance(session.error, WrongBoard):
+            self._leave_alone(session.error)
+
+    def _leave_alone(self, error: WrongBoard) -> None:
+        """Close the port, for it is not the board's that the link was opened to."""
+        if error.found != self._wrong_board:
+            self._wrong_board = error.found
+            _log.warning("%s: %s", self.port, error)
+        self._pause_s = WRONG_BOARD_PAUSE_S
+        raise error.with_traceback(None)
+
+    def _connect(self, transport: Transport) -> None:
+        """The port was opened: say hello."""
+        now_us = host_clock_us()
+        self.port = transport.port
+        self.low_latency = transport.low_latency
+        self.baud_rate = transport.baud_rate
+        self.search.begin(now_us)
+        self._answers_before = self._session.answers
+        self._check_due_us = now_us + CHECK_US
+        self._session.connect(now_us)
+        self._expectant, self._due_us = True, 0
+
+    def _renew(self, now_us: int) -> None:
+        """The computer slept: what is known of the device's clock is wrong."""
+        error = LinkLost("the computer was suspended; a new session is being opened")
+        self._session.renew(error, now_us)
+        self._expectant, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
         self._session.disconnect(error)
@@ -260,14 +314,12 @@ class PortLoop:
             self._do_calls(host_clock_us())  # they learn why there is no session
             self._pause_s = min(max(2 * self._pause_s, FIRST_PAUSE_S), self._longest_pause_s)
             try:
-                transport = self._reopen_port(self.baud_rate or 0)
+                transport = self._reopen_port(self.search.rate or 0)
             except PortUnavailable:
                 continue
             except WheelwireError as error:
                 self._session.disconnect(LinkLost(f"{error}; trying again"))
                 continue
-            self.port = transport.port
-            self.low_latency = transport.low_latency
             self.reconnects += 1
             return transport
         return None
@@ -309,6 +361,15 @@ class PortLoop:
         self._first_transport.close()
         self._die(
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
+        )
+
+    def forsake(self) -> None:
+        """This process was forked: its copy of the link ends, the parent's goes on."""
+        self._die(
+            LinkClosed(
+                f"this process was forked from the one that opened {self.port}, which keeps it: "
+                "close it there and open it here, or fork before it is opened"
+            )
         )
 
     def _die(self, end: WheelwireError) -> None:

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
+PSEUDO_TERMINALS = "/dev/pts/"
+"""Where they are; each has a program instead of a device at its other end."""
+
 _BRIDGES = {
     (0x10C4, 0xEA60): "CP210x: an ESP32 board, or an RPLidar (same ids); identify by handshake",
     (0x1A86, 0x7523): "CH340: an ESP32 board, or an Arduino clone",

@@ -35,6 +35,7 @@ class Session:
         nonce: Draws 32 random bits, anew for each session.
         stream_rate_hz: Rate of the state frames; None leaves it as the device has it.
         watched: Ids of parameters whose values are read whenever a session opens.
+        any_board: Whether to go on with another board than that of the first session.
     """
 
     def __init__(
@@ -42,12 +43,16 @@ class Session:
         nonce: Callable[[], int],
         stream_rate_hz: int | None = None,
         watched: Sequence[int] = (),
+        *,
+        any_board: bool = False,
     ) -> None:
         self._tally = Tally()
         self._stream = MessageStream()
         self._conversation = Conversation(self._stream.send, self._tally)
         greeting = Greeting(self._stream.send, nonce)
-        self._lifecycle = Lifecycle(greeting, self._tally, self._begin, self._conversation.end)
+        self._lifecycle = Lifecycle(
+            greeting, self._tally, any_board, self._begin, self._conversation.end
+        )
         self._preparation = Preparation(
             self._lifecycle, self._conversation, watched, stream_rate_hz
         )
@@ -76,9 +81,14 @@ class Session:
         return self._lifecycle.sessions
 
     @property
-    def answered(self) -> bool:
-        """Something on the line understood a hello, whether it opened a session or not."""
-        return self._lifecycle.answered
+    def answers(self) -> int:
+        """How often something understood a hello, whether it opened a session or not."""
+        return self._lifecycle.answers
+
+    @property
+    def unanswered_since_us(self) -> int | None:
+        """Since when hellos have gone unanswered; None while there is a session or no port."""
+        return self._lifecycle.unanswered_since_us
 
     @property
     def frames_received(self) -> int:
@@ -127,6 +137,11 @@ class Session:
         """The port is open: say hello. Sequence numbers start anew."""
         self._stream.restart()
         self._lifecycle.greet(LinkLost("the device has not answered yet"), now_us)
+
+    def renew(self, error: WheelwireError, now_us: int) -> None:
+        """What the session knew has become worthless: begin another one, if one was begun."""
+        if self._lifecycle.in_session:
+            self._lifecycle.greet(error, now_us)
 
     def disconnect(self, error: WheelwireError) -> None:
         """The port is gone: every open request fails with `error`."""

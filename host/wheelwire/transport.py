@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import socket
 import termios
@@ -18,6 +19,8 @@ from urllib.parse import urlsplit
 import serial
 
 from .errors import LinkLost, PortUnavailable
+from .forking import forsake_in_child
+from .ports import PSEUDO_TERMINALS, final_name
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0
@@ -88,9 +91,20 @@ class Transport(ABC):
     def set_baud_rate(self, baud_rate: int) -> None:  # noqa: B027 - a socket has none
         """Change the baud rate, where there is one."""
 
+    def check(self) -> None:  # noqa: B027 - a socket has nothing that others could change
+        """Look whether the port is still as it was opened.
+
+        Raises:
+            LinkLost: Another program changed its settings, or it is gone.
+        """
+
     @abstractmethod
     def close(self) -> None:
         """Close it. Never raises; harmless when repeated."""
+
+    @abstractmethod
+    def forsake(self) -> None:
+        """Close this process's copy of the descriptors and touch nothing else: it was forked."""
 
 
 class SerialTransport(Transport):
@@ -112,8 +126,31 @@ class SerialTransport(Transport):
         except (OSError, AttributeError) as error:
             self._serial.close()
             raise PortUnavailable(port, "this kind of URL has no file descriptor") from error
+        forsake_in_child(self)
         self.baud_rate = baud_rate
         self.low_latency = self._ask_low_latency()
+        # A pseudo-terminal would stay shut for other users' programs after this one was killed,
+        # for as long as its other end is open. There the lock that pyserial takes has to do.
+        self._exclusive = not final_name(port).startswith(PSEUDO_TERMINALS)
+        self._settings: list[object] | None = None
+        if os.isatty(self._fd):
+            try:
+                self._hold(baud_rate)
+            except (OSError, termios.error) as error:
+                self.close()
+                raise _unavailable(port, error) from error
+
+    def _hold(self, baud_rate: int) -> None:
+        """Keep other programs out, and undo what the last one left."""
+        if self._exclusive:
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
+        settings = termios.tcgetattr(self._fd)
+        # pyserial sets most of these flags, but not BRKINT and its like.
+        raw = [0, 0, settings[2], 0, *settings[4:]]
+        if raw != settings:
+            termios.tcsetattr(self._fd, termios.TCSANOW, raw)
+            self._serial.baudrate = baud_rate  # one that termios cannot tell, too
+        self._settings = termios.tcgetattr(self._fd)
 
     def fileno(self) -> int:
         """For `poll`."""
@@ -137,6 +174,18 @@ class SerialTransport(Transport):
         except (OSError, termios.error) as error:
             raise self.lost(error) from error
         self.baud_rate = baud_rate
+        self._settings = self._settings and self._read_settings()
+
+    def check(self) -> None:
+        """Look whether another program has changed the port's settings (`stty`, a terminal)."""
+        if self._settings and self._read_settings() != self._settings:
+            raise LinkLost("another program changed the port's settings; opening it anew")
+
+    def _read_settings(self) -> list[object]:
+        try:
+            return termios.tcgetattr(self._fd)
+        except (OSError, termios.error) as error:
+            raise self.lost(error) from error
 
     def close(self) -> None:
         """Close the port in the order that leaves an ESP32 running."""
@@ -145,6 +194,13 @@ class SerialTransport(Transport):
         with suppress(OSError, termios.error):
             self._serial.rts = False
             self._serial.dtr = False
+        with suppress(OSError, termios.error):
+            if self._exclusive and os.isatty(self._fd):
+                fcntl.ioctl(self._fd, termios.TIOCNXCL)
+        self.forsake()
+
+    def forsake(self) -> None:
+        """Close the descriptors; modem lines, settings and the lock are left as they are."""
         with suppress(OSError, termios.error):
             self._serial.close()
 
@@ -165,6 +221,7 @@ class SocketTransport(Transport):
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         self._socket = connection
+        forsake_in_child(self)
 
     def fileno(self) -> int:
         """For `poll`."""
@@ -184,6 +241,10 @@ class SocketTransport(Transport):
 
     def close(self) -> None:
         """Close the connection."""
+        self._socket.close()
+
+    def forsake(self) -> None:
+        """Close the descriptor: the connection stays, as long as the parent has it."""
         self._socket.close()
 
 

@@ -74,6 +74,7 @@ class FakeDevice:
     ticks_per_state: tuple[int, int] = (3, 2)
     board: Board = Board.SIMULATED
     wheel_mps: float = 0.1
+    board_id: int = 0x240AC4123456
 
     def __post_init__(self) -> None:
         self.received: list[AnyMessage] = []
@@ -209,7 +210,7 @@ class FakeDevice:
                 device_us=self.clock(now_us),
                 reset_reason=1,
                 board=self.board,
-                board_id=0x240AC4123456,
+                board_id=self.board_id,
                 capabilities=4,
                 version_major=9,
                 version_minor=8,

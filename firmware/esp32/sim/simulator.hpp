@@ -43,6 +43,9 @@ class Simulator {
   void set_core_dump(bool present);
   bool core_dump() const { return (identity_.capabilities & capability::kCoreDump) != 0; }
 
+  /// From the next reset on. Until then it is drawn from the seed.
+  void set_board_id(uint64_t board_id) { identity_.board_id = board_id; }
+
   uint32_t boot_id() const { return identity_.boot_id; }
   SupervisorState state() const { return robot_ ? robot_->state() : SupervisorState::kBoot; }
   uint32_t faults() const { return robot_ ? robot_->faults() : 0; }

@@ -92,6 +92,8 @@ class SerialDriver(BaseDriver):
         board_id: Only this board will do (`robot.info.device.board_id`, 12 hex digits), under
             whichever name it comes back. `port` may then be glob patterns, separated by commas;
             all free ports that they match are opened to ask who is there.
+        any_board: Whether to go on with another board than the first, where the port leads to one
+            after a reconnection. Without it that raises `WrongBoard`, until the first is back.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -110,6 +112,7 @@ class SerialDriver(BaseDriver):
         connect_timeout: float = 5.0,
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
+        any_board: bool = False,
     ) -> None:
         super().__init__()
         self._link = Link(
@@ -120,6 +123,7 @@ class SerialDriver(BaseDriver):
             stream_rate_hz=stream_rate_hz,
             watched=GEOMETRY,
             board_id=board_id,
+            any_board=any_board,
         )
         # Also runs when the driver is forgotten, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, Link.close, self._link)

@@ -18,14 +18,14 @@ class RecordingSerial:
 
     actions: list[tuple[str, object]]
 
-    def __init__(self) -> None:
-        self.__dict__["actions"] = []
+    def __init__(self, file: int) -> None:
+        self.__dict__.update(actions=[], file=file)
 
     def __setattr__(self, name: str, value: object) -> None:
         self.actions.append((name, value))
 
     def fileno(self) -> int:
-        return 0
+        return int(self.__dict__["file"])
 
     def set_low_latency_mode(self, on: bool) -> None:
         self.actions.append(("low latency", on))
@@ -44,9 +44,9 @@ def pty() -> Iterator[tuple[int, str]]:
 
 
 def test_modem_lines_are_left_alone_at_opening_and_cleared_in_order_at_closing(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    port = RecordingSerial()
+    port = RecordingSerial(os.open(tmp_path / "no-terminal", os.O_CREAT))
     seen: dict[str, Any] = {}
     monkeypatch.setattr(serial, "serial_for_url", lambda _, **options: seen.update(options) or port)
     transport = SerialTransport("/dev/x", 921_600)

@@ -1,7 +1,9 @@
 #include "device.hpp"
 
+#include <filesystem>
 #include <stdexcept>
 
+#include "random.hpp"
 #include "variables.hpp"
 
 namespace wheelwire::sim {
@@ -13,9 +15,19 @@ Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
   return from_baud == 0 || to_baud == 0 ? data : resample(data, from_baud, to_baud);
 }
 
+/// A link stands for one board, whenever the program is started: a host that knows it goes on.
+uint64_t board_of(const std::string& link) {
+  uint64_t hash = 0;
+  for (const char c : std::filesystem::absolute(link).lexically_normal().string()) {
+    hash = mix(hash ^ static_cast<unsigned char>(c));
+  }
+  return hash >> 16;
+}
+
 }  // namespace
 
 Device::Device(const Options& options) : link_(options.link), simulator_(options.seed) {
+  if (!link_.empty()) simulator_.set_board_id(board_of(link_));
   if (!options.store.empty()) simulator_.board.store.use_file(options.store);
   for (const auto& [name, value] : options.settings) {
     if (set_variable(simulator_, name, value) != VariableStatus::kOk) {

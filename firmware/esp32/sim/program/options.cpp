@@ -36,7 +36,7 @@ constexpr const char* kUsage =
 Runs the firmware's core with a simulated robot, in real time, behind a pseudo-terminal.
 The first line on standard output is JSON and names the port.
 
-  --link PATH        make a symbolic link to the port
+  --link PATH        make a symbolic link to the port; PATH is one board, at every start
   --baud N           baud rate of the chip; a host at another rate gets and sends garbage
                      (default: 0, any rate will do, as on USB)
   --store FILE       keep saved parameters in FILE (default: in memory)
