@@ -65,6 +65,8 @@ def test_a_duty_becomes_pins_until_the_deadline() -> None:
     robot.run_until(lambda: state(robot) is not SupervisorState.DRIVING)
     assert state(robot) is SupervisorState.TIMED_OUT
     assert deadline_us <= robot.now_us <= deadline_us + robot.outputs.period_us
+    assert robot.outputs.left.enable_q15 == robot.outputs.right.enable_q15 == COAST
+    robot.step()  # the bridge's inputs switch a period later
     assert robot.outputs.left == robot.outputs.right == BRAKE
 
 
