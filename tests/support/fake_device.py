@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from random import Random
@@ -10,7 +11,7 @@ from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Board, RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS
+from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Changes, Kind
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
@@ -96,7 +97,7 @@ class FakeDevice:
         self._newest_request = 0
         self._cache: OrderedDict[int, AnyMessage] = OrderedDict()
         self._synchronised = False
-        self._command_seq = 0
+        self._newest_command = self._command_seq = 0
         self._deadline_us = 0
 
     def reset(self) -> None:
@@ -171,7 +172,8 @@ class FakeDevice:
         if isinstance(message, Hello):
             self._greet(message, now_us)
         elif isinstance(message, Stop):
-            self._command_seq = max(self._command_seq, message.command_seq)
+            if message.session_id == self.session_id:
+                self._newest_command = max(self._newest_command, message.command_seq)
             if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
                 self.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, now_us)
             self.send(Ack(message.session_id, message.request_id, message_id(Stop)))
@@ -195,7 +197,7 @@ class FakeDevice:
             refusal = RefusalCode.BOOTING
         elif hello.nonce != self._nonce:
             self._nonce = hello.nonce
-            self._newest_request = self._command_seq = 0
+            self._newest_request = self._newest_command = self._command_seq = 0
             self._cache.clear()
             self._synchronised = False
             if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
@@ -230,7 +232,8 @@ class FakeDevice:
     def _on_setpoint(self, setpoint: SetWheelVelocity | SetDuty, now_us: int) -> None:
         if setpoint.session_id != self.session_id:
             self._refuse(setpoint, RefusalCode.NO_SESSION, setpoint.command_seq)
-        elif setpoint.command_seq > self._command_seq:
+        elif setpoint.command_seq > self._newest_command:
+            self._newest_command = setpoint.command_seq
             refusal = self._setpoint_refusal(setpoint, now_us)
             if refusal is not None:
                 self._refuse(setpoint, refusal, setpoint.command_seq)
@@ -244,6 +247,8 @@ class FakeDevice:
     def _setpoint_refusal(
         self, setpoint: SetWheelVelocity | SetDuty, now_us: int
     ) -> RefusalCode | None:
+        if not all(map(math.isfinite, setpoint)):
+            return RefusalCode.NOT_FINITE
         if not self._synchronised:
             return RefusalCode.CLOCK_UNSYNCHRONISED
         if setpoint.expiry_us <= self.clock(now_us):
@@ -275,8 +280,8 @@ class FakeDevice:
         self.done.append(request)
         head = (request.session_id, request.request_id)
         if isinstance(request, ParameterSet):
-            if not self._in_range(request):
-                code = RefusalCode.OUT_OF_RANGE
+            code = self._parameter_refusal(request)
+            if code is not None:
                 return Refuse(head[0], message_id(ParameterSet), code, head[1])
             self.parameters[request.parameter] = request.value
         if isinstance(request, (ParameterGet, ParameterSet)):
@@ -300,9 +305,24 @@ class FakeDevice:
             self.supervisor = SupervisorState.IDLE
         return Ack(*head, message_id(type(request)))
 
-    def _in_range(self, request: ParameterSet) -> bool:
-        parameter = PARAMETER_BY_ID[request.parameter]
-        return parameter.minimum - 1e-6 <= request.value <= parameter.maximum + 1e-6
+    def _parameter_refusal(self, request: ParameterSet) -> RefusalCode | None:
+        parameter = PARAMETER_BY_ID.get(request.parameter)
+        if parameter is None:
+            return RefusalCode.UNKNOWN_PARAMETER
+        if not math.isfinite(request.value):
+            return RefusalCode.NOT_FINITE
+        if not parameter.minimum - 1e-6 <= request.value <= parameter.maximum + 1e-6:
+            return RefusalCode.OUT_OF_RANGE
+        if parameter.kind is not Kind.REAL and not request.value.is_integer():
+            return RefusalCode.NOT_INTEGRAL
+        fixed = {
+            SupervisorState.DRIVING: (Changes.STOPPED, Changes.RELEASED),
+            SupervisorState.ESTOPPED: (Changes.RELEASED,),
+        }
+        changes = request.value != self.parameters[request.parameter]
+        if changes and parameter.changes in fixed.get(self.supervisor, ()):
+            return RefusalCode.NOT_STOPPED
+        return None
 
     def _refuse(
         self,

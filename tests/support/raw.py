@@ -3,24 +3,72 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
+from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, WheelState
 
+from .fake_device import FakeDevice
 from .fwsim import FwSim
 
 M = TypeVar("M")
 NONCE = 0x12345678
 
 
-class RawHost:
-    """Frames in and out, and nothing done by itself."""
+class Bench(Protocol):
+    """What a raw host needs of a device."""
 
-    def __init__(self, seed: int = 1, store: Path | None = None) -> None:
-        self.sim = FwSim(seed, store)
+    def write(self, data: bytes) -> None: ...
+    def read(self) -> bytes: ...
+    def advance_us(self, duration_us: int) -> None: ...
+    def get(self, name: str) -> float: ...
+
+
+class RawDevice:
+    """The stand-in made of the protocol alone, as a raw host's device."""
+
+    def __init__(self) -> None:
+        self.device = FakeDevice()
+        self._now_us = 0
+
+    def write(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self.device.feed(data, self._now_us)
+
+    def read(self) -> bytes:
+        """Bytes to the host."""
+        return self.device.take_output()
+
+    def advance_us(self, duration_us: int) -> None:
+        """Let time pass."""
+        self._now_us += duration_us
+        self.device.advance(self._now_us)
+
+    def get(self, name: str) -> float:
+        """`device_us`, or whether it drives."""
+        if name == "device_us":
+            return self.device.clock(self._now_us)
+        return float(self.device.supervisor is SupervisorState.DRIVING)
+
+
+class RawHost:
+    """Frames in and out, and nothing done by itself.
+
+    Args:
+        seed: Of the simulated firmware.
+        store: Its file of saved parameters.
+        device: Another one.
+    """
+
+    def __init__(
+        self, seed: int = 1, store: Path | None = None, device: Bench | None = None
+    ) -> None:
+        if device is None:
+            self.sim = device = FwSim(seed, store)
+        self.bench = device
         self.encoder = Encoder()
         self.decoder = Decoder()
         self.received: list[AnyMessage] = []
@@ -35,13 +83,13 @@ class RawHost:
     def send(self, *messages: AnyMessage) -> None:
         """Put frames on the line."""
         for message in messages:
-            self.sim.write(self.encoder.encode(message))
+            self.bench.write(self.encoder.encode(message))
 
     def run_ms(self, milliseconds: int) -> None:
         """Let time pass and collect what the device says."""
         for _ in range(milliseconds):
-            self.sim.advance_us(1000)
-            self.received += self.decoder.feed(self.sim.read())
+            self.bench.advance_us(1000)
+            self.received += self.decoder.feed(self.bench.read())
 
     def ask(self, message: AnyMessage, answer: type[M]) -> M:
         """Send, wait 5 ms, and return the one answer of that type."""
@@ -69,7 +117,7 @@ class RawHost:
     @property
     def device_us(self) -> int:
         """The device's clock."""
-        return int(self.sim.get("device_us"))
+        return int(self.bench.get("device_us"))
 
     def state(self) -> WheelState:
         """The newest state frame of the next 20 ms."""
