@@ -29,7 +29,7 @@ class PtyDevice:
     ) -> None:
         self.path = path
         self.device = device or FakeDevice()
-        self._line_end = before or self.device
+        self._before = before
         self._end = threading.Event()
         self._thread: threading.Thread | None = None
         self.plug()
@@ -59,15 +59,16 @@ class PtyDevice:
         self.unplug()
 
     def _serve(self, master: int, slave: int) -> None:
+        line_end = self._before or self.device
         poller = select.poll()
         poller.register(master, select.POLLIN)
         while not self._end.is_set():
             events = poller.poll(1)
             now_us = time.monotonic_ns() // 1000
             if events:
-                self._line_end.feed(os.read(master, 4096), now_us)
-            self._line_end.advance(now_us)
-            output = self._line_end.take_output()
+                line_end.feed(os.read(master, 4096), now_us)
+            line_end.advance(now_us)
+            output = line_end.take_output()
             if output:
                 os.write(master, output)
         os.close(slave)
