@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .kinematics import DifferentialDrive as DifferentialDrive
     from .kinematics import Twist as Twist
     from .kinematics import WheelVelocities as WheelVelocities
-    from .local.pins import Pins as Pins
+    from .linux_mcu.pins import Pins as Pins
     from .odometry import Odometry as Odometry
     from .odometry import OdometryUpdate as OdometryUpdate
     from .odometry import Pose as Pose
@@ -68,7 +68,7 @@ _MODULES = {
     ),
     "factory": ("driver_names", "open_driver"),
     "kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    "local.pins": ("Pins",),
+    "linux_mcu.pins": ("Pins",),
     "odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("Travel", "WheelSample"),
     "statistics": ("LinkStatistics",),

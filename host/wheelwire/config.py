@@ -19,8 +19,11 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange
 from .factory import open_driver
-from .local.pins import Pins
+from .linux_mcu.pins import Pins
+from .linux_mcu.settings import McuSettings
+from .linux_mcu.store import converted_store
 from .parameters import checked_value
+from .transport import UNIX
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
@@ -74,6 +77,8 @@ class RobotConfig:
     """One robot. `parameters` has those that were given, under the firmware's names.
 
     Attributes:
+        store: File in which the robot's process keeps saved parameters; not of a serial robot,
+            whose device keeps its own.
         aliases: The foreign names that were found, and what they stand for.
     """
 
@@ -82,14 +87,16 @@ class RobotConfig:
     pigpio: PigpioOptions = field(default_factory=PigpioOptions)
     serial: SerialOptions = field(default_factory=SerialOptions)
     gpio: GpioOptions = field(default_factory=GpioOptions)
+    store: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
 
     def driver_options(self) -> dict[str, Any]:
         """The arguments of this robot's driver."""
-        local = {"pins": self.pins, "parameters": self.parameters}
+        store = None if self.store is None else Path(self.store)
+        local = {"pins": self.pins, "parameters": self.parameters, "store": store}
         return {
-            "mock": {"parameters": self.parameters},
+            "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
             "l298n": {**asdict(self.gpio), **local},
             "serial": asdict(self.serial),
@@ -109,6 +116,31 @@ def open_robot(file: str | Path | None = None) -> BaseDriver:
     if config.driver == "serial" and config.parameters:
         log.warning("parameters of a serial robot live on its device: those of the file are unused")
     return open_driver(config.driver, **config.driver_options())
+
+
+def service_settings(config: RobotConfig, address: str) -> McuSettings:
+    """Of the process that serves this robot at `address`, `unix:path`.
+
+    Raises:
+        ConfigurationError: The robot's pins are not this computer's, or the address is of another
+            kind.
+        DriverUnavailable: The core's library is missing.
+    """
+    path = address.removeprefix(UNIX)
+    if path == address or not path:
+        raise ConfigurationError(f"listen = {address!r}: it must be unix:PATH")
+    if config.driver not in ("l298n", "pigpio"):
+        raise ConfigurationError(f"driver = {config.driver!r}: it must be l298n or pigpio")
+    return McuSettings(
+        backend="pigpio" if config.driver == "pigpio" else "l298n",
+        pins=config.pins,
+        parameters=config.parameters,
+        store=None if config.store is None else str(converted_store(Path(config.store))),
+        pwm_chip=config.gpio.pwm_chip,
+        host=config.pigpio.host,
+        port=config.pigpio.port,
+        listen=str(Path(path).absolute()),
+    )
 
 
 def load_config(file: str | Path | None = None) -> RobotConfig:
@@ -156,7 +188,7 @@ _SECTIONS: dict[str, list[str]] = {
     "gpio": [f.name for f in fields(GpioOptions)],
     "parameters": list(PARAMETER_BY_NAME),
 }
-_TOP = ["driver", *_SECTIONS]
+_TOP = ["driver", "store", *_SECTIONS]
 
 
 def _mapping(what: str, value: object) -> dict[str, Any]:

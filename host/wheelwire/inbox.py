@@ -87,6 +87,11 @@ class SampleInbox:
             raise self._why_none(timeout_s)
         return self._ticks
 
+    @property
+    def is_current(self) -> bool:
+        """A sample was measured since the last interruption."""
+        return self._current
+
     def is_read(self, now_us: int) -> bool:
         """Somebody asks for samples: the next one is worth having at once."""
         return now_us < self._asked_us + ATTENTION_US

@@ -39,8 +39,9 @@ from .waiting import Notifier
 
 OpenPort = Callable[[int], Transport]
 
-JOIN_S = 2.0
-"""Longer than the port's thread needs to end; it is a daemon in any case."""
+JOIN_S = 10.0
+"""Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
+thread is a daemon in any case."""
 CALL_TIMEOUT_S = 5.0
 """A request that is given up takes about one second, and others may be before it in the queue."""
 

@@ -10,6 +10,7 @@ from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    ControlCounters,
     DeviceHello,
     Event,
     LinkCounters,
@@ -59,6 +60,7 @@ class Reception:
             ParameterValue: self._on_answer,
             ParameterEntry: self._on_answer,
             LinkCounters: self._on_answer,
+            ControlCounters: self._on_answer,
         }
 
     def take(self, data: bytes, now_us: int) -> list[WheelSample]:

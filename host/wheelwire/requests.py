@@ -14,6 +14,8 @@ from wheelwire_protocol.types import (
     AnyMessage,
     ClearEstop,
     ClearFault,
+    ControlCounters,
+    ControlCountersGet,
     Estop,
     LinkCounters,
     LinkCountersGet,
@@ -43,8 +45,9 @@ RequestMessage: TypeAlias = (
     | ParameterReset
     | ParameterList
     | LinkCountersGet
+    | ControlCountersGet
 )
-Answer: TypeAlias = Ack | ParameterValue | ParameterEntry | LinkCounters
+Answer: TypeAlias = Ack | ParameterValue | ParameterEntry | LinkCounters | ControlCounters
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
 REPEAT_US = 25_000
@@ -63,6 +66,7 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterSet: ParameterValue,
     ParameterList: ParameterEntry,
     LinkCountersGet: LinkCounters,
+    ControlCountersGet: ControlCounters,
 }
 
 

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from socket import socket as Socket  # noqa: N812 - `socket` is an argument
 from types import TracebackType
 from typing import IO, Any, TypeVar, cast
 
@@ -122,6 +123,7 @@ class Simulator:
         truth_hz: Rate of the true states. [Hz]
         on_state: Called with each true state, from the thread that reads them.
         arguments: More of them, as `wheelwire-fwsim --help` says.
+        socket: A connected one, inherited by the simulator as its port; closed here once it has.
     """
 
     def __init__(
@@ -135,6 +137,7 @@ class Simulator:
         truth_hz: float = 0.0,
         on_state: Callable[[TrueState], None] | None = None,
         arguments: Sequence[str] = (),
+        socket: Socket | None = None,
     ) -> None:
         options = {
             "link": link,
@@ -146,6 +149,7 @@ class Simulator:
         self._arguments = [f"--{name}={value}" for name, value in options.items() if value]
         self._arguments += [f"--set={name}={value}" for name, value in (settings or {}).items()]
         self._arguments += arguments
+        self._socket = socket
         self._link = link
         self._on_state = on_state
         self._process: subprocess.Popen[str] | None = None
@@ -162,8 +166,10 @@ class Simulator:
             SimulatorNotFound: It is not built.
             WheelwireError: It refuses its arguments, and says why.
         """
+        inherited, arguments = self._inheritance()
         process = subprocess.Popen(
-            [str(find_simulator()), "--exit-with-stdin", *self._arguments],
+            [str(find_simulator()), "--exit-with-stdin", *arguments, *self._arguments],
+            pass_fds=inherited,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -172,6 +178,8 @@ class Simulator:
             start_new_session=True,
         )
         self._process = process
+        if self._socket is not None:
+            self._socket.close()
         self._reader = threading.Thread(
             target=self._read, args=(process,), name="simulator", daemon=True
         )
@@ -266,6 +274,12 @@ class Simulator:
     def take_states(self) -> list[TrueState]:
         """The true states since the last call, the oldest first."""
         return [self._states.popleft() for _ in range(len(self._states))]
+
+    def _inheritance(self) -> tuple[list[int], list[str]]:
+        if self._socket is None:
+            return [], []
+        fd = self._socket.fileno()
+        return [fd], [f"--socket={fd}", f"--parent={os.getpid()}"]
 
     def _running(self) -> subprocess.Popen[str]:
         if self._process is None:

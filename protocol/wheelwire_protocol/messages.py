@@ -184,6 +184,13 @@ LINK_COUNTERS_GET = Message(
     body=Struct(_session(), _request()),
 )
 
+CONTROL_COUNTERS_GET = Message(
+    id=0x10,
+    name="ControlCountersGet",
+    doc="Asks for the control loop's counters; the answer is ControlCounters.",
+    body=Struct(_session(), _request()),
+)
+
 # --- from the device ---------------------------------------------------------------------------
 
 DEVICE_HELLO = Message(
@@ -330,6 +337,31 @@ LINK_COUNTERS = Message(
     ),
 )
 
+CONTROL_COUNTERS = Message(
+    id=0x89,
+    name="ControlCounters",
+    doc="What the control loop and the encoders have counted since reset. All wrap.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("late_steps", Int32ul, Unit.NONE, "Steps that came more than half a period late."),
+        field("latest_step_us", Int32ul, Unit.MICROSECOND, "Longest time between two steps."),
+        field(
+            "saturated_steps",
+            Int32ul,
+            Unit.NONE,
+            "Steps in which a wheel's velocity loop wanted more than its output gives.",
+        ),
+        field(
+            "left_illegal",
+            Int32ul,
+            Unit.NONE,
+            "Transitions of the left encoder that show a lost edge. A chip's counter sees none.",
+        ),
+        field("right_illegal", Int32ul, Unit.NONE, "As left_illegal."),
+    ),
+)
+
 MESSAGES: tuple[Message, ...] = (
     HELLO,
     STOP,
@@ -346,6 +378,7 @@ MESSAGES: tuple[Message, ...] = (
     PARAMETER_RESET,
     PARAMETER_LIST,
     LINK_COUNTERS_GET,
+    CONTROL_COUNTERS_GET,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -355,6 +388,7 @@ MESSAGES: tuple[Message, ...] = (
     PARAMETER_ENTRY,
     EVENT,
     LINK_COUNTERS,
+    CONTROL_COUNTERS,
 )
 
 MAX_PAYLOAD = max(message.payload_size for message in MESSAGES)

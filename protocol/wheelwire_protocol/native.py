@@ -121,11 +121,21 @@ class Core:
         *,
         battery_mv: int = 0,
         contact_open: bool = False,
+        left_illegal: int = 0,
+        right_illegal: int = 0,
     ) -> Outputs:
         """Leave BOOT: the pins are ready. Once; for the arguments see `step`."""
         return self._run(
             self._library.wheelwire_core_start,
-            _Inputs(now_us, left_ticks, right_ticks, battery_mv, contact_open),
+            _Inputs(
+                now_us,
+                left_ticks,
+                right_ticks,
+                battery_mv,
+                left_illegal,
+                right_illegal,
+                contact_open,
+            ),
         )
 
     def step(
@@ -136,6 +146,8 @@ class Core:
         *,
         battery_mv: int = 0,
         contact_open: bool = False,
+        left_illegal: int = 0,
+        right_illegal: int = 0,
     ) -> Outputs:
         """One control step, every `Outputs.period_us`.
 
@@ -145,16 +157,35 @@ class Core:
             right_ticks: As `left_ticks`.
             battery_mv: 0: not measured.
             contact_open: The e-stop contact, normally closed.
+            left_illegal: Transitions that show a lost edge, cumulative.
+            right_illegal: As `left_illegal`.
         """
         return self._run(
             self._library.wheelwire_core_step,
-            _Inputs(now_us, left_ticks, right_ticks, battery_mv, contact_open),
+            _Inputs(
+                now_us,
+                left_ticks,
+                right_ticks,
+                battery_mv,
+                left_illegal,
+                right_illegal,
+                contact_open,
+            ),
         )
 
     def service(self, now_us: int) -> Outputs:
         """Read and answer what came, between two steps. A stop acts at once."""
         self._library.wheelwire_core_service(self._live, now_us, ctypes.byref(self._outputs))
         return self._outputs.values()
+
+    def hang_up(self, now_us: int) -> Outputs:
+        """The host is gone, and the line tells: what it commanded ends at once."""
+        self._library.wheelwire_core_hang_up(self._live, now_us, ctypes.byref(self._outputs))
+        return self._outputs.values()
+
+    def value(self, parameter_id: int) -> float:
+        """The value in force of a parameter; from the start on."""
+        return float(self._library.wheelwire_core_value(self._live, parameter_id))
 
     def fail(self) -> None:
         """A pin failed: DRIVER_FAILED from the next step on, for good."""
@@ -282,6 +313,8 @@ class _Inputs(ctypes.Structure):
         ("left_ticks", ctypes.c_int32),
         ("right_ticks", ctypes.c_int32),
         ("battery_mv", ctypes.c_uint16),
+        ("left_illegal", ctypes.c_uint32),
+        ("right_illegal", ctypes.c_uint32),
         ("contact_open", ctypes.c_uint8),
     )
 
@@ -349,6 +382,8 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (_CORE, ctypes.POINTER(_Inputs), ctypes.POINTER(_Outputs)),
     ),
     "wheelwire_core_service": (None, (_CORE, ctypes.c_uint64, ctypes.POINTER(_Outputs))),
+    "wheelwire_core_hang_up": (None, (_CORE, ctypes.c_uint64, ctypes.POINTER(_Outputs))),
+    "wheelwire_core_value": (ctypes.c_float, (_CORE, ctypes.c_uint8)),
     "wheelwire_core_fail": (None, (_CORE,)),
     "wheelwire_core_feed": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
     "wheelwire_core_take": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),

@@ -173,6 +173,15 @@ class LinkCountersGet(NamedTuple):
     """Counts up in a session; an answer repeats it."""
 
 
+class ControlCountersGet(NamedTuple):
+    """Asks for the control loop's counters; the answer is ControlCounters."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session this is in."""
+    request_id: int
+    """Counts up in a session; an answer repeats it."""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -360,6 +369,25 @@ class LinkCounters(NamedTuple):
     """Faults, also those cleared at once."""
 
 
+class ControlCounters(NamedTuple):
+    """What the control loop and the encoders have counted since reset. All wrap."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session this is in."""
+    request_id: int
+    """Counts up in a session; an answer repeats it."""
+    late_steps: int
+    """Steps that came more than half a period late."""
+    latest_step_us: int
+    """Longest time between two steps. [us]"""
+    saturated_steps: int
+    """Steps in which a wheel's velocity loop wanted more than its output gives."""
+    left_illegal: int
+    """Transitions of the left encoder that show a lost edge. A chip's counter sees none."""
+    right_illegal: int
+    """As left_illegal."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -376,6 +404,7 @@ AnyMessage = (
     | ParameterReset
     | ParameterList
     | LinkCountersGet
+    | ControlCountersGet
     | DeviceHello
     | WheelState
     | Refuse
@@ -385,6 +414,7 @@ AnyMessage = (
     | ParameterEntry
     | Event
     | LinkCounters
+    | ControlCounters
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -403,6 +433,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x0D, ParameterReset, "LH"),
     (0x0E, ParameterList, "LHB"),
     (0x0F, LinkCountersGet, "LH"),
+    (0x10, ControlCountersGet, "LH"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -412,7 +443,8 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x86, ParameterEntry, "LHBBBffff"),
     (0x87, Event, "LLBBBBH"),
     (0x88, LinkCounters, "LHLLLLLLLLLH"),
+    (0x89, ControlCounters, "LHLLLLL"),
 )
 """Id, class, and the body in the letters of `struct`, one a field."""
 
-SCHEMA_HASH = 0xDBE4F25B
+SCHEMA_HASH = 0x917FC425

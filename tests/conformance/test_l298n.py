@@ -4,44 +4,46 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from gpiozero import Device
 
-from support.gpio_robot import GpioRobot
+from support.gpio_chip_process import GpioChip
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.testing import Bench, DriverConformance
 
 
 class GpioBench(Bench):
-    def __init__(self, robot: GpioRobot, pwm_directory: Path) -> None:
-        self.robot = robot
-        self.pwm_directory = pwm_directory
+    def __init__(self, chip: GpioChip) -> None:
+        self.chip = chip
 
     def open(self) -> BaseDriver:
         # A busy test machine is no fault of the robot's.
-        return L298NDriver(parameters={"overrun_limit_us": 1e6}, pwm_directory=self.pwm_directory)
+        return L298NDriver(
+            parameters={"overrun_limit_us": 1e6},
+            pwm_directory=self.chip.pwm_directory,
+            patience_ms=5000,
+        )
 
     def true_ticks(self) -> tuple[int, int]:
-        return self.robot.robot.true_ticks
+        left, right = self.chip.truth()["ticks"]
+        return left, right
 
     def is_driven(self) -> bool:
-        return self.robot.is_driven()
+        return bool(self.chip.truth()["driven"])
 
     def lose_link(self) -> None:
-        assert self.robot.pwm
-        self.robot.pwm.remove()
+        self.chip.command("pwm_away")
 
     def restore_link(self) -> None:
-        assert self.robot.pwm
-        self.robot.pwm.restore()
+        self.chip.command("pwm_back")
 
     def block_left_encoder(self) -> None:
-        self.robot.robot.left.encoder.dead = True
+        self.chip.command("dead_left_encoder")
 
 
 class TestL298n(DriverConformance):
     @pytest.fixture
     def bench(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-        with GpioRobot(tmp_path / "pwm") as robot:
-            monkeypatch.setattr(Device, "pin_factory", robot.factory)
-            yield GpioBench(robot, tmp_path / "pwm")
+        with GpioChip(tmp_path) as chip:
+            for name, value in chip.environment.items():
+                monkeypatch.setenv(name, value)
+            yield GpioBench(chip)

@@ -16,7 +16,12 @@ class PigpioBench(Bench):
 
     def open(self) -> BaseDriver:
         # A busy test machine is no fault of the robot's.
-        return PigpioDriver("127.0.0.1", self.daemon.port, parameters={"overrun_limit_us": 1e6})
+        return PigpioDriver(
+            "127.0.0.1",
+            self.daemon.port,
+            parameters={"overrun_limit_us": 1e6},
+            patience_ms=5000,
+        )
 
     def true_ticks(self) -> tuple[int, int]:
         left, right = self.daemon.command("truth")["ticks"]

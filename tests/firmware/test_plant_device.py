@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from support.fwsim import FwSim, FwSimError, Status
 from support.virtual import VirtualRobot
+from wheelwire.fwsim import FwSim, FwSimError, Status
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 
 

@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 
-from support.fwsim import BUILD
+from wheelwire.fwsim import CHECKOUT_BUILD
 
-PROGRAM = BUILD / "wheelwire-corruption"
+PROGRAM = CHECKOUT_BUILD / "wheelwire-corruption"
 INJECTIONS = 1_000_000
 KINDS = ["bit flips", "bursts", "losses", "repeats", "insertions", "overwrites"]
 

@@ -23,11 +23,11 @@ from hypothesis.stateful import (
 )
 
 from support.faulty_robot import FaultyRobot
-from support.fwsim import library_path
 from support.host_model import Model
 from support.virtual import STEP_US
 from wheelwire.errors import WheelwireError
 from wheelwire.faultline import Faults, LineProfile
+from wheelwire.fwsim import library_path
 from wheelwire.requests import Answer, Done, RequestMessage
 from wheelwire.session import Phase
 from wheelwire_protocol.codes import StopMode

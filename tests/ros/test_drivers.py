@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
+from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
@@ -18,19 +20,6 @@ from support.ros_rig import SPEED_MPS, twist
 
 PATIENT_US = 1_000_000
 """A busy test machine is no fault of the robot's."""
-
-ON_MODEL_PINS = """
-import tempfile
-from pathlib import Path
-from gpiozero import Device
-from support.gpio_robot import GpioRobot
-from wheelwire_ros import hardware_robot
-
-with tempfile.TemporaryDirectory() as root:
-    with GpioRobot(Path(root), kernel_pwm=False) as robot:
-        Device.pin_factory = robot.factory
-        hardware_robot.main()
-"""
 
 
 def check_driving(graph: Graph, driver: str, **options: Any) -> None:
@@ -58,6 +47,10 @@ def test_pigpio(graph: Graph) -> None:
         assert not daemon.command("truth")["driven"]
 
 
-def test_l298n(graph: Graph) -> None:
+def test_l298n(graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
-    check_driving(graph, "l298n", code=ON_MODEL_PINS)
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        for name, value in chip.environment.items():
+            monkeypatch.setenv(name, value)
+        check_driving(graph, "l298n")
+        assert not chip.truth()["driven"]

@@ -18,6 +18,8 @@ from wheelwire_protocol.types import (
     AnyMessage,
     ClearEstop,
     ClearFault,
+    ControlCounters,
+    ControlCountersGet,
     DeviceHello,
     Estop,
     Event,
@@ -53,6 +55,7 @@ Request = (
     | ParameterReset
     | ParameterList
     | LinkCountersGet
+    | ControlCountersGet
 )
 
 
@@ -297,6 +300,8 @@ class FakeDevice:
             c = self._decoder.counters
             damage = (c.bad_crc, c.bad_cobs, c.unknown_id, c.wrong_length, c.seq_lost)
             return LinkCounters(*head, c.frames, 0, *damage, 0, 0, 0)
+        if isinstance(request, ControlCountersGet):
+            return ControlCounters(*head, 0, 0, 0, 0, 0)
         if isinstance(request, ParameterReset):
             self.parameters = {p.id: float(p.default) for p in PARAMETERS}
         elif isinstance(request, SetStreamRate):

@@ -6,14 +6,13 @@ from collections.abc import Callable
 from random import Random
 
 from wheelwire.errors import WheelwireError
+from wheelwire.fwsim import FwSim
 from wheelwire.requests import Answer, RequestMessage
 from wheelwire.samples import WheelSample
 from wheelwire.session import Phase, Session
 from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
-
-from .fwsim import FwSim
 
 STEP_US = 1000
 PATIENCE_S = 5.0

@@ -9,6 +9,7 @@ namespace wheelwire::capi {
 template <size_t kCapacity>
 class ByteRing {
  public:
+  void clear() { begin_ = size_ = 0; }
   size_t room() const { return kCapacity - size_; }
 
   /// Returns how many bytes there was room for.

@@ -42,6 +42,8 @@ struct wheelwire_core {
     encoders.now_us = inputs.now_us;
     encoders.left.update(inputs.left_ticks);
     encoders.right.update(inputs.right_ticks);
+    encoders.left_illegal = inputs.left_illegal;
+    encoders.right_illegal = inputs.right_illegal;
     contact.open = inputs.contact_open != 0;
     battery.mv = inputs.battery_mv;
   }
@@ -113,6 +115,18 @@ void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
 void wheelwire_core_service(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
   if (core->robot) core->robot->service_link(now_us);
   core->give(*outputs);
+}
+
+void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
+  core->line.received.clear();
+  core->line.to_send.clear();
+  if (core->robot) core->robot->hang_up(now_us);
+  core->give(*outputs);
+}
+
+float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter) {
+  const auto id = static_cast<wheelwire::ParameterId>(parameter);
+  return core->robot && wheelwire::Parameters::exists(id) ? core->robot->parameter(id) : 0.0f;
 }
 
 void wheelwire_core_fail(wheelwire_core* core) {

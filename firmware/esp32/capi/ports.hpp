@@ -53,8 +53,14 @@ class Encoders final : public EncoderPort {
   uint64_t now_us = 0;
   TickCounter left;
   TickCounter right;
+  uint32_t left_illegal = 0;
+  uint32_t right_illegal = 0;
   EncoderCounts latch() override {
-    return {.t_us = now_us, .left = left.value(), .right = right.value()};
+    return {.t_us = now_us,
+            .left = left.value(),
+            .right = right.value(),
+            .left_illegal = left_illegal,
+            .right_illegal = right_illegal};
   }
 };
 

@@ -39,9 +39,11 @@ typedef int (*wheelwire_save)(void* context, const uint8_t* block, size_t size);
 
 typedef struct wheelwire_inputs {
   uint64_t now_us;
-  int32_t left_ticks;   /* Cumulative, forward positive, modulo 2^32. */
-  int32_t right_ticks;  /* Of the same instant. */
-  uint16_t battery_mv;  /* 0: not measured. */
+  int32_t left_ticks;    /* Cumulative, forward positive, modulo 2^32. */
+  int32_t right_ticks;   /* Of the same instant. */
+  uint16_t battery_mv;   /* 0: not measured. */
+  uint32_t left_illegal; /* Transitions that show a lost edge, cumulative; 0 where none is seen. */
+  uint32_t right_illegal;
   uint8_t contact_open; /* The e-stop contact, normally closed. */
 } wheelwire_inputs;
 
@@ -81,6 +83,12 @@ WHEELWIRE_EXPORT void wheelwire_core_step(wheelwire_core* core, const wheelwire_
 /* Between two steps, when bytes have come: reads and answers them. A stop acts at once. */
 WHEELWIRE_EXPORT void wheelwire_core_service(wheelwire_core* core, uint64_t now_us,
                                              wheelwire_outputs* outputs);
+/* The host is gone, and the line tells: what it commanded ends at once, bytes under way are void.
+ * The next one begins with a hello. */
+WHEELWIRE_EXPORT void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us,
+                                             wheelwire_outputs* outputs);
+/* The value in force of a parameter that there is; from the start on. */
+WHEELWIRE_EXPORT float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter);
 /* A pin failed: DRIVER_FAILED from the next step on, until the process starts anew. */
 WHEELWIRE_EXPORT void wheelwire_core_fail(wheelwire_core* core);
 

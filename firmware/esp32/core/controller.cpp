@@ -17,6 +17,7 @@ int32_t Controller::update(int32_t target_umps, int32_t measured_umps,
   sum += integral_q32_ >> 32;
   const int32_t wanted = saturate32(sum);
   const int32_t duty = clamp(wanted, -gains.limit_q15, gains.limit_q15);
+  if (wanted != duty) ++saturated_steps_;
   // Anti-windup: what the output cannot give is not asked for more and more.
   const bool saturated = wanted != duty && sign(error) == sign(wanted);
   if (!saturated) {

@@ -24,9 +24,12 @@ class Controller {
     integral_q32_ = 0;
     last_target_umps_ = measured_umps;
   }
+  /// How often the output could not give what was wanted. Wraps.
+  uint32_t saturated_steps() const { return saturated_steps_; }
 
  private:
   int32_t last_target_umps_ = 0;
+  uint32_t saturated_steps_ = 0;
   int64_t integral_q32_ = 0;  // duty, q15 with 32 more fractional bits
 };
 

@@ -38,6 +38,8 @@ struct EncoderCounts {
   uint64_t t_us;  ///< Device clock at the latch.
   int16_t left;   ///< Raw counter, x4, modulo kCounterLimit.
   int16_t right;
+  uint32_t left_illegal = 0;  ///< Transitions that show a lost edge; a chip's counter sees none.
+  uint32_t right_illegal = 0;
 };
 
 class EncoderPort {

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0xdbe4f25b;
+constexpr uint32_t kHash = 0x917fc425;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -536,6 +536,31 @@ struct LinkCountersGet {
   }
 };
 
+/// Asks for the control loop's counters; the answer is ControlCounters.
+struct ControlCountersGet {
+  static constexpr uint8_t kId = 0x10;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
+  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+
+  bool operator==(const ControlCountersGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static ControlCountersGet decode(const uint8_t* in) {
+    ControlCountersGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -920,6 +945,48 @@ struct LinkCounters {
   }
 };
 
+/// What the control loop and the encoders have counted since reset. All wrap.
+struct ControlCounters {
+  static constexpr uint8_t kId = 0x89;
+  static constexpr size_t kSize = 26;
+
+  uint32_t session_id{};       ///< Nonce XOR boot_id of the session this is in.
+  uint16_t request_id{};       ///< Counts up in a session; an answer repeats it.
+  uint32_t late_steps{};       ///< Steps that came more than half a period late.
+  uint32_t latest_step_us{};   ///< Longest time between two steps. [us]
+  uint32_t saturated_steps{};  ///< Steps in which a wheel's velocity loop wanted more than its
+                               ///< output gives.
+  uint32_t left_illegal{};     ///< Transitions of the left encoder that show a lost edge. A chip's
+                               ///< counter sees none.
+  uint32_t right_illegal{};    ///< As left_illegal.
+
+  bool operator==(const ControlCounters&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, late_steps);
+    wire::put(out, latest_step_us);
+    wire::put(out, saturated_steps);
+    wire::put(out, left_illegal);
+    wire::put(out, right_illegal);
+  }
+
+  /// Reads kSize bytes.
+  static ControlCounters decode(const uint8_t* in) {
+    ControlCounters message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.late_steps);
+    wire::get(in, message.latest_step_us);
+    wire::get(in, message.saturated_steps);
+    wire::get(in, message.left_illegal);
+    wire::get(in, message.right_illegal);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -953,6 +1020,8 @@ constexpr int body_size(uint8_t id) {
       return ParameterList::kSize;
     case LinkCountersGet::kId:
       return LinkCountersGet::kSize;
+    case ControlCountersGet::kId:
+      return ControlCountersGet::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -971,6 +1040,8 @@ constexpr int body_size(uint8_t id) {
       return Event::kSize;
     case LinkCounters::kId:
       return LinkCounters::kSize;
+    case ControlCounters::kId:
+      return ControlCounters::kSize;
     default:
       return -1;
   }

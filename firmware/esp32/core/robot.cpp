@@ -22,6 +22,8 @@ void Robot::step(uint64_t now_us) {
   if (parameters_changed_) apply_parameters();
   const EncoderCounts counts = hal_.encoders.latch();
   encoder_us_ = counts.t_us;
+  left_illegal_ = counts.left_illegal;
+  right_illegal_ = counts.right_illegal;
   // Before the link is read: what it says may clear a fault only once that has been told.
   trip(drive_.latch(counts, config_) | check_timing(now_us), now_us);
   service_link(now_us);
@@ -31,12 +33,20 @@ void Robot::step(uint64_t now_us) {
   stream_state(now_us);
 }
 
+void Robot::hang_up(uint64_t now_us) {
+  session_.close();
+  setpoint_ = {};
+  state_interval_us_ = 0;
+  apply(SupervisorEvent::kStop, now_us);
+}
+
 void Robot::report_driver_failure() { driver_failed_ = true; }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
   const uint64_t elapsed_us = now_us - last_step_us_;
   last_step_us_ = now_us;
   if (elapsed_us > config_.period_us + config_.period_us / 2) ++overruns_;
+  if (elapsed_us > latest_step_us_) latest_step_us_ = static_cast<uint32_t>(elapsed_us);
   // Standing still, a late step (a flash write, say) hurts nobody.
   const bool fails = supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us;
   return fails ? fault::kControlOverrun : 0;
@@ -102,7 +112,7 @@ void Robot::stream_state(uint64_t now_us) {
       .command_seq = setpoint_.command_seq,
       .supervisor = supervisor_.state(),
       .faults = static_cast<uint16_t>(faults_),
-      .overruns = overruns_,
+      .overruns = static_cast<uint16_t>(overruns_),
       .battery_mv = hal_.battery.millivolts(),
   });
 }

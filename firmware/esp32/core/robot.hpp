@@ -48,10 +48,14 @@ class Robot {
   void step(uint64_t now_us);
   /// Reads and answers what the host sent; for a line that must not wait for the next step.
   void service_link(uint64_t now_us);
+  /// The host is gone, and the line tells: its session and what it commanded end with it. A serial
+  /// line tells nothing; there the deadline acts.
+  void hang_up(uint64_t now_us);
   /// A motor or encoder peripheral did not start: FAULT until the next reset.
   void report_driver_failure();
 
   uint32_t control_period_us() const { return config_.period_us; }
+  float parameter(ParameterId id) const { return parameters_.get(id); }
   SupervisorState state() const { return supervisor_.state(); }
   uint32_t faults() const { return faults_; }
   bool has_session() const { return session_.is_open(); }
@@ -106,6 +110,7 @@ class Robot {
   RefusalCode carry_out(const ParameterSet& request, uint64_t now_us);
   RefusalCode carry_out(const ParameterList& request, uint64_t now_us);
   RefusalCode carry_out(const LinkCountersGet& request, uint64_t now_us);
+  RefusalCode carry_out(const ControlCountersGet& request, uint64_t now_us);
 
   // The answer to a request that was carried out.
   template <typename Request>
@@ -114,6 +119,7 @@ class Robot {
   void reply(const ParameterSet& request);
   void reply(const ParameterList& request);
   void reply(const LinkCountersGet& request);
+  void reply(const ControlCountersGet& request);
   void reply_value(uint16_t request_id, uint8_t parameter);
   template <typename Message>
   void answer(uint16_t request_id, const Message& message);
@@ -136,7 +142,10 @@ class Robot {
   bool driver_failed_ = false;
   uint64_t last_step_us_ = 0;
   uint64_t encoder_us_ = 0;
-  uint16_t overruns_ = 0;
+  uint32_t overruns_ = 0;
+  uint32_t latest_step_us_ = 0;
+  uint32_t left_illegal_ = 0;
+  uint32_t right_illegal_ = 0;
   uint32_t refused_ = 0;
   uint64_t next_state_us_ = 0;
   uint32_t state_interval_us_ = 0;  // 0: not streaming

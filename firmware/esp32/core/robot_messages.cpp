@@ -41,6 +41,8 @@ void Robot::dispatch(const Frame& frame, uint64_t now_us) {
       return on_request(ParameterList::decode(frame.body), now_us);
     case LinkCountersGet::kId:
       return on_request(LinkCountersGet::decode(frame.body), now_us);
+    case ControlCountersGet::kId:
+      return on_request(ControlCountersGet::decode(frame.body), now_us);
   }
 }
 
@@ -243,6 +245,7 @@ RefusalCode Robot::carry_out(const ParameterList& request, uint64_t) {
 }
 
 RefusalCode Robot::carry_out(const LinkCountersGet&, uint64_t) { return RefusalCode::kNone; }
+RefusalCode Robot::carry_out(const ControlCountersGet&, uint64_t) { return RefusalCode::kNone; }
 
 // --- answers
 // ---------------------------------------------------------------------------------------
@@ -306,6 +309,19 @@ void Robot::reply(const LinkCountersGet& request) {
                                  .refused = refused_,
                                  .faults_tripped = faults_tripped_,
                              });
+}
+
+void Robot::reply(const ControlCountersGet& request) {
+  answer(request.request_id,
+         ControlCounters{
+             .session_id = session_.id(),
+             .request_id = request.request_id,
+             .late_steps = overruns_,
+             .latest_step_us = latest_step_us_,
+             .saturated_steps = drive_.left().saturated_steps() + drive_.right().saturated_steps(),
+             .left_illegal = left_illegal_,
+             .right_illegal = right_illegal_,
+         });
 }
 
 template <typename Message>

@@ -18,6 +18,7 @@ class Session {
   enum class Request : uint8_t { kNew, kRepeat, kOld };
 
   void open(uint32_t nonce, uint32_t boot_id);
+  void close() { open_ = false; }
 
   bool is_open() const { return open_; }
   bool is_open_with(uint32_t nonce) const { return open_ && nonce == nonce_; }

@@ -30,6 +30,7 @@ class Wheel {
   int32_t ticks() const { return total_.ticks(); }
   int32_t velocity_umps() const { return velocity_umps_; }
   int32_t duty_q15() const { return duty_q15_; }
+  uint32_t saturated_steps() const { return controller_.saturated_steps(); }
 
  private:
   void rest();

@@ -63,6 +63,11 @@ int fwsim_use_store(fwsim* sim, const char* path) {
   });
 }
 
+int fwsim_preset(fwsim* sim, int parameter, float value) {
+  if (sim == nullptr) return FWSIM_BAD_ARGUMENT;
+  return sim->simulator.preset(parameter, value) ? FWSIM_OK : FWSIM_OUT_OF_RANGE;
+}
+
 int fwsim_set(fwsim* sim, const char* name, double value) {
   if (sim == nullptr || name == nullptr) return FWSIM_BAD_ARGUMENT;
   return guarded([&] { return status(wheelwire::sim::set_variable(sim->simulator, name, value)); });

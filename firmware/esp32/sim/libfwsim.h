@@ -44,6 +44,9 @@ FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
 /* Keeps the parameters in a file; call it before the first advance. */
 FWSIM_EXPORT int fwsim_use_store(fwsim* sim, const char* path);
 
+/* Another default of the parameter with this id, from the next reset on. */
+FWSIM_EXPORT int fwsim_preset(fwsim* sim, int parameter, float value);
+
 FWSIM_EXPORT int fwsim_set(fwsim* sim, const char* name, double value);
 FWSIM_EXPORT int fwsim_get(const fwsim* sim, const char* name, double* value);
 

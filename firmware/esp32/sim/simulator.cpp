@@ -32,6 +32,7 @@ Bytes rom_text(ResetReason reason) {
 
 Simulator::Simulator(uint64_t seed)
     : board(mix(seed)), random_(seed), identity_(power_on_identity(random_.next() >> 16)) {
+  platform_specs(identity_.board, specs_);
   reset(ResetReason::kPowerOn);
 }
 
@@ -68,7 +69,7 @@ void Simulator::run_until(Nanoseconds end) {
 }
 
 void Simulator::boot() {
-  robot_.emplace(board.hal(), identity_);
+  robot_.emplace(board.hal(), identity_, specs_);
   const uint64_t now_us = board.device_us();
   if (driver_failed_) robot_->report_driver_failure();
   robot_->start(now_us);
@@ -100,6 +101,14 @@ void Simulator::reset(ResetReason reason) {
   record_.standstill_us = 0;
   if (boot_text) board.line.emit_from_rom(rom_text(reason));
   observe();
+}
+
+bool Simulator::preset(int parameter, float value) {
+  const auto id = static_cast<ParameterId>(parameter);
+  if (parameter < 1 || parameter > 255) return false;
+  if (Parameters(specs_).set(id, value) != RefusalCode::kNone) return false;
+  specs_[parameter - 1].default_value = value;
+  return true;
 }
 
 void Simulator::set_driver_failed(bool failed) {

@@ -34,6 +34,8 @@ class Simulator {
   /// The device starts again, with a new boot id and its outputs off for boot_time_us.
   void reset(ResetReason reason);
 
+  /// Another default of a parameter from the next reset on; false when it is not possible.
+  bool preset(int parameter, float value);
   /// The next control step comes this much too late.
   void delay_control(uint64_t us) { next_step_us_ += us; }
   /// A motor or encoder peripheral does not start. Mended, it starts at the next reset.
@@ -65,6 +67,7 @@ class Simulator {
 
   Random random_;
   Identity identity_;
+  ParameterSpec specs_[kParameterCount];
   std::optional<Robot> robot_;  // None while the chip boots.
   uint64_t next_step_us_ = 0;
   bool driver_failed_ = false;

@@ -13,6 +13,7 @@ from wheelwire.errors import WheelwireError
 
 from .flash import flash
 from .local import demo, ports, sim
+from .mcu import mcu
 from .output import print_error
 from .parameters import app as parameters_app
 from .robot import clear, drive, estop, info, monitor
@@ -24,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for command in (sim, ports, info, drive, monitor, estop, clear, flash, demo):
+for command in (sim, ports, info, drive, monitor, estop, clear, flash, demo, mcu):
     app.command()(command)
 app.add_typer(parameters_app, name="params")
 

@@ -1,99 +1,49 @@
-"""The driver of a robot that is not there: the local control loop on a model robot.
+"""The driver of a robot that is not there: the firmware's core with a simulated robot.
 
-In real time it stands in for a robot under any program. In virtual time nothing happens but in
-`advance` and `read`, and the same calls give the same run, boot ids apart.
+In real time it is a process of its own, and stands in for a robot under any program. In virtual
+time nothing happens but in `advance` and while a call waits, and the same calls give the same run,
+boot ids apart.
 """
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Mapping
 from pathlib import Path
 
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
 from ..clock import host_clock_us
 from ..errors import InvalidCommand, LinkLost, RequestTimeout
-from ..local.driver import LocalDriver
-from ..local.hardware import Hardware, WheelPair
-from ..local.link import Clock
-from ..local.parameters import default_values
-from ..local.quadrature import QuadratureDecoder
-from ..plant.encoder import Edge
-from ..plant.motor import MotorModel
-from ..plant.robot import ModelRobot
+from ..fwsim import FwSim
+from ..inbox import SampleInbox
+from ..link import Link
+from ..linux_mcu.store import converted_store
+from ..parameters import checked_value
 from ..samples import WheelSample
+from ..sim import Simulator
+from ..transport import SocketTransport, Transport
+from ..virtual_link import VirtualLink
+from .device import GEOMETRY, DeviceDriver
+
+COUNTS = "counts_per_revolution"
+"""A parameter; the simulated encoders have a variable of the same name."""
 
 
-class VirtualClock:
-    """Time that passes when it is told to."""
-
-    def __init__(self) -> None:
-        self.now_us = 0
-
-    def __call__(self) -> int:
-        """Microseconds."""
-        return self.now_us
-
-
-class MockRobot(ModelRobot):
-    """The model robot behind the mock driver.
-
-    Attributes:
-        estop_open: The e-stop contact is open; only `estop_input_enabled` makes it count.
-        link_lost: The pins are out of reach.
-    """
-
-    estop_open = False
-    link_lost = False
-
-
-class ModelPins(Hardware):
-    """A model robot's pins. Its time passes when the control loop looks at it."""
-
-    def __init__(self, robot: MockRobot, clock: Clock) -> None:
-        self.left, self.right = robot.left, robot.right
-        self._robot = robot
-        self._clock = clock
-        self._check()
-        self._robot.advance_to(clock(), lambda *_: None)  # what went on meanwhile, uncounted
-        self._decoders = [QuadratureDecoder(w.encoder.a, w.encoder.b) for w in robot.wheels]
-
-    def ticks(self) -> WheelPair:
-        """After the time since the last look has passed."""
-        self._check()
-        self._robot.advance_to(self._clock(), self._count)
-        return WheelPair(*(decoder.ticks for decoder in self._decoders))
-
-    def illegal_transitions(self) -> WheelPair:
-        """Only a broken encoder that is mended makes them."""
-        return WheelPair(*(decoder.illegal for decoder in self._decoders))
-
-    def estop_is_open(self) -> bool:
-        """As injected."""
-        return self._robot.estop_open
-
-    def close(self) -> None:
-        """Both wheels coast."""
-        for wheel in self._robot.wheels:
-            wheel.set_enable(0.0)
-
-    def _count(self, side: int, edge: Edge, t_us: float) -> None:
-        self._decoders[side].change(edge.channel, edge.level, t_us)
-
-    def _check(self) -> None:
-        if self._robot.link_lost:
-            raise LinkLost("the mock robot is out of reach: link_lost is set")
-
-
-class MockDriver(LocalDriver):
-    """A robot made of arithmetic: two gear motors, an L298N, two encoders.
+class MockDriver(DeviceDriver):
+    """A simulated robot: two gear motors, an L298N, two encoders.
 
     Args:
-        realtime: False for virtual time.
-        parameters: Values that differ from the defaults, by name.
-        store: A JSON file that keeps parameters which are saved at run time.
-        model: The motors; the encoders count `counts_per_revolution`.
+        realtime: False for virtual time, which only one thread may use.
+        parameters: Values that differ from the defaults, by name; the encoders count
+            `counts_per_revolution`.
+        store: A file that keeps parameters which are saved at run time.
 
-    Attributes:
-        robot: What the driver cannot know: the truth, and faults to inject.
+    Raises:
+        SimulatorNotFound: The simulator is not installed.
+        UnknownParameter: In `parameters`.
+        ParameterOutOfRange: In `parameters`.
     """
 
     def __init__(
@@ -102,46 +52,141 @@ class MockDriver(LocalDriver):
         realtime: bool = True,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
-        model: MotorModel | None = None,
     ) -> None:
-        counts = int(default_values(parameters)["counts_per_revolution"])
-        self._virtual = None if realtime else VirtualClock()
-        clock: Clock = self._virtual or host_clock_us
-        self.robot = robot = MockRobot(model or MotorModel(), counts, clock())
-        super().__init__(
-            "mock",
-            lambda: ModelPins(robot, clock),
-            parameters,
-            store,
-            clock=clock,
-            threaded=realtime,
-        )
-        if self._virtual is not None:
-            self._link.step()
+        values = {name: checked_value(name, value) for name, value in (parameters or {}).items()}
+        store = converted_store(store) if store is not None else None
+        self._virtual: VirtualLink | None = None
+        if realtime:
+            self._process = _Process(values, store)
+            super().__init__(self._process.open_link)
+        else:
+            self._sim = _powered_on(values, store)
+            super().__init__(self._open_virtual_link)
+
+    @property
+    def simulator(self) -> Simulator | FwSim:
+        """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
+        return self._sim if self._virtual is not None else self._process.simulator
 
     def advance(self, seconds: float) -> None:
-        """Let virtual time pass, in whole control periods.
+        """Let virtual time pass.
 
         Raises:
             InvalidCommand: Time is real.
         """
         if self._virtual is None:
             raise InvalidCommand("time passes by itself: give realtime=False to advance it")
-        end_us = self._virtual.now_us + round(seconds * 1e6)
-        while self._virtual.now_us < end_us:
-            self._virtual.now_us += round(self._link.period_s * 1e6)
-            if not self._link.step():
-                self._link.reopen()
+        self._virtual.advance(seconds)
+
+    def unplug(self) -> None:
+        """The robot is out of reach from now on."""
+        (self._virtual or self._process).unplug()
+
+    def plug(self) -> None:
+        """It is back in reach, in real time a moment later."""
+        (self._virtual or self._process).plug()
 
     def read(self, timeout: float = 1.0) -> WheelSample:
         """As every driver's; in virtual time, waiting makes it pass."""
-        if self._virtual is None:
+        link = self._virtual
+        if link is None:
             return super().read(timeout)
-        end_us = self._virtual.now_us + round(timeout * 1e6)
+        end_us = link.now_us + round(timeout * 1e6)
         while True:
             try:
                 return super().read(0)
             except (RequestTimeout, LinkLost):
-                if self._virtual.now_us >= end_us:
+                if link.now_us >= end_us:
                     raise
-            self.advance(self._link.period_s)
+            link.advance(0.001)
+
+    def get_encoder_ticks(self) -> tuple[int, int]:
+        """As every driver's; in virtual time, waiting for the first sample makes it pass."""
+        if self._virtual is not None and not self._inbox.is_current:
+            self.read()
+        return super().get_encoder_ticks()
+
+    def _open_virtual_link(self, inbox: SampleInbox) -> VirtualLink:
+        self._virtual = VirtualLink(inbox, self._sim, GEOMETRY)
+        return self._virtual
+
+    def _now_us(self) -> int:
+        return host_clock_us() if self._virtual is None else self._virtual.now_us
+
+
+class _Transport(SocketTransport):
+    """To a simulator, which ends with it."""
+
+    gone = "the process of the simulated robot has ended; it is started again"
+    longest_pause_s = 1.0
+
+    def __init__(self, connection: socket.socket, simulator: Simulator) -> None:
+        super().__init__(connection)
+        self.port = "mock"
+        self._simulator = simulator
+
+    def close(self) -> None:
+        super().close()
+        self._simulator.close()
+
+
+class _Process:
+    """The simulator's process, started anew whenever it was lost."""
+
+    simulator: Simulator
+
+    def __init__(self, values: dict[str, float], store: Path | None) -> None:
+        self._values = values
+        self._store = store
+        self._plugged = True
+
+    def open_link(self, inbox: SampleInbox) -> Link:
+        return Link(
+            "mock",
+            inbox,
+            baud_rate=0,
+            connect_timeout_s=5.0,
+            watched=GEOMETRY,
+            open_port=self._open_transport,
+        )
+
+    def unplug(self) -> None:
+        self._plugged = False
+        self.simulator.command("unplug")
+
+    def plug(self) -> None:
+        self._plugged = True
+
+    def _open_transport(self, _baud_rate: int) -> Transport:
+        if not self._plugged:
+            raise LinkLost("the simulated robot is unplugged")
+        ours, theirs = socket.socketpair()
+        presets = [f"--preset={_id(name)}={value!r}" for name, value in self._values.items()]
+        self.simulator = Simulator(
+            store=self._store, settings=_settings(self._values), arguments=presets, socket=theirs
+        )
+        transport = _Transport(ours, self.simulator)
+        try:
+            self.simulator.start()
+        except BaseException:
+            theirs.close()
+            transport.close()
+            raise
+        return transport
+
+
+def _powered_on(values: dict[str, float], store: Path | None) -> FwSim:
+    sim = FwSim(int.from_bytes(os.urandom(4), "little"), store)
+    for name, value in values.items():
+        sim.preset(_id(name), value)
+    for name, value in _settings(values).items():
+        sim.set(name, value)
+    return sim
+
+
+def _settings(values: dict[str, float]) -> dict[str, float]:
+    return {COUNTS: values[COUNTS]} if COUNTS in values else {}
+
+
+def _id(name: str) -> int:
+    return PARAMETER_BY_NAME[name].id

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from wheelwire.local.driver import LocalDriver
+from wheelwire.drivers.pins import PinDriver
 from wheelwire_protocol.codes import SupervisorState
 
 SPIN_S = 1.0
@@ -60,7 +60,7 @@ class Rig(ABC):
     """A driver between its stand-ins."""
 
     name: str
-    driver: LocalDriver
+    driver: PinDriver
 
     @abstractmethod
     def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
@@ -99,7 +99,7 @@ class Rig(ABC):
                     pass
             late.append(self.en_low_us() - deadline_us)
         period_us = round(1e6 / self.driver.parameters["control_rate_hz"])
-        return Timing(late, self.driver.statistics.latest_step_us, period_us)
+        return Timing(late, self.driver.control_counters().latest_step_us, period_us)
 
     def _settled_ticks(self) -> tuple[int, int]:
         """What is still under way arrives within SETTLE_S of silence."""
@@ -113,9 +113,9 @@ class Rig(ABC):
         return ticks
 
 
-def _illegal(driver: LocalDriver) -> int:
-    statistics = driver.statistics
-    return statistics.left_illegal_transitions + statistics.right_illegal_transitions
+def _illegal(driver: PinDriver) -> int:
+    counters = driver.control_counters()
+    return counters.left_illegal + counters.right_illegal
 
 
 @contextmanager

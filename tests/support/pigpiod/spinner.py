@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from support.pigpiod.reports import SAMPLE_US, Samples, make_samples
-from wheelwire.local.pins import Pins
-from wheelwire.plant.encoder import LEVELS
+from support.plant.encoder import LEVELS
+from wheelwire.linux_mcu.pins import Pins
 
 
 class Spinner:

@@ -8,11 +8,11 @@ import time
 from support.pigpiod.pins import PinBank
 from support.pigpiod.reports import Notification, Sampler
 from support.pigpiod.spinner import Spinner
-from wheelwire.local.pins import Pins
-from wheelwire.local.quadrature import A
-from wheelwire.plant.encoder import Edge
-from wheelwire.plant.motor import MotorModel
-from wheelwire.plant.robot import ModelRobot
+from support.plant.encoder import Edge
+from support.plant.motor import MotorModel
+from support.plant.robot import ModelRobot
+from wheelwire.linux_mcu.encoder import A
+from wheelwire.linux_mcu.pins import Pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
@@ -106,7 +106,7 @@ class World:
         def collect(side: int, edge: Edge, t_us: float) -> None:
             edges.append((t_us, self._gpio(side, edge.channel), edge.level))
 
-        self.robot.advance_to(now_us, collect)
+        self.robot.advance_to(now_us, collect, CATCH_UP_US)
         return sorted(edges)
 
     @property

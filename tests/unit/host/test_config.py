@@ -10,7 +10,7 @@ import wheelwire
 from wheelwire.config import parse_config
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
-from wheelwire.local.pins import Pins
+from wheelwire.linux_mcu.pins import Pins
 
 
 def test_the_shipped_file_is_the_wiring_guides() -> None:

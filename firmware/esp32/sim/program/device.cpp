@@ -2,13 +2,19 @@
 
 #include <filesystem>
 #include <stdexcept>
+#include <utility>
 
+#include "pty_port.hpp"
 #include "random.hpp"
+#include "socket_port.hpp"
 #include "variables.hpp"
 
 namespace wheelwire::sim {
 
 namespace {
+
+constexpr int kAddressedByName = -1;
+constexpr int kSocketGone = -2;
 
 /// What one end receives of the other's bytes. A port that hung up garbles nothing.
 Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
@@ -26,12 +32,20 @@ uint64_t board_of(const std::string& link) {
 
 }  // namespace
 
-Device::Device(const Options& options) : link_(options.link), simulator_(options.seed) {
+Device::Device(const Options& options)
+    : link_(options.link), socket_(options.socket), simulator_(options.seed) {
   if (!link_.empty()) simulator_.set_board_id(board_of(link_));
+  // To the host that started this process, each one that it starts is the same board.
+  if (socket_ >= 0) simulator_.set_board_id(mix(static_cast<uint64_t>(options.parent)) >> 16);
   if (!options.store.empty()) simulator_.board.store.use_file(options.store);
   for (const auto& [name, value] : options.settings) {
     if (set_variable(simulator_, name, value) != VariableStatus::kOk) {
       throw std::invalid_argument("cannot set " + name + "; see --help for names and bounds");
+    }
+  }
+  for (const auto& [parameter, value] : options.presets) {
+    if (!simulator_.preset(parameter, static_cast<float>(value))) {
+      throw std::invalid_argument("cannot preset parameter " + std::to_string(parameter));
     }
   }
   // The constructor has switched the power on already; the settings are to hold from there.
@@ -41,7 +55,13 @@ Device::Device(const Options& options) : link_(options.link), simulator_(options
 
 void Device::plug() {
   port_.reset();
-  port_.emplace(link_);
+  if (socket_ == kAddressedByName) {
+    port_ = std::make_unique<PtyPort>(link_);
+  } else if (socket_ >= 0) {
+    port_ = std::make_unique<SocketPort>(std::exchange(socket_, kSocketGone));
+  } else {
+    throw std::runtime_error("the socket is gone");
+  }
 }
 
 void Device::receive() {

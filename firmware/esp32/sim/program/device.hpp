@@ -1,11 +1,11 @@
 // The simulated device and the port that it is plugged into, or not.
 #pragma once
 
-#include <optional>
+#include <memory>
 #include <string>
 
+#include "host_port.hpp"
 #include "options.hpp"
-#include "pty_port.hpp"
 #include "simulator.hpp"
 
 namespace wheelwire::sim {
@@ -19,12 +19,15 @@ class Device {
   Simulator& simulator() { return simulator_; }
   const Simulator& simulator() const { return simulator_; }
 
-  bool is_plugged() const { return port_.has_value(); }
+  bool is_plugged() const { return port_ != nullptr; }
   const std::string& port_name() const { return port_->name(); }
   /// -1 when unplugged.
   int descriptor() const { return port_ ? port_->descriptor() : -1; }
+  /// Throws std::runtime_error; a socket that was unplugged is gone.
   void plug();
   void unplug() { port_.reset(); }
+  /// The host that this process was started for is gone.
+  bool host_ended() const { return port_ && port_->ended(); }
 
   /// Takes what the host has sent onto the line.
   void receive();
@@ -33,8 +36,9 @@ class Device {
 
  private:
   std::string link_;
+  int socket_;
   Simulator simulator_;
-  std::optional<PtyPort> port_;
+  std::unique_ptr<HostPort> port_;
 };
 
 }  // namespace wheelwire::sim

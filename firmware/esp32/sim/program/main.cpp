@@ -17,6 +17,7 @@
 #include "json.hpp"
 #include "options.hpp"
 #include "pacer.hpp"
+#include "parent.hpp"
 #include "truth.hpp"
 
 namespace wheelwire::sim {
@@ -61,6 +62,7 @@ class Program {
   explicit Program(const Options& options)
       : while_waiting_(install_signal_handlers()),
         exit_with_stdin_(options.exit_with_stdin),
+        parent_(options.parent),
         device_(options),
         truth_(options.truth_hz) {
     ask_for_exact_timers();
@@ -87,7 +89,8 @@ class Program {
 
  private:
   bool finished() const {
-    return g_stop_requested != 0 || commands_.quit() || (exit_with_stdin_ && console_.ended());
+    return g_stop_requested != 0 || commands_.quit() || (exit_with_stdin_ && console_.ended()) ||
+           device_.host_ended() || parent_.ended();
   }
 
   struct Ready {
@@ -102,9 +105,10 @@ class Program {
     if (!console_.ended()) FD_SET(STDIN_FILENO, &readable);
     const int port = device_.descriptor();
     if (port >= 0) FD_SET(port, &readable);
+    if (parent_.descriptor() >= 0) FD_SET(parent_.descriptor(), &readable);
     const timespec timeout{.tv_sec = 0, .tv_nsec = time};
-    const int count = ::pselect(std::max(port, STDIN_FILENO) + 1, &readable, nullptr, nullptr,
-                                &timeout, &while_waiting_);
+    const int count = ::pselect(std::max({port, parent_.descriptor(), STDIN_FILENO}) + 1, &readable,
+                                nullptr, nullptr, &timeout, &while_waiting_);
     if (count <= 0) return {.console = false, .port = false};
     return {.console = FD_ISSET(STDIN_FILENO, &readable) != 0,
             .port = port >= 0 && FD_ISSET(port, &readable) != 0};
@@ -134,6 +138,7 @@ class Program {
 
   sigset_t while_waiting_;
   bool exit_with_stdin_;
+  Parent parent_;
   Device device_;
   TruthStream truth_;
   Console console_;

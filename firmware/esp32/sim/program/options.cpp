@@ -16,7 +16,19 @@ namespace {
 
 constexpr double kMaxTruthHz = 1000.0;
 
-enum Option : int { kLink = 1, kSeed, kBaud, kStore, kSet, kTruthHz, kExitWithStdin, kHelp };
+enum Option : int {
+  kLink = 1,
+  kSeed,
+  kBaud,
+  kStore,
+  kSet,
+  kTruthHz,
+  kExitWithStdin,
+  kSocket,
+  kParent,
+  kPreset,
+  kHelp
+};
 
 constexpr option kOptions[] = {
     {"link", required_argument, nullptr, kLink},
@@ -26,6 +38,9 @@ constexpr option kOptions[] = {
     {"set", required_argument, nullptr, kSet},
     {"truth-hz", required_argument, nullptr, kTruthHz},
     {"exit-with-stdin", no_argument, nullptr, kExitWithStdin},
+    {"socket", required_argument, nullptr, kSocket},
+    {"parent", required_argument, nullptr, kParent},
+    {"preset", required_argument, nullptr, kPreset},
     {"help", no_argument, nullptr, kHelp},
     {nullptr, 0, nullptr, 0},
 };
@@ -45,6 +60,10 @@ The first line on standard output is JSON and names the port.
   --truth-hz N       write the robot's true state N times a second, as lines of JSON, and
                      at once when the drive is applied or removed
   --exit-with-stdin  end when standard input ends
+  --preset ID=VALUE  another default of the parameter with this id; may be repeated
+  --socket FD        a connected socket that was inherited, in place of the pseudo-terminal; end
+                     when it does
+  --parent PID       end when this process ends
   --help             show this
 
 Commands, a line each on standard input, each answered by a line of JSON:
@@ -58,9 +77,11 @@ Variables:
 
 std::pair<std::string, double> parse_setting(const std::string& text) {
   const size_t equals = text.find('=');
-  if (equals == std::string::npos) throw std::invalid_argument("--set takes NAME=VALUE");
+  if (equals == std::string::npos) throw std::invalid_argument("NAME=VALUE is to be given");
   return {text.substr(0, equals), parse_number(text.substr(equals + 1))};
 }
+
+int parse_id(const std::string& text) { return static_cast<int>(parse_number(text)); }
 
 uint64_t parse_seed(const std::string& text) {
   size_t used = 0;
@@ -109,6 +130,17 @@ void apply(Options& options, int option, const std::string& value) {
     case kExitWithStdin:
       options.exit_with_stdin = true;
       break;
+    case kSocket:
+      options.socket = parse_id(value);
+      break;
+    case kParent:
+      options.parent = parse_id(value);
+      break;
+    case kPreset: {
+      const auto [id, preset] = parse_setting(value);
+      options.presets.emplace_back(parse_id(id), preset);
+      break;
+    }
     case kHelp:
       options.help = true;
       break;

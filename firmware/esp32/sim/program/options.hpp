@@ -11,11 +11,14 @@ namespace wheelwire::sim {
 struct Options {
   std::string link;
   std::string store;
+  int socket = -1;  ///< A descriptor in place of the pseudo-terminal.
+  int parent = -1;  ///< Process id: its end is ours too.
   uint64_t seed = 0;
   double truth_hz = 0.0;
   bool exit_with_stdin = false;
   bool help = false;
   std::vector<std::pair<std::string, double>> settings;  ///< Variables, in the order given.
+  std::vector<std::pair<int, double>> presets;           ///< Defaults by a parameter's id.
 };
 
 /// Throws std::invalid_argument with what is wrong.

@@ -7,27 +7,26 @@
 #include <string>
 
 #include "descriptor.hpp"
+#include "host_port.hpp"
 #include "link_file.hpp"
-#include "uart.hpp"
 
 namespace wheelwire::sim {
 
-class PtyPort {
+class PtyPort final : public HostPort {
  public:
   /// Opens a pseudo-terminal in raw mode, and the link to it if `link` is not empty. Throws
   /// std::runtime_error.
   explicit PtyPort(const std::string& link);
 
-  const std::string& name() const { return name_; }
-  int descriptor() const { return master_.get(); }
-  /// What the host has set the port to; 0 when it hung up.
-  uint32_t host_baud() const;
+  const std::string& name() const override { return name_; }
+  int descriptor() const override { return master_.get(); }
+  uint32_t host_baud() const override;
+  bool ended() const override { return false; }
 
-  /// What the host has sent.
-  Bytes read();
+  Bytes read() override;
   /// What does not fit is lost, and so is all but the latest while nobody reads: the kernel keeps
   /// nothing for a closed serial port either.
-  void write(const Bytes& data);
+  void write(const Bytes& data) override;
 
  private:
   using Clock = std::chrono::steady_clock;

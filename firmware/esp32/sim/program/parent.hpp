@@ -1,0 +1,21 @@
+// The process that this one was started for.
+#pragma once
+
+#include "descriptor.hpp"
+
+namespace wheelwire::sim {
+
+class Parent {
+ public:
+  /// -1: none. Throws std::runtime_error when it has ended already.
+  explicit Parent(int pid);
+
+  /// Becomes readable at its end; -1 where the system has no such thing.
+  int descriptor() const { return descriptor_.get(); }
+  bool ended() const;
+
+ private:
+  Descriptor descriptor_;
+};
+
+}  // namespace wheelwire::sim

@@ -1,0 +1,23 @@
+"""The command `mcu`: this computer's core as a service."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def mcu(
+    config: Annotated[Path, typer.Option(help="YAML file of a robot with driver l298n or pigpio.")],
+    listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],
+) -> None:
+    """Run the firmware's core on this computer's own pins, until it is told to end."""
+    from wheelwire.config import load_config, service_settings
+
+    settings = service_settings(load_config(config), listen)
+    # In our place, without the libraries that read the file.
+    command = [sys.executable, "-m", "wheelwire.linux_mcu", settings.to_json()]
+    os.execv(sys.executable, command)  # noqa: S606

@@ -1,0 +1,54 @@
+"""What the drivers of this computer's own pins share: the process that moves them."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+from ..linux_mcu.launch import launch
+from ..linux_mcu.settings import McuSettings
+from ..linux_mcu.store import converted_store
+from ..parameters import checked_value
+from ..transport import Transport
+from .device import TransportDriver
+
+log = logging.getLogger("wheelwire")
+
+
+class PinDriver(TransportDriver):
+    """A robot whose core runs in a process of this computer.
+
+    Args:
+        settings: Of that process.
+        store: A file that keeps parameters which are saved at run time.
+
+    Raises:
+        DriverUnavailable: The pins cannot be had, or what they need is not installed.
+        ConfigurationError: The pins or the store do not fit.
+        UnknownParameter: In the settings' parameters.
+        ParameterOutOfRange: In the settings' parameters.
+    """
+
+    def __init__(self, settings: McuSettings, store: Path | None) -> None:
+        for name, value in settings.parameters.items():
+            checked_value(name, value)
+        if store is not None:
+            settings = replace(settings, store=str(converted_store(store)))
+        self._limits: tuple[str, ...] = ()
+
+        def open_transport(_baud_rate: int) -> Transport:
+            transport = launch(settings)
+            limits.append(transport.limits)
+            return transport
+
+        limits: list[tuple[str, ...]] = []
+        super().__init__(settings.backend, open_transport)
+        self._limits = limits[0]
+        for limit in self._limits:
+            log.warning("%s: %s", settings.backend, limit)
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """What this wiring cannot do, in sentences; logged once as warnings."""
+        return self._limits

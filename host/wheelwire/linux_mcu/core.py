@@ -1,0 +1,202 @@
+"""The process that steps the firmware's core: pins in, pins out, bytes either way. No policy."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import select
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from wheelwire_protocol.codes import Board, ResetReason, SupervisorState
+from wheelwire_protocol.native import Core, Identity, Outputs
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from ..errors import ConfigurationError
+from .gpio.base import Gpio
+from .heartbeat import Heartbeat
+from .line import Line
+from .settings import McuSettings
+
+SERVICE_SIZE = 600
+"""What the core reads in one turn."""
+STOPPED_STEPS = 2
+"""With EN low in a row: before it brakes, a half of the bridge spends one so."""
+MACHINE_ID = Path("/etc/machine-id")
+
+
+def make_core(settings: McuSettings) -> Core:
+    """The core with its saved parameters, not started yet.
+
+    Raises:
+        ConfigurationError: A parameter is refused, or the store cannot be read.
+    """
+    store = _Store(settings.store)
+    identity = Identity(
+        boot_id=int.from_bytes(os.urandom(4), "little"),
+        board=Board.LINUX,
+        board_id=_board_id(),
+        reset_reason=ResetReason.POWER_ON,
+    )
+    core = Core(identity, store.load(), store.save)
+    presets = {"estop_input_enabled": float(settings.pins.estop is not None)}
+    for name, value in {**presets, **settings.parameters}.items():
+        refusal = core.preset(PARAMETER_BY_NAME[name].id, value)
+        if refusal:
+            raise ConfigurationError(f"parameters.{name} = {value:g}: {refusal.doc}")
+    return core
+
+
+def parameters_in_force(settings: McuSettings) -> dict[str, float]:
+    """All parameters as they are after the start, by name."""
+    core = make_core(settings)
+    core.start(0, 0, 0)
+    return {name: core.value(p.id) for name, p in PARAMETER_BY_NAME.items()}
+
+
+class McuLoop:
+    """Steps a core on opened pins until the end is asked for and the wheels are left alone.
+
+    Args:
+        core: Not started yet.
+        gpio: The pins; closed by whoever opened them.
+        line: To the application.
+        heartbeat: Told at each turn.
+        endings: File descriptors that become readable when this process is to end.
+    """
+
+    def __init__(
+        self, core: Core, gpio: Gpio, line: Line, heartbeat: Heartbeat, endings: list[int]
+    ) -> None:
+        self._core = core
+        self._gpio = gpio
+        self._line = line
+        self._heartbeat = heartbeat
+        self._endings = endings
+        self._start_ns = time.monotonic_ns()
+        self._ending = False
+        self._low_steps = 0
+        self._outputs = core.start(self._now_us(), *gpio.ticks())
+        self._due_us = self._now_us()
+
+    def run(self) -> None:
+        """Until the end. Raises `LinkLost` when the pins are out of reach."""
+        while not self._over():
+            ready = self._wait()
+            if any(ending in ready for ending in self._endings):
+                self._end()
+            if self._line.take_turn(ready):
+                self._service(self._line.received)
+            if self._line.hung_up:
+                self._apply(self._core.hang_up(self._now_us()))
+                if not self._line.next_host():
+                    self._end()
+            self._step_if_due()
+            self._line.send(self._core)
+            self._heartbeat.beat()
+
+    def _now_us(self) -> int:
+        return (time.monotonic_ns() - self._start_ns) // 1000
+
+    def _over(self) -> bool:
+        """The end was asked for, and the core has finished its stop."""
+        return self._ending and self._low_steps >= STOPPED_STEPS
+
+    def _end(self) -> None:
+        self._ending = True
+        self._low_steps = 0
+        self._endings = []
+        self._line.close()
+        self._apply(self._core.hang_up(self._now_us()))
+
+    def _wait(self) -> list[int]:
+        readable, writable = self._line.awaited()
+        wait_s = max(0, self._next_us() - self._now_us()) / 1e6
+        found = select.select([*readable, *self._endings], writable, [], wait_s)
+        return [*found[0], *found[1]]
+
+    def _next_us(self) -> int:
+        """At the deadline of a setpoint the core is stepped out of turn."""
+        if self._outputs.state is SupervisorState.DRIVING:
+            return min(self._due_us, self._outputs.deadline_us)
+        return self._due_us
+
+    def _service(self, data: bytes) -> None:
+        self._core.feed(data)
+        for _ in range(0, len(data), SERVICE_SIZE):
+            self._apply(self._core.service(self._now_us()))
+
+    def _step_if_due(self) -> None:
+        now_us = self._now_us()
+        if now_us < self._next_us():
+            return
+        gpio = self._gpio
+        illegal = gpio.illegal_transitions()
+        outputs = self._core.step(
+            now_us,
+            *gpio.ticks(),
+            contact_open=gpio.contact_is_open(),
+            left_illegal=illegal.left,
+            right_illegal=illegal.right,
+        )
+        self._apply(outputs)
+        is_low = not (self._outputs.left.enable_q15 or self._outputs.right.enable_q15)
+        self._low_steps = self._low_steps + 1 if is_low else 0
+        self._gpio.keep_alive(now_us)
+        if now_us >= self._due_us:
+            # From due time to due time: lateness does not add up. No burst after a gap.
+            self._due_us = max(self._due_us + self._outputs.period_us, now_us)
+
+    def _apply(self, outputs: Outputs) -> None:
+        self._outputs = outputs
+        self._gpio.left.apply(outputs.left)
+        self._gpio.right.apply(outputs.right)
+
+
+class _Store:
+    """A file with the block of saved parameters. The core judges what is in it."""
+
+    def __init__(self, path: str | None) -> None:
+        self._path = Path(path) if path else None
+
+    def load(self) -> bytes:
+        if self._path is None:
+            return b""
+        try:
+            return self._path.read_bytes()
+        except FileNotFoundError:
+            return b""
+        except OSError as error:
+            raise ConfigurationError(f"{self._path}: {error.strerror}") from error
+
+    def save(self, block: bytes) -> bool:
+        """The former block or the new one is there, whatever happens."""
+        if self._path is None:
+            return not block
+        try:
+            self._write(self._path, block)
+        except OSError as error:
+            sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}\n")
+            return False
+        return True
+
+    def _write(self, path: Path, block: bytes) -> None:
+        if not block:
+            path.unlink(missing_ok=True)
+            return
+        new = path.with_name(path.name + ".new")
+        with new.open("wb") as file:
+            file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+
+
+def _board_id() -> int:
+    """48 bits, the same at each start of this computer."""
+    with suppress(OSError):
+        digest = hashlib.sha256(MACHINE_ID.read_bytes()).digest()
+        return int.from_bytes(digest[:6], "big")
+    return 0

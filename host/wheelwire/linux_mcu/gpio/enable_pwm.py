@@ -1,0 +1,176 @@
+"""PWM on a bridge's EN: the kernel's where it is there, else the pin library's."""
+
+from __future__ import annotations
+
+import os
+import time
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...errors import DriverUnavailable, LinkLost
+from ..pins import PWM_CHANNEL
+
+CHANNELS_BY_COUNT = {2: PWM_CHANNEL, 4: {12: 0, 13: 1, 18: 2, 19: 3}}
+"""The channel of a GPIO: on a Pi 1 to 4, whose chip has 2 channels, and on a Pi 5, with 4."""
+EXPORT_TIMEOUT_S = 2.0
+"""udev sets the permissions of a new channel a moment after it appears."""
+SOFTWARE_PWM_HZ = 1000
+"""Thread-timed PWM: what it is late by is a part of the duty, and the smaller the slower it is."""
+
+
+class KernelChannel:
+    """A channel under /sys/class/pwm.
+
+    Args:
+        chip: Its chip's directory.
+        number: Its own.
+    """
+
+    def __init__(self, chip: Path, number: int) -> None:
+        self._chip = chip
+        self._number = number
+        self._directory = chip / f"pwm{number}"
+
+    def open(self, period_ns: int) -> None:
+        """Export it, low. Raises OSError."""
+        if not self._directory.exists():
+            _write(self._chip / "export", self._number)
+            self._wait_until_writable()
+        # The kernel refuses a period below the duty; an exported channel keeps its old one.
+        self.set_duty_ns(0)
+        _write(self._directory / "period", period_ns)
+        _write(self._directory / "enable", 1)
+
+    def set_duty_ns(self, duty_ns: int) -> None:
+        """Of each period. Raises OSError."""
+        _write(self._directory / "duty_cycle", duty_ns)
+
+    def switch_off(self) -> None:
+        """Low; it stays exported. Raises nothing."""
+        for name in ("duty_cycle", "enable"):
+            with suppress(OSError):
+                _write(self._directory / name, 0)
+
+    def _wait_until_writable(self) -> None:
+        end = time.monotonic() + EXPORT_TIMEOUT_S
+        while not os.access(self._directory / "enable", os.W_OK) and time.monotonic() < end:
+            time.sleep(0.01)
+
+    def __str__(self) -> str:
+        return str(self._directory)
+
+
+class EnablePwm(ABC):
+    """One EN input."""
+
+    @abstractmethod
+    def set(self, duty: float) -> None:
+        """0..1; 0 is low. Raises `LinkLost`."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give it back, low. Raises nothing."""
+
+
+class KernelPwm(EnablePwm):
+    """A channel of the kernel's.
+
+    Raises:
+        DriverUnavailable: It cannot be had.
+    """
+
+    def __init__(self, channel: KernelChannel, frequency_hz: float) -> None:
+        self._channel = channel
+        self._period_ns = round(1e9 / frequency_hz)
+        try:
+            channel.open(self._period_ns)
+        except OSError as error:
+            raise DriverUnavailable(
+                f"{channel}: {error.strerror}: is the user in the group gpio, and does no "
+                "other program use this PWM channel?"
+            ) from error
+
+    def set(self, duty: float) -> None:
+        """Written at each call: a channel that has gone must show."""
+        try:
+            self._channel.set_duty_ns(round(duty * self._period_ns))
+        except OSError as error:
+            raise LinkLost(f"{self._channel}: {error.strerror}") from error
+
+    def close(self) -> None:
+        """The channel stays exported, low."""
+        self._channel.switch_off()
+
+
+class LibraryPwm(EnablePwm):
+    """The pin factory's own, by a thread or a daemon.
+
+    Raises:
+        DriverUnavailable: This factory has none.
+    """
+
+    def __init__(self, pin: Any, frequency_hz: float) -> None:
+        self._pin = pin
+        self.frequency_hz = min(frequency_hz, SOFTWARE_PWM_HZ)
+        pin.output_with_state(0)
+        try:
+            pin.frequency = self.frequency_hz
+        except AttributeError as error:  # PinPWMUnsupported is one
+            raise DriverUnavailable(
+                f"{pin!r}: this pin factory has no PWM; add dtoverlay=pwm-2chan to config.txt, or "
+                "install lgpio"
+            ) from error
+        pin.state = 0
+
+    def set(self, duty: float) -> None:
+        """The factory rounds it; lgpio's has 100 steps."""
+        self._pin.state = duty
+
+    def close(self) -> None:
+        """The pin becomes an input: the bridge's pull-down holds EN low."""
+        self._pin.close()
+
+
+def find_channels(
+    directory: Path, number: int | None, gpios: tuple[int, ...]
+) -> list[KernelChannel] | None:
+    """The kernel's PWM channels of `gpios`; None when there is no chip, or not one for them all.
+
+    Args:
+        directory: Where the kernel lists its chips.
+        number: The chip's, or None to take the only one.
+        gpios: BCM numbers.
+
+    Raises:
+        DriverUnavailable: There are several, or not the one asked for.
+    """
+    chips = {}
+    for chip in sorted(directory.glob("pwmchip*")):
+        channels = CHANNELS_BY_COUNT.get(int((chip / "npwm").read_text()))
+        if channels:
+            chips[chip.name] = (chip, channels)
+    name = f"pwmchip{number}" if number is not None else next(iter(chips), None)
+    if number is None and len(chips) > 1:
+        raise DriverUnavailable(f"several PWM chips ({_names(chips)}): choose one by pwm_chip")
+    if name is None:
+        return None
+    if name not in chips:
+        raise DriverUnavailable(f"no {name} with GPIO channels in {directory}: {_names(chips)}")
+    chip, channels = chips[name]
+    if not all(gpio in channels for gpio in gpios):
+        return None
+    return [KernelChannel(chip, channels[gpio]) for gpio in gpios]
+
+
+def _names(chips: dict[str, Any]) -> str:
+    return ", ".join(chips) or "none is there"
+
+
+def _write(file: Path, value: int) -> None:
+    descriptor = os.open(file, os.O_WRONLY | os.O_TRUNC)
+    try:
+        os.write(descriptor, f"{value}\n".encode())
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,96 @@
+"""A script inside pigpiod that stops the wheels when this program no longer lets it wait.
+
+The daemon keeps its pins as they are when a client dies or the network drops. The script counts
+down, is set back while the control loop runs, and at zero puts EN low and ends. It also shows other
+programs that these pins are taken.
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+
+from .base import PinsBusy
+from .pigpio_client import PigpioClient
+
+CHECK_MS = 10
+CHECKS = 11
+"""EN goes low this many checks after the last sign of life: 0.11 s."""
+REFRESH_US = 20_000
+MARK = 0x57574C01
+"""In the script's last parameter, to know it again."""
+MOST_SCRIPTS = 32
+FIRST_START_S = 1.0
+
+
+class PigpioWatchdog:
+    """One script, from its start to `close`.
+
+    Args:
+        client: An open connection.
+        enables: The GPIOs of the bridge's EN inputs.
+
+    Raises:
+        PinsBusy: Another program drives these pins.
+    """
+
+    def __init__(self, client: PigpioClient, enables: tuple[int, int]) -> None:
+        self._client = client
+        self._library = client.library
+        self._parameters = [CHECKS, *sorted(enables), 0, 0, 0, 0, 0, 0, MARK]
+        self._next_us = 0
+        self._claim()
+        writes = " ".join(f"w {gpio} 0" for gpio in enables)
+        script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
+        self._id: int = client.call("store_script", script.encode())
+        self._run()
+
+    def keep_alive(self, now_us: int) -> bool:
+        """Put the end off, now and then. False when it had come, and EN is low."""
+        if now_us < self._next_us:
+            return True
+        self._next_us = now_us + REFRESH_US
+        status, _ = self._status(self._id)
+        if status != self._library.PI_SCRIPT_RUNNING:
+            self._run()
+            return False
+        self._client.call("update_script", self._id, self._parameters)
+        return True
+
+    def close(self) -> None:
+        """Take the script back."""
+        self._client.call("stop_script", self._id)
+        self._client.call("delete_script", self._id)
+
+    def _run(self) -> None:
+        self._wait_while(self._id, self._library.PI_SCRIPT_INITING, FIRST_START_S)
+        self._client.call("run_script", self._id, self._parameters)
+
+    def _claim(self) -> None:
+        """Remove what a program that was killed has left; refuse to share with one that lives."""
+        for script_id in range(MOST_SCRIPTS):
+            _, parameters = self._status(script_id)
+            if not parameters or parameters[1:] != tuple(self._parameters[1:]):
+                continue
+            longest_s = 2 * CHECKS * CHECK_MS / 1000
+            running = self._library.PI_SCRIPT_RUNNING
+            if not self._wait_while(script_id, running, longest_s):
+                left, right = self._parameters[1:3]
+                raise PinsBusy(
+                    f"another program drives GPIO {left} and {right} through the pigpiod at "
+                    f"{self._client.address}: end it first"
+                )
+            with suppress(self._library.error):
+                self._client.call("delete_script", script_id)
+
+    def _wait_while(self, script_id: int, status: int, longest_s: float) -> bool:
+        end = time.monotonic() + longest_s
+        while self._status(script_id)[0] == status:
+            if time.monotonic() > end:
+                return False
+            time.sleep(0.005)
+        return True
+
+    def _status(self, script_id: int) -> tuple[int, tuple[int, ...]]:
+        status, parameters = self._client.call("script_status", script_id)
+        return status, tuple(parameters)

@@ -1,0 +1,55 @@
+"""What the process is told at its start, as plain JSON: it imports no library to read it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Literal
+
+from .pins import Pins
+
+PATIENCE_MS = 100
+"""A core that gives no sign of life for this long while it drives is taken for hung."""
+
+
+@dataclass(frozen=True)
+class McuSettings:
+    """One robot on this computer's pins, and who it listens to.
+
+    Attributes:
+        backend: What moves the pins.
+        pins: The wiring.
+        parameters: Values that differ from the defaults, by name.
+        store: File of the saved parameters; without one nothing can be saved.
+        pwm_directory: `l298n`: where the kernel's PWM is.
+        pwm_chip: `l298n`: number of the kernel's PWM chip, where there are several.
+        host: `pigpio`: where the daemon runs.
+        port: `pigpio`: its TCP port.
+        patience_ms: How long the core may be silent before the guard ends it.
+        socket: File descriptor of the connected socket to the application; or
+        listen: Path of a Unix socket, where one application after the other may connect.
+        parent: Process id of the application, whose end ends this process too.
+    """
+
+    backend: Literal["l298n", "pigpio"]
+    pins: Pins = field(default_factory=Pins)
+    parameters: dict[str, float] = field(default_factory=dict)
+    store: str | None = None
+    pwm_directory: str = "/sys/class/pwm"
+    pwm_chip: int | None = None
+    host: str = "localhost"
+    port: int = 8888
+    patience_ms: int = PATIENCE_MS
+    socket: int | None = None
+    listen: str | None = None
+    parent: int | None = None
+
+    def to_json(self) -> str:
+        """One line."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> McuSettings:
+        """Of what `to_json` made."""
+        content = json.loads(text)
+        return cls(**{**content, "pins": Pins(**content["pins"])})

@@ -1,0 +1,95 @@
+"""Saved parameters of former releases, which were JSON, into the block that the core keeps."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from wheelwire_protocol.codes import Board
+from wheelwire_protocol.native import Core, Identity, NativeMissingError
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import ParameterSave, ParameterSet
+
+from ..errors import ConfigurationError, DriverUnavailable, WheelwireError
+from ..parameters import checked_value
+from ..requests import Answer, RequestMessage
+from ..session import Phase, Session
+
+PERIOD_US = 1000
+PATIENCE_US = 10_000_000
+
+
+def converted_store(path: Path) -> Path:
+    """`path` as an absolute one, its content converted if need be.
+
+    Raises:
+        ConfigurationError: It is JSON, but no saved parameters.
+        DriverUnavailable: The core's library is missing.
+    """
+    path = path.absolute()
+    try:
+        content = path.read_bytes() if path.exists() else b""
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror}") from error
+    if content.lstrip()[:1] in (b"{", b"["):
+        new = path.with_name(path.name + ".new")
+        new.write_bytes(_block(_parse(path, content)))
+        new.replace(path)
+    return path
+
+
+def _parse(path: Path, content: bytes) -> dict[str, float]:
+    try:
+        return {name: checked_value(name, value) for name, value in json.loads(content).items()}
+    except (ValueError, TypeError, AttributeError, WheelwireError) as error:
+        raise ConfigurationError(f"{path}: {error}; mend the file or remove it") from error
+
+
+def _block(values: dict[str, float]) -> bytes:
+    """As the core itself makes it: asked to save these values, in a session of its own."""
+    saved: list[bytes] = []
+
+    def save(block: bytes) -> bool:
+        saved.append(block)
+        return True
+
+    try:
+        core = Core(Identity(boot_id=1, board=Board.LINUX), b"", save)
+    except NativeMissingError as error:
+        raise DriverUnavailable(str(error)) from error
+    host = CoreHost(core)
+    for name, value in values.items():
+        host.ask(ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value))
+    host.ask(ParameterSave(0, 0))
+    return saved[-1]
+
+
+class CoreHost:
+    """A session with a core in this process, in a time of their own."""
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._now_us = 0
+        self._session = Session(lambda: 1)
+        core.start(0, 0, 0)
+        self._session.connect(0)
+        while self._session.phase is not Phase.OPEN:
+            self._turn()
+
+    def ask(self, message: RequestMessage) -> None:
+        """Send a request and wait until it was done."""
+        answers: list[Answer | WheelwireError] = []
+        self._session.request(message, answers.append, self._now_us)
+        while not answers:
+            self._turn()
+        if isinstance(answers[0], WheelwireError):
+            raise answers[0]
+
+    def _turn(self) -> None:
+        if self._now_us > PATIENCE_US:
+            raise DriverUnavailable("the core does not answer: is its library of this release?")
+        self._now_us += PERIOD_US
+        self._session.advance(self._now_us)
+        self._core.feed(self._session.take_output())
+        self._core.step(self._now_us, 0, 0)
+        self._session.receive(self._core.take(), self._now_us)

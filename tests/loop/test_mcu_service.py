@@ -1,0 +1,116 @@
+"""`wheelwire mcu`: a Pi's core as a service that outlives its hosts."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.pigpio_process import PigpioProcess
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+
+PATIENCE_S = 30.0
+AT_ONCE_US = 500_000
+"""On a busy test machine; the setpoints live for ten times as long."""
+CONFIG = """
+driver: pigpio
+pigpio: {{host: 127.0.0.1, port: {port}}}
+store: {store}
+parameters: {{overrun_limit_us: 1000000, ttl_max_s: 5, wheel_radius: 0.04}}
+"""
+DRIVING = """
+import sys, time, wheelwire
+robot = wheelwire.open_driver("serial", port=sys.argv[1])
+while True:
+    robot.set_velocity(0.2, 0.0, ttl=5)
+    time.sleep(0.02)
+"""
+
+
+@pytest.fixture
+def daemon() -> Iterator[PigpioProcess]:
+    with PigpioProcess() as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def address(daemon: PigpioProcess, tmp_path: Path) -> Iterator[str]:
+    """Of a service on the daemon's pins."""
+    config = tmp_path / "robot.yaml"
+    config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))
+    address = f"unix:{tmp_path / 'mcu.sock'}"
+    command = [sys.executable, "-m", "wheelwire", "mcu", "--config", str(config)]
+    process = subprocess.Popen([*command, "--listen", address], stdout=subprocess.PIPE, text=True)
+    assert process.stdout
+    assert process.stdout.readline() == f"wheelwire: ready at {address}\n"
+    try:
+        yield address
+    finally:
+        process.terminate()
+        process.stdout.close()
+        assert process.wait(PATIENCE_S) == 0
+        assert not daemon.truth()["driven"]
+        assert not Path(address.removeprefix("unix:")).exists()
+
+
+def test_a_lost_host_ends_the_drive_and_not_the_service(
+    daemon: PigpioProcess, address: str
+) -> None:
+    with subprocess.Popen([sys.executable, "-c", DRIVING, address]) as host:
+        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+        host.send_signal(signal.SIGKILL)
+        killed_us = time.monotonic_ns() // 1000
+    wait_until(lambda: not daemon.truth()["driven"], PATIENCE_S)
+    assert daemon.truth()["driven_changed_us"] - killed_us < AT_ONCE_US
+    with SerialDriver(address) as driver:
+        first = driver.info.device.boot_id
+    with SerialDriver(address) as driver:
+        assert driver.info.device.boot_id == first
+        assert driver.geometry.wheel_radius == 0.04
+        driver.set_velocity(0.2, 0.0)
+        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+
+
+def test_it_has_one_host_at_a_time(daemon: PigpioProcess, address: str) -> None:
+    with SerialDriver(address) as driver:
+        driver.set_velocity(0.2, 0.0, ttl=5)
+        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+        with pytest.raises(errors.WheelwireError):
+            SerialDriver(address, connect_timeout=0.5)
+        assert daemon.truth()["driven"]
+
+
+def test_what_is_saved_outlives_the_host(address: str) -> None:
+    with SerialDriver(address) as driver:
+        driver.parameters["integral_gain"] = 7.5
+        driver.parameters.save()
+    with SerialDriver(address) as driver:
+        driver.parameters["integral_gain"] = 8.5
+        driver.parameters.reset()
+        assert driver.parameters["wheel_radius"] == 0.04
+
+
+@pytest.mark.parametrize(
+    ("content", "listen", "told"),
+    [
+        ("driver: mock", "unix:x", "it must be l298n or pigpio"),
+        ("driver: pigpio", "/run/x", "it must be unix:PATH"),
+    ],
+)
+def test_what_cannot_be_served_is_told(
+    tmp_path: Path, content: str, listen: str, told: str
+) -> None:
+    config = tmp_path / "robot.yaml"
+    config.write_text(content)
+    command = [sys.executable, "-m", "wheelwire", "mcu", f"--config={config}", f"--listen={listen}"]
+    result = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "300"}
+    )
+    assert result.returncode == errors.ConfigurationError.exit_code
+    assert told in result.stderr

@@ -1,0 +1,49 @@
+"""`python -m support.gpio_chip SOCKET [PWM_DIRECTORY]`: told what to do on its standard input.
+
+Each line is a command, each answer a line of JSON; the end of the input is the end of the chip.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+from pathlib import Path
+
+from support.gpio_chip.factory import EVENT
+from support.gpio_chip.pwm_directory import PwmDirectory
+from support.gpio_chip.world import World
+
+
+def answer(world: World, line: str) -> dict[str, object]:
+    command, *arguments = line.split()
+    if command == "pwm_away" and world.pwm:
+        world.pwm.remove()
+    elif command == "pwm_back" and world.pwm:
+        world.pwm.restore()
+    elif command == "spin":
+        world.spin_tps = float(arguments[0])
+    elif command == "dead_left_encoder":
+        world.robot.left.encoder.dead = True
+    elif command == "level":
+        world.chip.lines[int(arguments[0])].level = float(arguments[1])
+        world.chip.send(EVENT.pack(0, int(arguments[0]), int(arguments[1])))
+    return {
+        "ticks": world.true_ticks,
+        "driven": world.driven,
+        "driven_changed_us": world.driven_changed_us,
+        "lines": [gpio.level for gpio in world.chip.lines],
+    }
+
+
+def main() -> None:
+    pwm = PwmDirectory(Path(sys.argv[2])) if len(sys.argv) > 2 else None
+    world = World(Path(sys.argv[1]), pwm)
+    threading.Thread(target=world.run, daemon=True).start()
+    print(json.dumps(answer(world, "truth")), flush=True)  # noqa: T201
+    for line in sys.stdin:
+        print(json.dumps(answer(world, line)), flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""The lines: who owns them, what is on them, and who is told of their edges."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+BUSY = "busy"
+
+
+@dataclass
+class Line:
+    """One GPIO."""
+
+    level: float = 0.0
+    """Of an output; between 0 and 1 it is software PWM."""
+    output: bool = False
+    owner: socket.socket | None = None
+
+
+class Chip:
+    """Serves its lines on a Unix socket. `changed` is called whenever an output did."""
+
+    def __init__(self, path: Path, changed: Callable[[], None]) -> None:
+        self.lines = [Line() for _ in range(28)]
+        self._changed = changed
+        self._lock = threading.Lock()
+        self._listeners: list[socket.socket] = []
+        self._server = socket.socket(socket.AF_UNIX)
+        self._server.bind(str(path))
+        self._server.listen()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def send(self, events: bytes) -> None:
+        """To all who listen; what a listener has no room for is lost."""
+        with self._lock:
+            for listener in self._listeners:
+                with suppress(OSError):  # BlockingIOError is one
+                    listener.send(events, socket.MSG_DONTWAIT)
+
+    def _accept(self) -> None:
+        while True:
+            connection, _ = self._server.accept()
+            threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
+
+    def _serve(self, connection: socket.socket) -> None:
+        lines = connection.makefile("r")
+        with suppress(OSError):
+            if lines.readline() == "events\n":
+                with self._lock:
+                    self._listeners.append(connection)
+                connection.recv(1)
+            else:
+                for line in lines:
+                    self._obey(connection, *line.split())
+        with self._lock:
+            if connection in self._listeners:
+                self._listeners.remove(connection)
+            for gpio in self.lines:
+                if gpio.owner is connection:
+                    gpio.owner = None
+                    gpio.level = float(gpio.level > 0)
+        connection.close()
+        self._changed()
+
+    def _obey(self, connection: socket.socket, command: str, *arguments: str) -> None:
+        gpio = self.lines[int(arguments[0])]
+        if command == "claim":
+            connection.sendall(f"{self._claim(gpio, connection, arguments[1])}\n".encode())
+        elif gpio.owner is connection and command == "set":
+            gpio.level = float(arguments[1])
+        elif gpio.owner is connection and command == "free":
+            gpio.owner, gpio.output, gpio.level = None, False, 0.0  # the pull-down's
+        self._changed()
+
+    def _claim(self, gpio: Line, connection: socket.socket, function: str) -> str:
+        with self._lock:
+            if gpio.owner not in (None, connection):
+                return BUSY
+            gpio.owner = connection
+            gpio.output = function == "output"
+            return str(int(gpio.level > 0))

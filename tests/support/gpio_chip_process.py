@@ -1,0 +1,36 @@
+"""A Raspberry Pi's GPIO chip, and perhaps its PWM directory, for programs that use gpiozero."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from support.gpio_chip.factory import SOCKET
+from support.stand_in import TESTS, StandIn
+
+SITE = TESTS / "support" / "gpio_chip" / "site"
+
+
+class GpioChip(StandIn):
+    """Runs from `with` to the end of its block.
+
+    Args:
+        directory: An empty one.
+        kernel_pwm: There is a `pwm` in it, as /sys/class/pwm.
+    """
+
+    def __init__(self, directory: Path, kernel_pwm: bool = True) -> None:
+        self.pwm_directory = directory / "pwm"
+        path = directory / "chip"
+        arguments = [str(self.pwm_directory)] if kernel_pwm else []
+        super().__init__("support.gpio_chip", str(path), *arguments)
+        python_path = [str(TESTS), str(SITE), os.environ.get("PYTHONPATH", "")]
+        self.environment = {
+            "GPIOZERO_PIN_FACTORY": "chip",
+            SOCKET: str(path),
+            "PYTHONPATH": os.pathsep.join(filter(None, python_path)),
+        }
+        """Of processes whose pins this chip is to be."""
+
+    def __enter__(self) -> GpioChip:
+        return self

@@ -1,0 +1,1 @@
+"""A model robot behind stand-ins of hardware: bridges and motors in, edges of encoders out."""

@@ -1,0 +1,100 @@
+"""The parameters that a computer's robot keeps in a file, and those that former releases kept."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import ConfigurationError, DeviceRefused
+from wheelwire.linux_mcu.core import make_core, parameters_in_force
+from wheelwire.linux_mcu.settings import McuSettings
+from wheelwire.linux_mcu.store import converted_store
+
+
+def in_force(store: Path, **parameters: float) -> dict[str, float]:
+    settings = McuSettings(backend="l298n", parameters=parameters, store=str(store))
+    return parameters_in_force(settings)
+
+
+def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
+    store = tmp_path / "parameters"
+    with MockDriver(realtime=False, store=store) as driver:
+        default = driver.parameters["integral_gain"]
+        driver.parameters["integral_gain"] = 7.5
+        driver.parameters.save()
+        driver.parameters["integral_gain"] = 8.0
+    with MockDriver(realtime=False, store=store) as driver:
+        assert driver.parameters["integral_gain"] == 7.5
+        driver.parameters.reset()
+        assert driver.parameters["integral_gain"] == default
+
+
+def test_values_of_a_former_release_are_taken_over(tmp_path: Path) -> None:
+    store = tmp_path / "parameters.json"
+    former = {"wheel_radius": 0.04, "integral_gain": 7.5, "control_rate_hz": 200.0}
+    store.write_text(json.dumps(former))
+    converted_store(store)
+    assert store.read_bytes()[:4] != b"{"
+    values = in_force(store)
+    assert {name: pytest.approx(values[name]) for name in former} == former
+    with MockDriver(realtime=False, store=store) as driver:
+        assert driver.parameters["integral_gain"] == 7.5
+
+
+@pytest.mark.parametrize("content", ["{", "[1]", '{"wheel_radius": 7}', '{"wheel": 1}'])
+def test_a_store_of_something_else_is_told(tmp_path: Path, content: str) -> None:
+    store = tmp_path / "parameters.json"
+    store.write_text(content)
+    with pytest.raises(ConfigurationError, match=r"parameters.json: .*mend"):
+        MockDriver(realtime=False, store=store)
+    assert store.read_text() == content
+
+
+def test_the_file_precedes_the_configuration_which_a_reset_restores(tmp_path: Path) -> None:
+    store = tmp_path / "parameters.json"
+    store.write_text(json.dumps({"integral_gain": 7.5}))
+    converted_store(store)
+    assert in_force(store, integral_gain=3.0)["integral_gain"] == 7.5
+    store.unlink()
+    assert in_force(store, integral_gain=3.0)["integral_gain"] == 3.0
+
+
+def test_a_computer_has_defaults_of_its_own(tmp_path: Path) -> None:
+    values = in_force(tmp_path / "none")
+    assert values["control_rate_hz"] == 100
+    assert values["estop_input_enabled"] == 0
+
+
+def test_without_a_file_nothing_can_be_saved() -> None:
+    core = make_core(McuSettings(backend="l298n"))
+    assert core is not None
+    with pytest.raises(DeviceRefused, match="store"):
+        _save_on(McuSettings(backend="l298n"))
+
+
+def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> None:
+    store = tmp_path / "parameters"
+    _save_on(McuSettings(backend="l298n", store=str(store), parameters={"integral_gain": 7.5}))
+    before = store.read_bytes()
+    (tmp_path / "parameters.new").symlink_to("/dev/full")
+    with pytest.raises(DeviceRefused, match="store"):
+        _save_on(McuSettings(backend="l298n", store=str(store)))
+    assert store.read_bytes() == before
+
+
+def _save_on(settings: McuSettings) -> None:
+    from wheelwire.linux_mcu.store import CoreHost
+    from wheelwire_protocol.types import ParameterSave
+
+    CoreHost(make_core(settings)).ask(ParameterSave(0, 0))
+
+
+def test_a_change_is_in_force_at_once() -> None:
+    with MockDriver(realtime=False) as driver:
+        driver.parameters["right_motor_inverted"] = 1
+        driver.set_duty(0.5, 0.5)
+        driver.advance(0.5)
+        left, right = driver.get_encoder_ticks()
+        assert left > 10
+        assert right < -10
