@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 2
+ABI = 3
 """Of `wheelwire_core.h`; a library of another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"

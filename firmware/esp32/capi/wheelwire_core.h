@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Grows with every change of what is declared here. */
-#define WHEELWIRE_ABI 2
+#define WHEELWIRE_ABI 3
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the messages; as in DeviceHello. */

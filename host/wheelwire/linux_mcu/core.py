@@ -22,8 +22,8 @@ from .settings import McuSettings
 
 SERVICE_SIZE = 600
 """What the core reads in one turn."""
-STOPPED_STEPS = 2
-"""With EN low in a row: before it brakes, a half of the bridge spends one so."""
+STOPPED_STEPS = 4
+"""With EN low in a row: before it brakes, a half of the bridge spends some so."""
 MACHINE_ID = Path("/etc/machine-id")
 
 
