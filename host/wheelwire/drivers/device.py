@@ -184,6 +184,7 @@ class TransportDriver(DeviceDriver):
         stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has
             asked for 0.2 s, the next one of a fast stream may be 10 ms old.
         board_id: Only this board will do; see `SerialDriver`.
+        any_board: See `SerialDriver`; any is right that `open_transport` leads to.
 
     Raises:
         WheelwireError: What `open_transport` raises.
@@ -203,6 +204,7 @@ class TransportDriver(DeviceDriver):
         connect_timeout: float = 5.0,
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
+        any_board: bool = False,
     ) -> None:
         super().__init__(
             partial(
@@ -213,6 +215,7 @@ class TransportDriver(DeviceDriver):
                 stream_rate_hz=stream_rate_hz,
                 watched=GEOMETRY,
                 board_id=board_id,
+                any_board=any_board,
                 open_port=open_transport,
             )
         )

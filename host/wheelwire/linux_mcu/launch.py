@@ -38,16 +38,13 @@ class ChildTransport(SocketTransport):
     def __init__(self, connection: socket.socket, process: subprocess.Popen[bytes]) -> None:
         super().__init__(connection)
         self._process = process
-        self._owner = os.getpid()
 
     def close(self) -> None:
         """Hang up, and wait until the process has stopped the wheels and let its pins go."""
-        if os.getpid() == self._owner:
-            with suppress(OSError):
-                self._socket.shutdown(socket.SHUT_RDWR)  # a fork may hold a copy of it
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)  # a fork may hold a copy of it
         super().close()
-        if os.getpid() == self._owner:
-            end(self._process)
+        end(self._process)
 
 
 class McuTransport(ChildTransport):
