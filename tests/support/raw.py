@@ -12,12 +12,8 @@ from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, WheelState
 
-<<<<<<< HEAD
 from .fake_device import FakeDevice
-from .fwsim import FwSim
 
-=======
->>>>>>> 4e4e2f7 (feat!: the core is the only robot: l298n, pigpio and mock run it in a process of their own)
 M = TypeVar("M")
 NONCE = 0x12345678
 

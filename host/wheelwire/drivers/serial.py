@@ -21,8 +21,6 @@ class SerialDriver(TransportDriver):
             all free ports that they match are opened to ask who is there.
         any_board: Whether to go on with another board than the first, where the port leads to one
             after a reconnection. Without it that raises `WrongBoard`, until the first is back.
-        any_board: Whether to go on with another board than the first, where the port leads to one
-            after a reconnection. Without it that raises `WrongBoard`, until the first is back.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
