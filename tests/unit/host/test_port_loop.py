@@ -1,0 +1,197 @@
+"""The loop that owns a port, run in the test's own thread on a port that the test has in hand."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+import pytest
+
+from support.fake_device import FakeDevice
+from wheelwire.clock import host_clock_us
+from wheelwire.errors import LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.inbox import SampleInbox
+from wheelwire.port_loop import OUTPUT_LIMIT, PortLoop
+from wheelwire.session import Phase, Session
+from wheelwire.transport import Transport
+from wheelwire.waiting import Notifier
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import AnyMessage, Hello, Stop
+
+pytestmark = pytest.mark.timeout(20)
+
+
+class Port(Transport):
+    """A port with a device at its other end, or none.
+
+    Args:
+        device: Answers whatever is written.
+        accepts: Asked at each write: False takes no byte.
+    """
+
+    def __init__(
+        self, device: FakeDevice | None = None, accepts: Callable[[], bool] = lambda: True
+    ) -> None:
+        self.ours, self.theirs = socket.socketpair()
+        self.written: list[bytes] = []
+        self._device = device
+        self._accepts = accepts
+
+    def fileno(self) -> int:
+        return self.ours.fileno()
+
+    def read(self) -> bytes:
+        return self.ours.recv(4096)
+
+    def write(self, data: bytes) -> int:
+        if not self._accepts():
+            return 0
+        self.written.append(data)
+        if self._device:
+            now_us = host_clock_us()
+            self._device.feed(data, now_us)
+            self._device.advance(now_us)
+            self.theirs.sendall(self._device.take_output())
+        return len(data)
+
+    def close(self) -> None:
+        self.ours.close()
+        self.theirs.close()
+
+    def messages(self) -> list[AnyMessage]:
+        return Decoder().feed(b"".join(self.written))
+
+
+class Rig:
+    """A loop on a port; `lost` is called whenever the port is to be opened again."""
+
+    def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
+        self.session = Session(lambda: 7)
+        self.inbox = SampleInbox()
+        self._lost = lost
+        self.loop = PortLoop(port, self._reopen, self.session, Notifier(), self.inbox, lambda: True)
+
+    def _reopen(self, _baud_rate: int) -> Transport:
+        port = self._lost()
+        if port is None:
+            self.loop.finish()
+            raise PortUnavailable("port", "gone")
+        return port
+
+
+def ignore(_result: object) -> None:
+    """For calls whose outcome is of no interest."""
+
+
+def test_the_robot_is_stopped_before_the_port_is_closed() -> None:
+    port = Port()
+    rig = Rig(port)
+    rig.loop.finish()
+    rig.loop.run()
+    assert any(isinstance(message, Stop) for message in port.messages())
+
+
+def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> None:
+    device = FakeDevice()
+    port = Port(device)
+    rig = Rig(port)
+
+    def end_once_open() -> bool:
+        if rig.session.phase is Phase.OPEN:
+            device.mute = True
+            rig.loop.finish()
+        return True
+
+    port._accepts = end_once_open
+    rig.loop.run()
+    stops = [message for message in device.received if isinstance(message, Stop)]
+    assert len(stops) > 5
+
+
+def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
+    refused = 0
+    rig: Rig
+
+    def accepts() -> bool:
+        nonlocal refused
+        refused += 1
+        if refused <= 1000:
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+        else:
+            rig.loop.finish()
+        return refused > 1000
+
+    port = Port(accepts=accepts)
+    rig = Rig(port)
+    rig.loop.run()
+    assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
+
+
+def test_an_unplugged_port_is_opened_again() -> None:
+    port = Port()
+    port.theirs.close()
+    second = Port()
+    rig = Rig(port, iter([second, None]).__next__)
+    second.theirs.close()
+    rig.loop.run()
+    assert rig.loop.reconnects == 1
+
+
+def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
+    rig: Rig
+
+    def full_then_lost() -> bool:
+        if rig.loop.reconnects == 0:
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+            first.theirs.close()
+        return False
+
+    def end() -> bool:
+        rig.loop.finish()
+        return True
+
+    first, second = Port(accepts=full_then_lost), Port(accepts=end)
+    rig = Rig(first, lambda: second)
+    rig.loop.run()
+    assert isinstance(second.messages()[0], Hello)
+
+
+def test_while_a_port_is_lost_no_sample_is_current() -> None:
+    device = FakeDevice()
+    found: list[object] = []
+    port = Port(device)
+    rig: Rig
+
+    def unplug_once_open() -> bool:
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        if port.theirs.fileno() >= 0:
+            device.send(device.state(host_clock_us()))
+            port.theirs.sendall(device.take_output())
+            port.theirs.close()
+        return False
+
+    def look() -> None:
+        try:
+            found.append(rig.inbox.ticks(0))
+        except RequestTimeout as error:
+            found.append(error)
+
+    port._accepts = unplug_once_open
+    rig = Rig(port, look)
+    rig.loop.run()
+    assert [type(outcome) for outcome in found] == [RequestTimeout]
+
+
+def test_calls_that_wait_learn_why_there_is_no_session() -> None:
+    outcomes: list[object] = []
+    port = Port()
+    port.theirs.close()
+    rig: Rig
+
+    def call() -> None:
+        rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), outcomes.append)
+
+    rig = Rig(port, call)
+    rig.loop.run()
+    assert isinstance(outcomes[0], LinkLost)
