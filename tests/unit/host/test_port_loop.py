@@ -58,6 +58,9 @@ class Port(Transport):
         self.ours.close()
         self.theirs.close()
 
+    def forsake(self) -> None:
+        self.close()
+
     def messages(self) -> list[AnyMessage]:
         return Decoder().feed(b"".join(self.written))
 
