@@ -142,6 +142,21 @@ class Fault(DocumentedFlag):
     )
     CONTROL_OVERRUN = 16, "The control loop came too late."
     DRIVER_FAILED = 32, "A motor or encoder peripheral did not start; see the wiring guide."
+    STORE_FULL = (
+        256,
+        "The flash of the saved parameters has no free page, so they could not be read and "
+        "defaults are in force: reset the parameters, which erases it, and clear the fault.",
+    )
+    STORE_NEWER = (
+        512,
+        "The saved parameters have the format of a newer firmware, and defaults are in force: "
+        "install that firmware, or reset the parameters and clear the fault.",
+    )
+    STORE_UNREADABLE = (
+        1024,
+        "The saved parameters could not be read from flash, and defaults are in force: "
+        "reset the parameters, which erases it, and clear the fault.",
+    )
 
 
 class Capability(DocumentedFlag):

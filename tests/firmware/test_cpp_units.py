@@ -1,4 +1,4 @@
-"""The C++ unit tests, of core and simulator, plain and under the sanitizers."""
+"""The C++ unit tests, of core, chip and simulator, plain and under the sanitizers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import pytest
 BUILD = Path(__file__).parents[2] / "build"
 
 
-@pytest.mark.parametrize("program", ["wheelwire-core-test", "wheelwire-sim-test"])
+@pytest.mark.parametrize(
+    "program", ["wheelwire-core-test", "wheelwire-chip-test", "wheelwire-sim-test"]
+)
 @pytest.mark.parametrize("build", ["host", "asan"])
 def test_all_cases_pass(build: str, program: str) -> None:
     path = BUILD / build / program

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from support.raw import RawHost
-from wheelwire_protocol.codes import EventCode, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import EventCode, Fault, RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
     ClearEstop,
+    ClearFault,
     Event,
     LinkCounters,
     LinkCountersGet,
@@ -158,6 +159,27 @@ def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
     host = RawHost(store=store).open()
     assert [event.code for event in host.of(Event)] == [EventCode.STORE_DEFAULTED]
     assert get(host, 1) == pytest.approx(0.033)
+
+
+@pytest.mark.parametrize("found", [Fault.STORE_FULL, Fault.STORE_NEWER, Fault.STORE_UNREADABLE])
+def test_a_store_that_cannot_be_read_lets_nothing_drive(host: RawHost, found: Fault) -> None:
+    host.ask(ParameterSave(host.session_id, 1), Ack)
+    host.sim.set("store_unreadable", found)
+    host.sim.reset()
+    host.run_ms(100)
+    host.open()
+    host.run_ms(50)
+    assert host.state().supervisor == SupervisorState.FAULT
+    assert host.state().faults == found
+    setpoint = SetWheelVelocity(host.session_id, 1, host.device_us + 500_000, 0.2, 0.2)
+    assert refusal(host, setpoint) is RefusalCode.FAULT
+    assert refusal(host, ClearFault(host.session_id, 1)) is RefusalCode.CAUSE_PRESENT
+    assert refusal(host, ParameterSave(host.session_id, 2)) is RefusalCode.STORE_FAILED
+    host.ask(ParameterReset(host.session_id, 3), Ack)
+    host.ask(ClearFault(host.session_id, 4), Ack)
+    host.run_ms(20)
+    assert host.state().supervisor == SupervisorState.IDLE
+    host.ask(ParameterSave(host.session_id, 5), Ack)
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 333, 100, 10])

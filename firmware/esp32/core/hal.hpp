@@ -70,7 +70,11 @@ class ParameterStore {
   /// Returns the size of the block, 0 when there is none; at most `capacity` bytes are copied.
   virtual size_t load(uint8_t* out, size_t capacity) = 0;
   virtual bool save(const uint8_t* data, size_t size) = 0;
+  /// Whatever it held, there is none afterwards.
   virtual bool erase() = 0;
+  /// Why a block that may be there cannot be read, as flags of `fault`; 0 where it can. Only
+  /// erasing ends it.
+  virtual uint32_t faults() { return 0; }
 
  protected:
   ~ParameterStore() = default;

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x917fc425;
+constexpr uint32_t kHash = 0xa84e7de8;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -103,6 +103,15 @@ constexpr uint32_t kRightReversed = 8;
 constexpr uint32_t kControlOverrun = 16;
 /// A motor or encoder peripheral did not start; see the wiring guide.
 constexpr uint32_t kDriverFailed = 32;
+/// The flash of the saved parameters has no free page, so they could not be read and defaults are
+/// in force: reset the parameters, which erases it, and clear the fault.
+constexpr uint32_t kStoreFull = 256;
+/// The saved parameters have the format of a newer firmware, and defaults are in force: install
+/// that firmware, or reset the parameters and clear the fault.
+constexpr uint32_t kStoreNewer = 512;
+/// The saved parameters could not be read from flash, and defaults are in force: reset the
+/// parameters, which erases it, and clear the fault.
+constexpr uint32_t kStoreUnreadable = 1024;
 }  // namespace fault
 
 namespace capability {

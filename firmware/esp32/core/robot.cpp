@@ -12,6 +12,7 @@ Robot::Robot(const Hal& hal, const Identity& identity, const ParameterSpec* spec
 
 void Robot::start(uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
+  store_faults_ = hal_.store.faults();
   apply_parameters();
   drive_.start(hal_.encoders.latch());
   last_step_us_ = now_us;
@@ -53,7 +54,7 @@ uint32_t Robot::check_timing(uint64_t now_us) {
 }
 
 void Robot::trip(uint32_t faults, uint64_t now_us) {
-  if (driver_failed_) faults |= fault::kDriverFailed;
+  faults |= lasting_faults();
   if ((faults & ~faults_) != 0) ++faults_tripped_;
   faults_ |= faults;
   if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
@@ -66,6 +67,12 @@ void Robot::check_contact(uint64_t now_us) {
 void Robot::check_deadline(uint64_t now_us) {
   if (supervisor_.may_drive() && now_us >= setpoint_.deadline_us)
     apply(SupervisorEvent::kDeadline, now_us);
+}
+
+/// Those that cannot be cleared yet. Where saved parameters exist that could not be read, the robot
+/// would drive as nobody set it up: so it does not.
+uint32_t Robot::lasting_faults() const {
+  return store_faults_ | (driver_failed_ ? fault::kDriverFailed : 0);
 }
 
 void Robot::actuate(uint64_t now_us) {
@@ -137,7 +144,7 @@ WheelPair Robot::limited(ControlMode mode, WheelPair asked) const {
 
 /// A host that connects is told once a session what became of its saved parameters.
 void Robot::announce_store() {
-  if (store_state_ == Parameters::Load::kLoaded) return;
+  if (store_state_ == Parameters::Load::kLoaded || store_faults_ != 0) return;
   link_.send(Event{
       .boot_id = identity_.boot_id,
       .t_us = static_cast<uint32_t>(last_step_us_),

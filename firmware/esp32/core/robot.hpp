@@ -76,6 +76,7 @@ class Robot {
   void trip(uint32_t faults, uint64_t now_us);
   void check_contact(uint64_t now_us);
   void check_deadline(uint64_t now_us);
+  uint32_t lasting_faults() const;
   void actuate(uint64_t now_us);
   void stream_state(uint64_t now_us);
   void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
@@ -137,6 +138,7 @@ class Robot {
   Setpoint setpoint_{};
   Parameters::Load store_state_ = Parameters::Load::kLoaded;
   bool parameters_changed_ = false;  // and not in force yet
+  uint32_t store_faults_ = 0;
   uint32_t faults_ = 0;
   uint16_t faults_tripped_ = 0;
   bool driver_failed_ = false;

@@ -188,7 +188,7 @@ RefusalCode Robot::carry_out(const ClearEstop&, uint64_t now_us) {
 }
 
 RefusalCode Robot::carry_out(const ClearFault&, uint64_t now_us) {
-  if (driver_failed_) return RefusalCode::kCausePresent;
+  if (lasting_faults() != 0) return RefusalCode::kCausePresent;
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
   return RefusalCode::kNone;
@@ -205,7 +205,7 @@ RefusalCode Robot::carry_out(const SetStreamRate& request, uint64_t now_us) {
 RefusalCode Robot::carry_out(const ParameterSave&, uint64_t) {
   const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
   if (refusal != RefusalCode::kNone) return refusal;
-  if (!parameters_.save(hal_.store)) return RefusalCode::kStoreFailed;
+  if (store_faults_ != 0 || !parameters_.save(hal_.store)) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kLoaded;
   return RefusalCode::kNone;
 }
@@ -218,6 +218,7 @@ RefusalCode Robot::carry_out(const ParameterReset&, uint64_t now_us) {
   apply_parameters();
   if (!hal_.store.erase()) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kEmpty;
+  store_faults_ = hal_.store.faults();
   return RefusalCode::kNone;
 }
 

@@ -1,6 +1,7 @@
 #include "nvs_store.hpp"
 
 #include "nvs_flash.h"
+#include "protocol.hpp"
 #include "task_watchdog.hpp"
 
 namespace wheelwire {
@@ -9,28 +10,39 @@ namespace {
 constexpr char kNamespace[] = "wheelwire";
 constexpr char kKey[] = "parameters";
 
+uint32_t fault_of(esp_err_t result) {
+  switch (result) {
+    case ESP_OK:
+      return 0;
+    case ESP_ERR_NVS_NO_FREE_PAGES:
+      return fault::kStoreFull;
+    case ESP_ERR_NVS_NEW_VERSION_FOUND:
+      return fault::kStoreNewer;
+    default:
+      return fault::kStoreUnreadable;
+  }
+}
+
 }  // namespace
 
-void NvsStore::start() {
+void NvsStore::start() { open(); }
+
+bool NvsStore::open() {
   esp_err_t result = nvs_flash_init();
-  if (result == ESP_ERR_NVS_NO_FREE_PAGES || result == ESP_ERR_NVS_NEW_VERSION_FOUND) {
-    lost_ = true;
-    result = nvs_flash_erase();
-    if (result == ESP_OK) result = nvs_flash_init();
-  }
-  open_ = result == ESP_OK && nvs_open(kNamespace, NVS_READWRITE, &handle_) == ESP_OK;
+  if (result == ESP_OK) result = nvs_open(kNamespace, NVS_READWRITE, &handle_);
+  faults_ = fault_of(result);
+  open_ = result == ESP_OK;
+  return open_;
 }
 
 size_t NvsStore::load(uint8_t* out, size_t capacity) {
+  if (!open_) return 0;
   size_t size = 0;
-  if (open_ && nvs_get_blob(handle_, kKey, nullptr, &size) == ESP_OK) {
-    if (size <= capacity) nvs_get_blob(handle_, kKey, out, &size);
-    return size;
-  }
-  if (!lost_ || capacity == 0) return 0;
-  // A block of one byte is none: the core reports it as corrupt, which is what happened.
-  out[0] = 0;
-  return 1;
+  esp_err_t result = nvs_get_blob(handle_, kKey, nullptr, &size);
+  if (result == ESP_ERR_NVS_NOT_FOUND) return 0;
+  if (result == ESP_OK && size <= capacity) result = nvs_get_blob(handle_, kKey, out, &size);
+  faults_ = fault_of(result);
+  return result == ESP_OK ? size : 0;
 }
 
 bool NvsStore::save(const uint8_t* data, size_t size) {
@@ -41,10 +53,14 @@ bool NvsStore::save(const uint8_t* data, size_t size) {
 
 bool NvsStore::erase() {
   const SlowOperation flash_write;
-  if (!open_) return false;
+  // One that cannot be read is formatted: there is no entry to remove.
+  if (faults_ != 0) {
+    if (open_) nvs_close(handle_);
+    open_ = false;
+    return nvs_flash_erase() == ESP_OK && open();
+  }
   const esp_err_t result = nvs_erase_key(handle_, kKey);
   if (result != ESP_OK && result != ESP_ERR_NVS_NOT_FOUND) return false;
-  lost_ = false;
   return nvs_commit(handle_) == ESP_OK;
 }
 

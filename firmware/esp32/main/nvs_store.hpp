@@ -7,19 +7,24 @@
 
 namespace wheelwire {
 
+/// Nothing is erased but when the host asks for it: what cannot be read may be what somebody needs.
 class NvsStore final : public ParameterStore {
  public:
-  /// Never fails: without storage there is nothing to load, and saving is refused.
+  /// Never fails: without storage there is nothing to load, saving is refused, and faults() says
+  /// why.
   void start();
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
   bool erase() override;
+  uint32_t faults() override { return faults_; }
 
  private:
+  bool open();
+
   nvs_handle_t handle_ = 0;
   bool open_ = false;
-  bool lost_ = false;  ///< The partition was unreadable and is formatted anew.
+  uint32_t faults_ = 0;
 };
 
 }  // namespace wheelwire

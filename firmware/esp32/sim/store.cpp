@@ -44,6 +44,7 @@ bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
 }  // namespace
 
 size_t Store::load(uint8_t* out, size_t capacity) {
+  if (unreadable != 0) return 0;
   const Bytes block = path_ ? read_file(*path_) : block_;
   std::copy_n(block.begin(), std::min(capacity, block.size()), out);
   return block.size();
@@ -58,6 +59,7 @@ bool Store::save(const uint8_t* data, size_t size) {
 
 bool Store::erase() {
   if (failing) return false;
+  unreadable = 0;
   block_.clear();
   return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;
 }

@@ -11,7 +11,8 @@ namespace wheelwire::sim {
 
 class Store final : public ParameterStore {
  public:
-  bool failing = false;  ///< Saves and erasures fail, and change nothing.
+  bool failing = false;     ///< Saves and erasures fail, and change nothing.
+  uint32_t unreadable = 0;  ///< Why, as flags of `fault`; an erasure ends it.
 
   /// From now on the block is this file's contents.
   void use_file(const std::string& path) { path_ = path; }
@@ -19,6 +20,7 @@ class Store final : public ParameterStore {
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
   bool erase() override;
+  uint32_t faults() override { return unreadable; }
 
  private:
   std::optional<std::string> path_;

@@ -160,6 +160,10 @@ void add_device(std::vector<Variable>& table) {
                        "battery_v", "V", 0, 60, "What the battery input senses; 0: not measured.")),
                    with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
                        toggle("store_failing", "The parameter store cannot be written.")),
+                   with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
+                       whole("store_unreadable", "", 0, 0xFFFF,
+                             "Why the saved parameters cannot be read, as the fault flag of that "
+                             "name; the firmware looks when it starts, erasing ends it.")),
                    with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(whole(
                        "boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
                    with_field<[](auto& s) -> auto& { return s.boot_text; }>(

@@ -1,0 +1,87 @@
+#include "nvs_store.hpp"
+
+#include "check.hpp"
+#include "nvs_flash.h"
+#include "protocol.hpp"
+#include "task_watchdog.hpp"
+
+using namespace wheelwire;
+
+namespace wheelwire {
+SlowOperation::SlowOperation() {}
+SlowOperation::~SlowOperation() {}
+}  // namespace wheelwire
+
+namespace {
+
+const std::vector<uint8_t> kSaved{1, 2, 3};
+
+uint32_t fault_at_start(esp_err_t found) {
+  fake_nvs = {.init_result = found, .read_result = ESP_OK, .blob = kSaved};
+  NvsStore store;
+  store.start();
+  return store.faults();
+}
+
+}  // namespace
+
+TEST(a_saved_block_is_read_back) {
+  fake_nvs = {};
+  NvsStore store;
+  store.start();
+  uint8_t block[8];
+  CHECK(store.load(block, sizeof block) == 0);
+  CHECK(store.save(kSaved.data(), kSaved.size()));
+  CHECK(store.load(block, sizeof block) == 3 && block[2] == 3);
+  CHECK(store.faults() == 0);
+  CHECK(store.erase() && store.load(block, sizeof block) == 0);
+  CHECK(fake_nvs.erasures == 0);
+}
+
+TEST(storage_that_cannot_be_opened_is_told_apart_and_left_alone) {
+  CHECK(fault_at_start(ESP_OK) == 0);
+  CHECK(fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES) == fault::kStoreFull);
+  CHECK(fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND) == fault::kStoreNewer);
+  CHECK(fault_at_start(ESP_ERR_NVS_PART_NOT_FOUND) == fault::kStoreUnreadable);
+  CHECK(fault_at_start(ESP_FAIL) == fault::kStoreUnreadable);
+  CHECK(fake_nvs.erasures == 0 && fake_nvs.blob == kSaved);
+}
+
+TEST(storage_that_cannot_be_opened_is_not_written) {
+  fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES);
+  NvsStore store;
+  store.start();
+  uint8_t block[8];
+  CHECK(store.load(block, sizeof block) == 0);
+  CHECK(!store.save(block, sizeof block));
+  CHECK(fake_nvs.blob == kSaved);
+}
+
+TEST(a_reset_formats_what_cannot_be_opened) {
+  fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
+  NvsStore store;
+  store.start();
+  CHECK(store.erase());
+  CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
+  CHECK(store.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
+}
+
+TEST(a_block_that_cannot_be_read_is_a_fault_until_a_reset) {
+  fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
+  NvsStore store;
+  store.start();
+  uint8_t block[8];
+  CHECK(store.load(block, sizeof block) == 0);
+  CHECK(store.faults() == fault::kStoreUnreadable);
+  CHECK(fake_nvs.erasures == 0);
+  CHECK(store.erase() && store.faults() == 0 && fake_nvs.open_handles == 1);
+}
+
+TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
+  fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
+  NvsStore store;
+  store.start();
+  uint8_t block[8];
+  CHECK(store.load(block, sizeof block) == 9);
+  CHECK(store.faults() == 0);
+}
