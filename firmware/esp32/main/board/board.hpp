@@ -21,6 +21,12 @@ constexpr int chosen(int configured, int of_board) {
   return configured >= 0 ? configured : of_board;
 }
 
+#ifdef CONFIG_WHEELWIRE_ENCODER_PULL_UPS_FITTED
+constexpr bool kPullUpsFitted = true;
+#else
+constexpr bool kPullUpsFitted = kBoardPins.encoder_pull_ups_fitted;
+#endif
+
 constexpr Pins kPins = {
     .left = {.enable = chosen(CONFIG_WHEELWIRE_PIN_LEFT_ENABLE, kBoardPins.left.enable),
              .in1 = chosen(CONFIG_WHEELWIRE_PIN_LEFT_IN1, kBoardPins.left.in1),
@@ -32,6 +38,7 @@ constexpr Pins kPins = {
                      .b = chosen(CONFIG_WHEELWIRE_PIN_LEFT_B, kBoardPins.left_encoder.b)},
     .right_encoder = {.a = chosen(CONFIG_WHEELWIRE_PIN_RIGHT_A, kBoardPins.right_encoder.a),
                       .b = chosen(CONFIG_WHEELWIRE_PIN_RIGHT_B, kBoardPins.right_encoder.b)},
+    .encoder_pull_ups_fitted = kPullUpsFitted,
     .estop = chosen(CONFIG_WHEELWIRE_PIN_ESTOP, kBoardPins.estop),
     .battery = chosen(CONFIG_WHEELWIRE_PIN_BATTERY, kBoardPins.battery),
     .status_led = chosen(CONFIG_WHEELWIRE_PIN_STATUS_LED, kBoardPins.status_led),
@@ -47,6 +54,18 @@ static_assert(kChipPins.can_listen(kPins.left_encoder.a), "left A: choose a free
 static_assert(kChipPins.can_listen(kPins.left_encoder.b), "left B: choose a free pin");
 static_assert(kChipPins.can_listen(kPins.right_encoder.a), "right A: choose a free pin");
 static_assert(kChipPins.can_listen(kPins.right_encoder.b), "right B: choose a free pin");
+static_assert(kChipPins.can_count(kPins.left_encoder.a, kPullUpsFitted),
+              "left A: the pin has no pull-up; choose another, or fit pull-ups on the "
+              "encoders and say so: CONFIG_WHEELWIRE_ENCODER_PULL_UPS_FITTED");
+static_assert(kChipPins.can_count(kPins.left_encoder.b, kPullUpsFitted),
+              "left B: the pin has no pull-up; choose another, or fit pull-ups on the "
+              "encoders and say so: CONFIG_WHEELWIRE_ENCODER_PULL_UPS_FITTED");
+static_assert(kChipPins.can_count(kPins.right_encoder.a, kPullUpsFitted),
+              "right A: the pin has no pull-up; choose another, or fit pull-ups on the "
+              "encoders and say so: CONFIG_WHEELWIRE_ENCODER_PULL_UPS_FITTED");
+static_assert(kChipPins.can_count(kPins.right_encoder.b, kPullUpsFitted),
+              "right B: the pin has no pull-up; choose another, or fit pull-ups on the "
+              "encoders and say so: CONFIG_WHEELWIRE_ENCODER_PULL_UPS_FITTED");
 static_assert(kChipPins.can_pull_up(kPins.estop), "e-stop: choose a pin with a pull-up");
 static_assert(kChipPins.can_measure(kPins.battery), "battery: choose a pin of ADC1");
 static_assert(kChipPins.can_drive(kPins.status_led), "status LED: choose a pin that can drive");

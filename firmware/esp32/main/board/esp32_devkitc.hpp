@@ -22,6 +22,7 @@ constexpr Pins kBoardPins = {
     .right = {.enable = 33, .in1 = 32, .in2 = 4},
     .left_encoder = {.a = 18, .b = 19},
     .right_encoder = {.a = 23, .b = 13},
+    .encoder_pull_ups_fitted = false,
     .estop = 14,
     .battery = 34,
     .status_led = 22,

@@ -20,6 +20,7 @@ constexpr Pins kBoardPins = {
     .right = {.enable = 11, .in1 = 20, .in2 = 21},
     .left_encoder = {.a = 2, .b = 3},
     .right_encoder = {.a = 22, .b = 23},
+    .encoder_pull_ups_fitted = false,
     .estop = 1,
     .battery = 0,
     .status_led = 7,

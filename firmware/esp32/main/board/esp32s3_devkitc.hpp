@@ -21,6 +21,7 @@ constexpr Pins kBoardPins = {
     .right = {.enable = 7, .in1 = 15, .in2 = 16},
     .left_encoder = {.a = 17, .b = 18},
     .right_encoder = {.a = 8, .b = 9},
+    .encoder_pull_ups_fitted = false,
     .estop = 10,
     .battery = 1,
     .status_led = 2,

@@ -40,6 +40,7 @@ struct Pins {
   BridgePins right;
   EncoderPins left_encoder;
   EncoderPins right_encoder;
+  bool encoder_pull_ups_fitted;  ///< Outside the chip, on A and B of both.
   int estop;
   int battery;
   int status_led;
@@ -62,6 +63,11 @@ struct ChipPins {
   }
   /// An input that must read high when its wire is broken.
   constexpr bool can_pull_up(int pin) const { return can_drive(pin); }
+  /// An encoder's open collector, or its wire when it is off, leaves an input without a pull-up to
+  /// whatever runs beside it: it counts what nobody turned.
+  constexpr bool can_count(int pin, bool pull_up_fitted) const {
+    return can_listen(pin) && (pull_up_fitted || can_pull_up(pin));
+  }
   constexpr bool can_measure(int pin) const { return can_listen(pin) && (adc1 & mask_of(pin)); }
 };
 
