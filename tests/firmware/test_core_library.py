@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 
 from support.library_robot import LibraryRobot
-from wheelwire.errors import DeviceRefused
+from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import Board, Fault, RefusalCode, StopMode, SupervisorState
 from wheelwire_protocol.native import Bridge, Core, Identity, NativeMissingError
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
     ClearEstop,
+    ControlCounters,
+    ControlCountersGet,
     ParameterEntry,
     ParameterGet,
     ParameterList,
@@ -100,6 +102,71 @@ def test_a_stop_between_two_steps_acts_at_once() -> None:
     outputs = robot.core.service(robot.now_us + 1)
     assert outputs.state is SupervisorState.IDLE
     assert outputs.left.enable_q15 == outputs.right.enable_q15 == COAST
+
+
+def test_a_host_that_hangs_up_ends_its_drive_and_its_session_at_once() -> None:
+    robot = LibraryRobot().open()
+    drive(robot, 0.5, 0.5)
+    robot.set_duty(0.5, 0.5)
+    unread = robot.session.take_output()
+    outputs = robot.core.hang_up(robot.now_us)
+    assert outputs.state is SupervisorState.IDLE
+    assert (outputs.left.enable_q15, outputs.right.enable_q15) == (0, 0)
+    robot.core.feed(unread)
+    assert robot.core.service(robot.now_us).state is SupervisorState.IDLE
+    robot.core.take()  # the refusal
+    for _ in range(200):
+        robot.now_us += 10_000
+        assert robot.core.step(robot.now_us, 0, 0).state is SupervisorState.IDLE
+        assert not robot.core.take()
+    assert outputs.left != BRAKE
+
+
+def test_after_a_host_that_hung_up_the_next_one_drives() -> None:
+    robot = LibraryRobot().open()
+    drive(robot, 0.5, 0.5)
+    robot.core.hang_up(robot.now_us)
+    robot.session.disconnect(LinkLost("hung up"))
+    robot.connect()
+    drive(robot, 0.5, 0.5)
+    assert state(robot) is SupervisorState.DRIVING
+
+
+def test_the_control_loop_counts_what_it_lost() -> None:
+    robot = LibraryRobot().open()
+    robot.step()
+    before = control_counters(robot)
+    robot.illegal = (3, 5)
+    robot.now_us += 70_000
+    robot.step()
+    drive_against_the_limit(robot)
+    counters = control_counters(robot)
+    assert counters.late_steps == before.late_steps + 1
+    assert counters.latest_step_us >= 70_000
+    assert (counters.left_illegal, counters.right_illegal) == (3, 5)
+    assert counters.saturated_steps > before.saturated_steps
+
+
+def control_counters(robot: LibraryRobot) -> ControlCounters:
+    answer = robot.request(ControlCountersGet(0, 0))
+    assert isinstance(answer, ControlCounters)
+    return answer
+
+
+def drive_against_the_limit(robot: LibraryRobot) -> None:
+    """Wheels that do not turn, for less than it takes to be a fault."""
+    robot.request(ParameterSet(0, 0, PARAMETER_BY_NAME["max_duty"].id, 0.1))
+    for _ in range(20):
+        robot.set_velocity(0.4, 0.4)
+        robot.step()
+
+
+def test_the_values_in_force_can_be_read() -> None:
+    robot = LibraryRobot().open()
+    for name in ("control_rate_hz", "wheel_radius"):
+        id_ = PARAMETER_BY_NAME[name].id
+        assert robot.core.value(id_) == pytest.approx(parameter(robot, name))
+    assert robot.core.value(0) == robot.core.value(255) == 0
 
 
 def test_an_open_contact_is_an_estop_where_one_is_fitted() -> None:

@@ -29,6 +29,7 @@ class LibraryRobot:
         self.left_ticks = 0
         self.right_ticks = 0
         self.contact_open = False
+        self.illegal = (0, 0)
         self.samples: list[WheelSample] = []
         random = Random(1)
         self.session = Session(lambda: random.getrandbits(32))
@@ -40,6 +41,10 @@ class LibraryRobot:
 
     def open(self) -> LibraryRobot:
         self.start()
+        return self.connect()
+
+    def connect(self) -> LibraryRobot:
+        self.samples.clear()
         self.session.connect(self.now_us)
         self.run_until(lambda: self.session.phase is Phase.OPEN and bool(self.samples))
         return self
@@ -49,7 +54,12 @@ class LibraryRobot:
         self.core.feed(self.session.take_output())
         self.now_us += self.outputs.period_us
         self.outputs = self.core.step(
-            self.now_us, self.left_ticks, self.right_ticks, contact_open=self.contact_open
+            self.now_us,
+            self.left_ticks,
+            self.right_ticks,
+            contact_open=self.contact_open,
+            left_illegal=self.illegal[0],
+            right_illegal=self.illegal[1],
         )
         self.samples += self.session.receive(self.core.take(), self.now_us)
         return self.outputs
@@ -59,6 +69,9 @@ class LibraryRobot:
         while not condition():
             assert self.now_us < end_us, "the condition never held"
             self.step()
+
+    def set_velocity(self, left_mps: float, right_mps: float, ttl_us: int = 200_000) -> None:
+        self.session.drive_velocity(left_mps, right_mps, self.now_us + ttl_us, self.now_us)
 
     def set_duty(self, left: float, right: float, ttl_us: int = 200_000) -> None:
         self.session.drive_duty(left, right, self.now_us + ttl_us, self.now_us)

@@ -1,0 +1,349 @@
+"""Applications that drive by any of the drivers, and what can befall them or their processes."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wheelwire.sim import ENVIRONMENT, Simulator, find_simulator
+
+from .gpio_chip_process import GpioChip
+from .pigpio_process import PigpioProcess
+from .stand_in import StandIn
+from .waiting import wait_until
+
+TTL_S = 0.3
+PATIENCE_S = 30.0
+IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
+SIGINTS = 10_000
+DEADLINE, STRUCK = 0, 8
+"""Offsets in the memory that is shared with the application; microseconds, monotonic."""
+
+APPLICATION = """
+import ctypes, gc, json, mmap, os, signal, struct, sys, time, wheelwire
+driver, options, way, path = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], sys.argv[4]
+memory = mmap.mmap(os.open(path, os.O_RDWR), mmap.PAGESIZE)
+now_us = lambda: time.monotonic_ns() // 1000
+note = lambda offset, value: struct.pack_into("q", memory, offset, value)
+libc = ctypes.CDLL(None)
+asked = []
+signal.signal(signal.SIGUSR1, lambda *_: asked.append(True))
+if "pwm_directory" in options:
+    from pathlib import Path
+    options["pwm_directory"] = Path(options["pwm_directory"])
+
+robot = wheelwire.open_driver(driver, **options)
+print("open", flush=True)
+while not asked:
+    note(DEADLINE, now_us() + TTL_US)
+    try:
+        robot.set_velocity(0.25, 0.0, ttl=TTL_US / 1e6)
+    except wheelwire.WheelwireError:
+        pass
+    time.sleep(0.02)
+note(STRUCK, now_us())
+if way == "exit":
+    os._exit(0)
+elif way == "fork":
+    if libc.fork() == 0:
+        libc.sleep(2)
+        libc._exit(0)
+    os.kill(os.getpid(), signal.SIGKILL)
+elif way == "close":
+    robot.shutdown()
+elif way == "forgotten":
+    del robot
+    gc.collect()
+time.sleep(60)
+"""
+
+Strike = Callable[["Application"], None]
+
+
+def now_us() -> int:
+    return time.monotonic_ns() // 1000
+
+
+class Application:
+    """A process that drives until it is struck."""
+
+    def __init__(self, driver: str, options: dict[str, Any], way: str, directory: Path) -> None:
+        path = directory / "memory"
+        path.write_bytes(bytes(mmap.PAGESIZE))
+        with path.open("r+b") as file:
+            self._memory = mmap.mmap(file.fileno(), mmap.PAGESIZE)
+        numbers = f"DEADLINE, STRUCK, TTL_US = {DEADLINE}, {STRUCK}, {round(TTL_S * 1e6)}\n"
+        self.process = subprocess.Popen(
+            [
+                sys.executable,
+                "-c",
+                numbers + APPLICATION,
+                driver,
+                json.dumps(options),
+                way,
+                str(path),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            preexec_fn=_interruptible,
+        )
+        assert self.process.stdout
+        assert self.process.stdout.readline() == b"open\n"
+        self.child = next(iter(children(self.process.pid)), 0)
+        """The process that it has started, a guard or the simulator; 0 where there is none."""
+
+    def word(self, offset: int) -> int:
+        return int(struct.unpack_from("q", self._memory, offset)[0])
+
+    def close(self) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        assert self.process.stdout
+        self.process.stdout.close()
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def _interruptible() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+
+
+def _send(number: int) -> Strike:
+    return lambda application: application.process.send_signal(number)
+
+
+def _storm(application: Application) -> None:
+    with suppress(ProcessLookupError):
+        for _ in range(SIGINTS):
+            os.killpg(application.process.pid, signal.SIGINT)
+
+
+def _send_to_core(number: int) -> Strike:
+    def strike(application: Application) -> None:
+        (core,) = children(application.child)
+        os.kill(core, number)
+
+    return strike
+
+
+WAYS: dict[str, tuple[str, Strike]] = {
+    "killed (SIGKILL)": ("", _send(signal.SIGKILL)),
+    "stopped (SIGSTOP)": ("", _send(signal.SIGSTOP)),
+    "killed, a fork holds the socket": ("fork", _send(signal.SIGUSR1)),
+    "exit without close": ("exit", _send(signal.SIGUSR1)),
+    "closed": ("close", _send(signal.SIGUSR1)),
+    "forgotten (garbage collection)": ("forgotten", _send(signal.SIGUSR1)),
+    "hang": ("hang", _send(signal.SIGUSR1)),
+    f"{SIGINTS} SIGINTs": ("", _storm),
+}
+CORE_WAYS: dict[str, Strike] = {
+    "core killed": _send_to_core(signal.SIGKILL),
+    "core stopped": _send_to_core(signal.SIGSTOP),
+    "guard killed": lambda application: os.kill(application.child, signal.SIGKILL),
+}
+WAITING_WAYS = ("stopped (SIGSTOP)", "hang")
+"""Ways that nothing tells the robot's process of: the setpoint's deadline acts."""
+
+
+@dataclass(frozen=True)
+class Death:
+    """One run; times in microseconds.
+
+    Attributes:
+        struck_to_removed_us: From the failure to the drive's removal.
+        late_us: From the deadline of the last setpoint to the drive's removal; below 0 where it did
+            not have to wait for that.
+        ended_us: From the failure to the end of the process that moves the pins; None where it goes
+            on, because its application does.
+    """
+
+    struck_to_removed_us: int
+    late_us: int
+    ended_us: int | None
+
+
+class Place(ABC):
+    """Where a robot is driven, and seen."""
+
+    driver: str
+    options: dict[str, Any]
+
+    @abstractmethod
+    def is_driven(self) -> bool:
+        """A motor is switched on."""
+
+    @abstractmethod
+    def removed_us(self) -> int:
+        """When the drive was last removed."""
+
+    def driven_for_long(self, application: Application) -> bool:
+        """The robot has come to speed."""
+        del application
+        return self.is_driven()
+
+
+class StandInPlace(Place):
+    """On a stand-in of hardware."""
+
+    def __init__(self, driver: str, stand_in: StandIn, options: dict[str, Any]) -> None:
+        self.driver = driver
+        self.options = options
+        self._stand_in = stand_in
+
+    def is_driven(self) -> bool:
+        return bool(self._stand_in.truth()["driven"])
+
+    def removed_us(self) -> int:
+        return int(self._stand_in.truth()["driven_changed_us"])
+
+
+class SerialPlace(Place):
+    """On the simulated ESP32 behind a pseudo-terminal."""
+
+    driver = "serial"
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.options = {"port": simulator.port, "connect_timeout": 30}
+        self._simulator = simulator
+        self._removed_us = 0
+
+    def is_driven(self) -> bool:
+        driven = bool(self._simulator.get("drive_on"))
+        for state in self._simulator.take_states():
+            if state.drive_changed and not state.drive_on:
+                self._removed_us = state.host_us
+        return driven
+
+    def removed_us(self) -> int:
+        wait_until(lambda: not self.is_driven() and self._removed_us, PATIENCE_S)
+        return self._removed_us
+
+
+class MockPlace(Place):
+    """The mock driver; what its simulator tells is copied to a file."""
+
+    driver = "mock"
+    options: dict[str, Any] = {}  # noqa: RUF012 - nobody changes it
+
+    def __init__(self, truth: Path) -> None:
+        self._truth = truth
+        self._child: int | None = None
+        self._ended_us = 0
+
+    def driven_for_long(self, application: Application) -> bool:
+        self._child = self._child or os.pidfd_open(application.child)
+        return self.is_driven()
+
+    def is_driven(self) -> bool:
+        if self._child is not None and select.select([self._child], [], [], 0)[0]:
+            self._ended_us = self._ended_us or now_us()
+            return False
+        last = self._last_change()
+        return bool(last and last["drive_on"])
+
+    def removed_us(self) -> int:
+        last = self._last_change()
+        return int(last["host_us"]) if last and not last["drive_on"] else self._ended_us
+
+    def _last_change(self) -> dict[str, Any] | None:
+        lines = self._truth.read_text().splitlines() if self._truth.exists() else []
+        changes = [line for line in lines if '"drive"' in line and line.endswith("}")]
+        return json.loads(changes[-1]) if changes else None
+
+
+TEE = """#!{python}
+import os, subprocess, sys
+tee = subprocess.Popen(["tee", "-a", {truth!r}], stdin=subprocess.PIPE)
+os.dup2(tee.stdin.fileno(), 1)
+os.execv({program!r}, [{program!r}, "--truth-hz=1", *sys.argv[1:]])
+"""
+
+
+@contextmanager
+def place(name: str, directory: Path, patience_ms: int | None) -> Iterator[Place]:
+    """`serial`, `l298n` (kernel PWM), `l298n, software PWM`, `pigpio` or `mock`."""
+    patient: dict[str, Any] = {"parameters": {"overrun_limit_us": 1e6}}
+    if patience_ms is not None:
+        patient["patience_ms"] = patience_ms
+    if name == "serial":
+        with Simulator(truth_hz=1.0) as simulator:
+            yield SerialPlace(simulator)
+    elif name == "pigpio":
+        with PigpioProcess() as daemon:
+            options = {"host": "127.0.0.1", "port": daemon.port, **patient}
+            yield StandInPlace("pigpio", daemon, options)
+    elif name == "mock":
+        program = directory / "simulator"
+        truth = directory / "truth"
+        text = TEE.format(python=sys.executable, truth=str(truth), program=str(find_simulator()))
+        program.write_text(text)
+        program.chmod(0o755)
+        with _environment({ENVIRONMENT: str(program)}):
+            yield MockPlace(truth)
+    else:
+        with GpioChip(directory, kernel_pwm="software" not in name) as chip:
+            options = {"pwm_directory": str(chip.pwm_directory), **patient}
+            with _environment(chip.environment):
+                yield StandInPlace("l298n", chip, options)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def die(place_name: str, way: str, phase_s: float = 0.0, patience_ms: int | None = None) -> Death:
+    """Drive, strike `phase_s` later, and measure."""
+    application_way, strike = WAYS[way] if way in WAYS else ("", CORE_WAYS[way])
+    # In memory, as /sys is: a disk would hold the core up.
+    directory = tempfile.TemporaryDirectory(dir=IN_MEMORY)
+    with directory as name, place(place_name, Path(name), patience_ms) as where:
+        application = Application(where.driver, where.options, application_way, Path(name))
+        try:
+            wait_until(lambda: where.driven_for_long(application), PATIENCE_S, "the drive")
+            time.sleep(0.2 + phase_s)
+            ends = way not in WAITING_WAYS and where.driver != "serial"
+            child = os.pidfd_open(application.child) if ends else None
+            struck_us = now_us()
+            strike(application)
+            wait_until(lambda: not where.is_driven(), PATIENCE_S, "the end of the drive")
+            removed_us = where.removed_us()
+            ended_us = None if child is None else _end(child) - struck_us
+        finally:
+            application.close()
+        struck_us = application.word(STRUCK) or struck_us
+        return Death(removed_us - struck_us, removed_us - application.word(DEADLINE), ended_us)
+
+
+def _end(process: int) -> int:
+    assert select.select([process], [], [], PATIENCE_S)[0], "the process goes on"
+    os.close(process)
+    return now_us()
