@@ -38,6 +38,7 @@ from .transport import Transport, open_transport
 from .waiting import Notifier
 
 OpenPort = Callable[[int], Transport]
+Heard = Callable[[Answer | WheelwireError], None]
 
 JOIN_S = 10.0
 """Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
@@ -189,6 +190,15 @@ class Link:
         """
         answer = self._call(lambda done, now_us: self._session.request(message, done, now_us))
         return cast("Answer", answer)
+
+    def post(self, message: RequestMessage, done: Heard) -> None:
+        """Send a request without waiting; the link's thread calls `done` with what came of it."""
+
+        def answered(result: Answer | WheelwireError | None) -> None:
+            if result is not None:
+                done(result)
+
+        self._loop.call(lambda done, now_us: self._session.request(message, done, now_us), answered)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.

@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import StopMode
 from .errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
 from .fwsim import FwSim
 from .inbox import SampleInbox
-from .link import LinkInfo
+from .link import Heard, LinkInfo
 from .requests import Answer, Done, RequestMessage
 from .session import Phase, Session
 from .statistics import LinkStatistics
@@ -107,6 +107,11 @@ class VirtualLink:
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer."""
         return self._answer(lambda done: self._session.request(message, done, self.now_us))
+
+    def post(self, message: RequestMessage, done: Heard) -> None:
+        """Send a request without waiting; `done` is called with what came of it."""
+        self.check()
+        self._session.request(message, done, self.now_us)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement."""

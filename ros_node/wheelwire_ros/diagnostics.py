@@ -97,6 +97,7 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
     }
+    values |= _control_counters(report.connection.robot)
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
     if report.connection.estopped or sample.state.name == "ESTOPPED":
@@ -107,6 +108,21 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
     level = OK if sample.state.name in IN_ORDER else WARN
     return _status(subject, level, sample.state.doc, hardware, values)
+
+
+def _control_counters(robot: BaseDriver) -> dict[str, Any]:
+    """What the control loop and the encoders lost, as of the last time; a device alone tells."""
+    ask = getattr(robot, "latest_control_counters", None)
+    counters = ask() if ask is not None else None
+    if counters is None:
+        return {}
+    return {
+        "late_steps": counters.late_steps,
+        "latest_step_us": counters.latest_step_us,
+        "saturated_steps": counters.saturated_steps,
+        "left_illegal_transitions": counters.left_illegal,
+        "right_illegal_transitions": counters.right_illegal,
+    }
 
 
 def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:

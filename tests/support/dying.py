@@ -30,6 +30,8 @@ TTL_S = 0.3
 PATIENCE_S = 30.0
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
 SIGINTS = 10_000
+PRIORITY = 30
+"""Below the core's."""
 DEADLINE, STRUCK = 0, 8
 """Offsets in the memory that is shared with the application; microseconds, monotonic."""
 
@@ -122,6 +124,13 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+def _make_punctual(pid: int) -> None:
+    """A stand-in that is late would be taken for a driver that is: threads inherit it."""
+    with suppress(PermissionError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(PRIORITY))
+
+
 def _interruptible() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
@@ -208,6 +217,7 @@ class StandInPlace(Place):
         self.driver = driver
         self.options = options
         self._stand_in = stand_in
+        _make_punctual(stand_in.pid)
 
     def is_driven(self) -> bool:
         return bool(self._stand_in.truth()["driven"])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import weakref
+from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, cast
 
@@ -24,10 +26,12 @@ from wheelwire_protocol.types import (
     ParameterValue,
 )
 
+from ..errors import LinkLost, WheelwireError
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, WheelVelocities
 from ..link import Link, LinkInfo, OpenPort
 from ..parameters import ParameterInfo, Parameters, decimal_of_float32
+from ..requests import Answer
 from ..statistics import LinkStatistics
 from .base import BaseDriver
 
@@ -102,6 +106,7 @@ class DeviceDriver(BaseDriver):
         # Also runs when the driver is forgotten, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
+        self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
 
     @property
     def info(self) -> LinkInfo:
@@ -135,6 +140,18 @@ class DeviceDriver(BaseDriver):
     def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""
         return cast("ControlCounters", self._link.request(ControlCountersGet(0, 0)))
+
+    def latest_control_counters(self) -> ControlCounters | None:
+        """As `control_counters`, without waiting: what the last call asked for, if it has come."""
+        newest = self._newest_counters
+
+        def keep(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, ControlCounters):
+                newest.append(answer)
+
+        with suppress(LinkLost):
+            self._link.post(ControlCountersGet(0, 0), keep)
+        return newest[0] if newest else None
 
     def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.

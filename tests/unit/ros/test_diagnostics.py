@@ -17,6 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from support.host_samples import sample
 from wheelwire import BaseDriver, LinkLost, LinkStatistics
 from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.types import ControlCounters
 from wheelwire_ros import diagnostics
 from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
 from wheelwire_ros.connection import RobotConnection, Tuning
@@ -30,6 +31,13 @@ class Robot:
     """Only what diagnostics ask a driver that has no device."""
 
     statistics = LinkStatistics(sessions=2, round_trip_p50_us=812.5)
+
+
+class CountingRobot(Robot):
+    """It has a device."""
+
+    def latest_control_counters(self) -> ControlCounters:
+        return ControlCounters(7, 7, 1, 2, 3, 4, 5)
 
 
 def report(**changes: Any) -> Report:
@@ -60,6 +68,17 @@ def test_what_is_in_order() -> None:
     assert (link["driver"], link["sessions"], link["round_trip_p50_us"]) == ("mock", "2", "812.5")
     assert math.isnan(Robot.statistics.clock_error_us)
     assert link["clock_error_us"] == ""
+
+
+def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
+    assert "latest_step_us" not in values(statuses(report())["robot"])
+    robot = CountingRobot()
+    connection = RobotConnection(
+        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(1, 1), lambda: None
+    )
+    told = values(statuses(report(connection=connection))["robot"])
+    assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")
+    assert (told["left_illegal_transitions"], told["right_illegal_transitions"]) == ("4", "5")
 
 
 def test_a_silence_is_the_links_and_makes_the_rest_stale() -> None:
