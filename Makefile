@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test demo hil fuzzers fuzz corruption bench reliability mutants soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz corruption bench reliability mutants soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -72,6 +72,23 @@ ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
 endif
 	$(BIN)/python -m pytest
+
+# Its own environment: zig is 400 MB, and only a release needs it.
+build/wheels-venv/installed: tools/wheels
+	@$(PYTHON) -m venv build/wheels-venv
+	build/wheels-venv/bin/python -m pip install --quiet --disable-pip-version-check cmake ninja scikit-build-core wheel ziglang
+	@touch $@
+
+wheels: build/wheels-venv/installed  ## A release's wheels, for three processors, to build/dist
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels build $(WHEELS)
+	@build/wheels-venv/bin/python tools/wheels build sdist
+
+wheels-check: wheels $(VENV)/installed  ## Try those wheels; needs qemu-user-static, libc6-arm64-cross, libc6-armhf-cross
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels check $(WHEELS)
+
+wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it afresh, drive a simulated robot
+	@$(BIN)/python tools/wheels build native
+	@$(BIN)/python tools/wheels check native
 
 demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog
 	@$(BIN)/wheelwire demo --output build/demo

@@ -148,12 +148,10 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
 
     Raises:
         ConfigurationError: With the key, the value, and what it must be.
-        DriverUnavailable: PyYAML or pydantic is not installed.
+        DriverUnavailable: pydantic is not installed.
     """
-    try:
-        import yaml
-    except ImportError as error:
-        raise _not_installed(error) from error
+    import yaml
+
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     try:
         content = yaml.safe_load(source.read_text())
@@ -263,5 +261,5 @@ def _validated(content: dict[str, Any]) -> RobotConfig:
 
 def _not_installed(error: ImportError) -> DriverUnavailable:
     return DriverUnavailable(
-        f"reading a robot's file needs {error.name}: pip install 'wheelwire[config]'"
+        f"reading a robot's file needs {error.name}: pip install 'wheelwire[tools]'"
     )

@@ -183,7 +183,7 @@ def verify(port: str, board: Board) -> DeviceInfo:
 def _esptool(*arguments: str) -> Iterator[str]:
     """Run esptool; yields what it prints, progress included, as it comes."""
     if importlib.util.find_spec("esptool") is None:
-        raise FlashFailed("esptool is not installed: pip install 'wheelwire[flash]'")
+        raise FlashFailed("esptool is not installed: pip install 'wheelwire[tools]'")
     process = subprocess.Popen(
         [sys.executable, "-m", "esptool", *arguments],
         stdin=subprocess.DEVNULL,

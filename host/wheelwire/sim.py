@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import queue
-import shutil
 import subprocess
 import threading
 from collections import deque
@@ -18,37 +17,41 @@ from types import TracebackType
 from typing import IO, Any, TypeVar, cast
 
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
+from wheelwire_protocol.native import INSTALL_NATIVE_PARTS
 
 from .errors import SimulatorNotFound, WheelwireError
 
 PROGRAM = "wheelwire-fwsim"
 ENVIRONMENT = "WHEELWIRE_FWSIM"
-CHECKOUT_BUILD = Path(__file__).parents[2] / "build" / "host"
 ANSWER_TIMEOUT_S = 10.0
 EXIT_TIMEOUT_S = 5.0
 STATES_KEPT = 100_000
+
+_PACKAGE = Path(__file__).parent
+_CHECKOUT = _PACKAGE.parents[1]
 
 Self = TypeVar("Self", bound="Simulator")
 
 
 def find_simulator() -> Path:
-    """The simulator's program: $WHEELWIRE_FWSIM, else on PATH, else in the checkout's build.
+    """The simulator's program: $WHEELWIRE_FWSIM, a checkout's build, or what the wheel brought.
+
+    In a checkout its build only: a copy that was installed there would be out of date unseen.
 
     Raises:
-        SimulatorNotFound: It is in none of them.
+        SimulatorNotFound: It is not there.
     """
     named = os.environ.get(ENVIRONMENT)
     if named:
         if not os.access(named, os.X_OK):
             raise SimulatorNotFound(f"${ENVIRONMENT} is {named}, which is no program")
         return Path(named)
-    found = shutil.which(PROGRAM) or shutil.which(PROGRAM, path=CHECKOUT_BUILD)
-    if not found:
-        raise SimulatorNotFound(
-            f"no {PROGRAM}: build it in a checkout with `make sim`, "
-            f"then put it on PATH or name it in ${ENVIRONMENT}"
-        )
-    return Path(found)
+    in_checkout = (_CHECKOUT / "firmware").is_dir()
+    program = (_CHECKOUT / "build" / "host" if in_checkout else _PACKAGE) / PROGRAM
+    if not os.access(program, os.X_OK):
+        cure = "build it with `make sim`" if in_checkout else INSTALL_NATIVE_PARTS
+        raise SimulatorNotFound(f"there is no simulator, {program}: {cure}")
+    return program
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,12 @@ ABI = 3
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
 
+INSTALL_NATIVE_PARTS = (
+    "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
+    "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
+)
+"""What helps where an installation has no library and no simulator."""
+
 _PACKAGE = Path(__file__).parent
 _CHECKOUT = _PACKAGE.parents[1]
 _TAKE_SIZE = 4096
@@ -291,10 +297,7 @@ def _cure() -> str:
         return f"unset ${ENVIRONMENT}, or let it name the library of this release"
     if (_CHECKOUT / "firmware").is_dir():
         return "build it with `make sim`"
-    return (
-        "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
-        "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
-    )
+    return INSTALL_NATIVE_PARTS
 
 
 class _Identity(ctypes.Structure):

@@ -186,8 +186,8 @@ def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]
 
 
 def test_sim_on_a_line_that_cannot_be(tmp_path: Path) -> None:
-    profile = tmp_path / "mine.toml"
-    profile.write_text("[to_host]\nloss = 3")
+    profile = tmp_path / "mine.yaml"
+    profile.write_text("to_host: {loss: 3}")
     line = check_error(run("sim", "--faults", str(profile)), errors.ConfigurationError)
     assert str(profile) in line
     assert "0 to 1" in line

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pytest
 
+from wheelwire import sim
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.sim import Simulator, TrueState, find_simulator
 from wheelwire_protocol.codes import ResetReason, SupervisorState
@@ -245,4 +246,31 @@ def test_a_named_simulator_that_is_none_is_an_error(
 ) -> None:
     monkeypatch.setenv("WHEELWIRE_FWSIM", str(tmp_path / "missing"))
     with pytest.raises(SimulatorNotFound, match="WHEELWIRE_FWSIM"):
+        find_simulator()
+
+
+def test_a_checkout_runs_its_own_build_only(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("WHEELWIRE_FWSIM", raising=False)
+    installed = tmp_path / "installed"
+    installed.mkdir()
+    (installed / sim.PROGRAM).touch(0o755)
+    monkeypatch.setattr(sim, "_PACKAGE", installed)
+    assert find_simulator().parent.name == "host"
+
+    monkeypatch.setattr(sim, "_CHECKOUT", tmp_path)
+    assert find_simulator().parent == installed
+    (tmp_path / "firmware").mkdir()
+    with pytest.raises(SimulatorNotFound, match="make sim"):
+        find_simulator()
+
+
+def test_an_installation_without_native_parts_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("WHEELWIRE_FWSIM", raising=False)
+    monkeypatch.setattr(sim, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(sim, "_PACKAGE", tmp_path)
+    with pytest.raises(SimulatorNotFound, match="install a wheel of wheelwire"):
         find_simulator()

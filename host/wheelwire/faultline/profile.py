@@ -1,31 +1,22 @@
 """What is wrong with a line, as a file of settings says it.
 
-seed = 7                # of all chance; the same seed gives the same faults
+seed: 7                 # of all chance; the same seed gives the same faults
 
-[to_device]             # and [to_host]: the fields of `Faults`
-corrupt = 0.01
+to_device:              # and to_host: the fields of `Faults`
+  corrupt: 0.01
 
-[[incident]]            # any number; the fields of `Incident`
-at_s = 5.0
-what = "unplug"
-for_s = 0.5
-every_s = 20.0
+incidents:              # any number; the fields of `Incident`
+  - {what: unplug, at_s: 5.0, for_s: 0.5, every_s: 20.0}
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from wheelwire.errors import ConfigurationError
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 SHIPPED = Path(__file__).parent / "profiles"
 KINDS = ("stall", "unplug", "reset")
@@ -107,7 +98,7 @@ class LineProfile:
 
 def shipped_profiles() -> list[str]:
     """Names that `load_profile` knows without a file."""
-    return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
 
 def load_profile(name: str) -> LineProfile:
@@ -116,30 +107,33 @@ def load_profile(name: str) -> LineProfile:
     Raises:
         ConfigurationError: There is no such file, or it says something that cannot be.
     """
-    shipped = SHIPPED / f"{name}.toml"
+    shipped = SHIPPED / f"{name}.yaml"
+    import yaml
+
     path = shipped if name in shipped_profiles() else Path(name)
     try:
-        with path.open("rb") as file:
-            return parse_profile(tomllib.load(file))
+        return parse_profile(yaml.safe_load(path.read_text("utf-8")))
     except OSError as error:
         known = ", ".join(shipped_profiles())
         raise ConfigurationError(
             f"no profile {name}: {error.strerror}; shipped ones are {known}"
         ) from error
-    except (tomllib.TOMLDecodeError, ConfigurationError) as error:
+    except (UnicodeDecodeError, yaml.YAMLError, ConfigurationError) as error:
         raise ConfigurationError(f"{path}: {error}") from error
 
 
-def parse_profile(settings: Mapping[str, Any]) -> LineProfile:
+def parse_profile(settings: object) -> LineProfile:
     """The profile that a file's content describes.
 
     Raises:
         ConfigurationError: It says something that cannot be.
     """
-    _check_names("the profile", settings, {"seed", "to_device", "to_host", "incident"})
-    incidents = settings.get("incident", [])
+    if not isinstance(settings, dict):
+        raise ConfigurationError("a profile is a list of names and values, such as `seed: 7`")
+    _check_names("the profile", settings, {"seed", "to_device", "to_host", "incidents"})
+    incidents = settings.get("incidents", [])
     if not isinstance(incidents, list):
-        raise ConfigurationError("incident: write it as [[incident]]")
+        raise ConfigurationError("incidents: write one a line, each behind a dash")
     return LineProfile(
         to_device=_filled(Faults, settings.get("to_device", {})),
         to_host=_filled(Faults, settings.get("to_host", {})),
@@ -148,7 +142,9 @@ def parse_profile(settings: Mapping[str, Any]) -> LineProfile:
     )
 
 
-def _filled(kind: type[Any], values: Mapping[str, Any]) -> Any:
+def _filled(kind: type[Any], values: Any) -> Any:
+    if not isinstance(values, dict):
+        raise ConfigurationError(f"{kind.__name__}: {values!r} is no list of names and values")
     _check_names(kind.__name__, values, {f.name for f in fields(kind)})
     try:
         return kind(**values)

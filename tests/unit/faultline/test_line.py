@@ -69,10 +69,8 @@ def test_the_shipped_profiles_can_be_read(name: str) -> None:
 
 
 def test_a_profile_of_ones_own(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(
-        'seed = 7\n[to_host]\ncorrupt = 0.5\n[[incident]]\nwhat = "reset"\nat_s = 2.0\n'
-    )
+    path = tmp_path / "mine.yaml"
+    path.write_text("seed: 7\nto_host: {corrupt: 0.5}\nincidents:\n  - {what: reset, at_s: 2.0}\n")
     assert load_profile(str(path)) == LineProfile(
         to_host=Faults(corrupt=0.5), incidents=(Incident(2.0, "reset"),), seed=7
     )
@@ -81,16 +79,20 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("[to_host]\nlost = 0.1", "no 'lost'"),
-        ("[to_host]\nloss = 2.0", "0 to 1"),
-        ('[[incident]]\nwhat = "fire"\nat_s = 1.0', "stall, unplug, reset"),
-        ('[[incident]]\nwhat = "reset"', "at_s"),
-        ("[to_hos", "mine.toml"),
-        ("seeds = 1", "no 'seeds'"),
+        ("to_host: {lost: 0.1}", "no 'lost'"),
+        ("to_host: {loss: 2.0}", "0 to 1"),
+        ("to_host: {loss: much}", "Faults"),
+        ("to_host: 3", "Faults"),
+        ("incidents: [{what: fire, at_s: 1.0}]", "stall, unplug, reset"),
+        ("incidents: [{what: reset}]", "at_s"),
+        ("incidents: {what: reset, at_s: 1.0}", "behind a dash"),
+        ("to_host: {", "mine.yaml"),
+        ("seeds: 1", "no 'seeds'"),
+        ("", "list of names"),
     ],
 )
 def test_a_profile_that_cannot_be(tmp_path: Path, text: str, complaint: str) -> None:
-    path = tmp_path / "mine.toml"
+    path = tmp_path / "mine.yaml"
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=complaint):
         load_profile(str(path))

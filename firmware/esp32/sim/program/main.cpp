@@ -106,7 +106,7 @@ class Program {
     const int port = device_.descriptor();
     if (port >= 0) FD_SET(port, &readable);
     if (parent_.descriptor() >= 0) FD_SET(parent_.descriptor(), &readable);
-    const timespec timeout{.tv_sec = 0, .tv_nsec = time};
+    const timespec timeout{.tv_sec = 0, .tv_nsec = static_cast<long>(time)};
     const int count = ::pselect(std::max({port, parent_.descriptor(), STDIN_FILENO}) + 1, &readable,
                                 nullptr, nullptr, &timeout, &while_waiting_);
     if (count <= 0) return {.console = false, .port = false};

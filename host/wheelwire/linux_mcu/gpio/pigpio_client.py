@@ -37,7 +37,7 @@ class PigpioClient:
             import pigpio
         except ImportError as error:
             raise DriverUnavailable(
-                "driver 'pigpio' needs pigpio's client: pip install 'wheelwire[pigpio]'"
+                "driver 'pigpio' needs pigpio's client: pip install 'wheelwire[pi]'"
             ) from error
         self.library = pigpio
         self.address = f"{host}:{port}"
