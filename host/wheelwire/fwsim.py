@@ -11,11 +11,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from wheelwire_protocol import native
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 
 from .errors import SimulatorNotFound, WheelwireError
 
-CHECKOUT_BUILD = Path(__file__).parents[2] / "build" / "host"
 ENVIRONMENT = "WHEELWIRE_LIBFWSIM"
 LIBRARY = f"libfwsim.{'dylib' if sys.platform == 'darwin' else 'so'}"
 READ_SIZE = 1 << 16
@@ -86,20 +86,15 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 def library_path() -> Path:
-    """$WHEELWIRE_LIBFWSIM, or the checkout's build, or beside this file."""
+    """$WHEELWIRE_LIBFWSIM, a checkout's build, or what the wheel brought."""
     named = os.environ.get(ENVIRONMENT)
-    if named:
-        return Path(named)
-    built = CHECKOUT_BUILD / LIBRARY
-    return built if built.exists() else Path(__file__).parent / LIBRARY
+    return Path(named) if named else native.locate(LIBRARY, Path(__file__).parent)
 
 
 def _load() -> ctypes.CDLL:
     path = library_path()
     if not path.exists():
-        raise SimulatorNotFound(
-            f"no {LIBRARY}: build it in a checkout with `make sim`, or name it in ${ENVIRONMENT}"
-        )
+        raise SimulatorNotFound(f"there is no {path}: {native.cure()}")
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)

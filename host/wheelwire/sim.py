@@ -16,8 +16,8 @@ from socket import socket as Socket  # noqa: N812 - `socket` is an argument
 from types import TracebackType
 from typing import IO, Any, TypeVar, cast
 
+from wheelwire_protocol import native
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
-from wheelwire_protocol.native import INSTALL_NATIVE_PARTS
 
 from .errors import SimulatorNotFound, WheelwireError
 
@@ -28,15 +28,12 @@ EXIT_TIMEOUT_S = 5.0
 STATES_KEPT = 100_000
 
 _PACKAGE = Path(__file__).parent
-_CHECKOUT = _PACKAGE.parents[1]
 
 Self = TypeVar("Self", bound="Simulator")
 
 
 def find_simulator() -> Path:
     """The simulator's program: $WHEELWIRE_FWSIM, a checkout's build, or what the wheel brought.
-
-    In a checkout its build only: a copy that was installed there would be out of date unseen.
 
     Raises:
         SimulatorNotFound: It is not there.
@@ -46,11 +43,9 @@ def find_simulator() -> Path:
         if not os.access(named, os.X_OK):
             raise SimulatorNotFound(f"${ENVIRONMENT} is {named}, which is no program")
         return Path(named)
-    in_checkout = (_CHECKOUT / "firmware").is_dir()
-    program = (_CHECKOUT / "build" / "host" if in_checkout else _PACKAGE) / PROGRAM
+    program = native.locate(PROGRAM, _PACKAGE)
     if not os.access(program, os.X_OK):
-        cure = "build it with `make sim`" if in_checkout else INSTALL_NATIVE_PARTS
-        raise SimulatorNotFound(f"there is no simulator, {program}: {cure}")
+        raise SimulatorNotFound(f"there is no simulator, {program}: {native.cure()}")
     return program
 
 

@@ -24,12 +24,6 @@ ABI = 3
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
 
-INSTALL_NATIVE_PARTS = (
-    "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
-    "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
-)
-"""What helps where an installation has no library and no simulator."""
-
 _PACKAGE = Path(__file__).parent
 _CHECKOUT = _PACKAGE.parents[1]
 _TAKE_SIZE = 4096
@@ -226,17 +220,33 @@ class Core:
         return self._outputs.values()
 
 
-def library_path() -> Path:
-    """Where the library is looked for: $WHEELWIRE_CORE, a checkout's build, beside this file.
+def locate(name: str, package: Path) -> Path:
+    """Where a native part is looked for: in a checkout's build, else in an installed package.
 
     In a checkout its build only: a copy that was installed there would be out of date unseen.
     """
+    return (_CHECKOUT / "build" / "host" if is_checkout() else package) / name
+
+
+def is_checkout() -> bool:
+    """Whether this is a checkout, which builds its native parts itself."""
+    return (_CHECKOUT / "firmware").is_dir()
+
+
+def cure() -> str:
+    """What to do where a native part is missing."""
+    if is_checkout():
+        return "build it with `make sim`"
+    return (
+        "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
+        "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
+    )
+
+
+def library_path() -> Path:
+    """$WHEELWIRE_CORE, or where `locate` has it."""
     named = os.environ.get(ENVIRONMENT)
-    if named:
-        return Path(named)
-    if (_CHECKOUT / "firmware").is_dir():
-        return _CHECKOUT / "build" / "host" / LIBRARY
-    return _PACKAGE / LIBRARY
+    return Path(named) if named else locate(LIBRARY, _PACKAGE)
 
 
 def is_present() -> bool:
@@ -295,9 +305,7 @@ def _declare(library: ctypes.CDLL) -> None:
 def _cure() -> str:
     if os.environ.get(ENVIRONMENT):
         return f"unset ${ENVIRONMENT}, or let it name the library of this release"
-    if (_CHECKOUT / "firmware").is_dir():
-        return "build it with `make sim`"
-    return INSTALL_NATIVE_PARTS
+    return cure()
 
 
 class _Identity(ctypes.Structure):

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 
-from wheelwire.fwsim import CHECKOUT_BUILD
-
-PROGRAM = CHECKOUT_BUILD / "wheelwire-corruption"
+PROGRAM = Path(__file__).parents[2] / "build" / "host" / "wheelwire-corruption"
 INJECTIONS = 1_000_000
 KINDS = ["bit flips", "bursts", "losses", "repeats", "insertions", "overwrites"]
 

@@ -24,6 +24,7 @@ import pytest
 from wheelwire import sim
 from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.sim import Simulator, TrueState, find_simulator
+from wheelwire_protocol import native
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
@@ -259,7 +260,7 @@ def test_a_checkout_runs_its_own_build_only(
     monkeypatch.setattr(sim, "_PACKAGE", installed)
     assert find_simulator().parent.name == "host"
 
-    monkeypatch.setattr(sim, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(native, "_CHECKOUT", tmp_path)
     assert find_simulator().parent == installed
     (tmp_path / "firmware").mkdir()
     with pytest.raises(SimulatorNotFound, match="make sim"):
@@ -270,7 +271,7 @@ def test_an_installation_without_native_parts_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("WHEELWIRE_FWSIM", raising=False)
-    monkeypatch.setattr(sim, "_CHECKOUT", tmp_path)
+    monkeypatch.setattr(native, "_CHECKOUT", tmp_path)
     monkeypatch.setattr(sim, "_PACKAGE", tmp_path)
     with pytest.raises(SimulatorNotFound, match="install a wheel of wheelwire"):
         find_simulator()

@@ -58,7 +58,8 @@ def test_a_workflow_may_read_and_a_job_says_what_it_may_besides(path: Path) -> N
     }
     if path.stem == "release":
         assert writing == {
-            "release": {"contents": "write", "id-token": "write", "attestations": "write"}
+            "release": {"contents": "write", "id-token": "write", "attestations": "write"},
+            "pypi": {"id-token": "write"},
         }
     else:
         assert writing == {}
@@ -102,7 +103,8 @@ def test_nothing_is_released_before_the_tests_pass() -> None:
     assert jobs["test"]["uses"] == "./.github/workflows/ci.yml"
     publishing = [name for name, job in jobs.items() if "contents" in job.get("permissions", {})]
     assert publishing == ["release"]
-    assert needed(jobs, "release") == set(jobs) - {"release"}
+    assert needed(jobs, "release") == set(jobs) - {"release", "pypi"}
+    assert jobs["pypi"]["needs"] == "release"
 
 
 def test_what_is_released_is_attested_first() -> None:

@@ -219,7 +219,7 @@ def pin_factory() -> Any:
                 Device.pin_factory = LGPIOFactory()
     except ImportError as error:
         raise DriverUnavailable(
-            f"driver 'l298n' needs gpiozero and lgpio ({error}): pip install 'wheelwire[gpio]'"
+            f"driver 'l298n' needs gpiozero and lgpio ({error}): pip install 'wheelwire[pi]'"
         ) from error
     except Exception as error:  # each factory has its own
         raise DriverUnavailable(
