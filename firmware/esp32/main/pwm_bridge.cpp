@@ -33,7 +33,7 @@ bool make_outputs(int in1, int in2) {
 
 }  // namespace
 
-bool PwmTimer::start(uint32_t frequency_hz) {
+bool PwmTimer::create(uint32_t frequency_hz) {
   const uint32_t resolution_hz = resolution_for(frequency_hz);
   period_ticks_ = resolution_hz / frequency_hz;
   const mcpwm_timer_config_t config = {
@@ -45,7 +45,11 @@ bool PwmTimer::start(uint32_t frequency_hz) {
       .intr_priority = 0,
       .flags = {},
   };
-  return mcpwm_new_timer(&config, &timer_) == ESP_OK && mcpwm_timer_enable(timer_) == ESP_OK &&
+  return mcpwm_new_timer(&config, &timer_) == ESP_OK;
+}
+
+bool PwmTimer::run() {
+  return mcpwm_timer_enable(timer_) == ESP_OK &&
          mcpwm_timer_start_stop(timer_, MCPWM_TIMER_START_NO_STOP) == ESP_OK;
 }
 
@@ -85,8 +89,9 @@ bool PwmBridge::start_pwm(mcpwm_timer_handle_t timer) {
       .comparator = comparator_,
       .action = MCPWM_GEN_ACTION_LOW,
   };
-  return mcpwm_generator_set_action_on_timer_event(output, rise) == ESP_OK &&
-         mcpwm_generator_set_action_on_compare_event(output, fall) == ESP_OK;
+  // The fall first: an output that knows only how to rise would stay high.
+  return mcpwm_generator_set_action_on_compare_event(output, fall) == ESP_OK &&
+         mcpwm_generator_set_action_on_timer_event(output, rise) == ESP_OK;
 }
 
 void PwmBridge::set_inputs(bool in1, bool in2) {

@@ -10,7 +10,9 @@ namespace wheelwire {
 /// Both bridges run on one timer, and so at one frequency and in phase.
 class PwmTimer {
  public:
-  bool start(uint32_t frequency_hz);
+  bool create(uint32_t frequency_hz);
+  /// Once the bridges are started: making an output routes EN to it, which must not rise there.
+  bool run();
   mcpwm_timer_handle_t handle() const { return timer_; }
   uint32_t period_ticks() const { return period_ticks_; }
 

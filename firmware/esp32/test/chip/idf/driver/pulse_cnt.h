@@ -1,0 +1,3 @@
+#pragma once
+
+using pcnt_unit_handle_t = void*;

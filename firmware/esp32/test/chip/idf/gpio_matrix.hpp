@@ -1,0 +1,60 @@
+// The GPIO matrix with the PWM before it: enough to tell whether an output was ever high.
+#pragma once
+
+#include <stdint.h>
+
+#include <map>
+#include <set>
+
+#include "soc/gpio_reg.h"
+#include "soc/gpio_sig_map.h"
+
+/// Signals of PWM outputs in the matrix, upwards from here.
+constexpr uint32_t kFirstPwmSignal = 32;
+
+struct FakeMatrix {
+  /// One output of the PWM, as far as it is set up.
+  struct Output {
+    bool rises = false;
+    bool falls = false;
+    uint32_t compare = 0;
+    uint32_t signal = 0;
+  };
+
+  std::map<uint32_t, uint32_t> registers;
+  std::map<int, bool> levels;  // of plain outputs
+  std::map<uint32_t, Output> outputs;
+  bool pwm_runs = false;
+  std::set<int> ever_high;
+
+  void write(uint32_t address, uint32_t value) {
+    registers[address] = value;
+    for (int bit = 0; bit < 32; ++bit) {
+      if (!(value & uint32_t{1} << bit)) continue;
+      if (address == GPIO_OUT_W1TC_REG) levels[bit] = false;
+      if (address == GPIO_OUT1_W1TC_REG) levels[32 + bit] = false;
+    }
+    look();
+  }
+
+  /// Some PWM periods pass: which pins are high in them?
+  void look() {
+    for (int pin = 0; pin < 40; ++pin) {
+      const auto route =
+          registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
+      if (route == registers.end()) continue;
+      if (route->second == SIG_GPIO_OUT_IDX ? levels[pin] : is_high(route->second))
+        ever_high.insert(pin);
+    }
+  }
+
+  /// An output that rises stays high until it falls, which it does at once with a compare of 0.
+  bool is_high(uint32_t signal) {
+    const auto found = outputs.find(signal);
+    if (found == outputs.end()) return false;
+    const Output& output = found->second;
+    return pwm_runs && output.rises && (!output.falls || output.compare > 0);
+  }
+};
+
+inline FakeMatrix fake_matrix;

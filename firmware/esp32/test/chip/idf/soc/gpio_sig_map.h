@@ -1,0 +1,5 @@
+#pragma once
+
+#include <stdint.h>
+
+constexpr uint32_t SIG_GPIO_OUT_IDX = 256;
