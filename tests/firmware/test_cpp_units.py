@@ -23,6 +23,15 @@ def test_all_cases_pass(build: str, program: str) -> None:
     assert " cases, 0 failed checks" in result.stdout
 
 
+@pytest.mark.parametrize("build", ["host", "asan"])
+def test_the_library_serves_a_program_in_c(build: str) -> None:
+    path = BUILD / build / "wheelwire-capi-test"
+    if not path.exists():
+        pytest.skip("not built: make cpp-tests")
+    result = subprocess.run([path], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (0, "0 failed checks\n"), result.stderr
+
+
 def test_the_counter_register_is_exact() -> None:
     """The default run; `wheelwire-counter-endurance 1e9` is the full one."""
     path = BUILD / "host" / "wheelwire-counter-endurance"

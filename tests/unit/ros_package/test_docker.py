@@ -55,9 +55,9 @@ def test_what_is_copied_is_in_the_context(instructions: list[list[str]]) -> None
 
 def test_the_distribution_can_be_built_from_it(instructions: list[list[str]]) -> None:
     pyproject = (ROOT / "pyproject.toml").read_text()
-    packages = re.search(r"^packages = \[(.*)\]$", pyproject, re.MULTILINE)
+    packages = re.search(r"^wheel\.packages = \[(.*)\]$", pyproject, re.MULTILINE)
     assert packages
-    needed = {"pyproject.toml", "README.md", "LICENSE"}
+    needed = {"pyproject.toml", "README.md", "LICENSE", "firmware"}
     needed |= {name.partition("/")[0] for name in re.findall(r'"([^"]+)"', packages[1])}
     assert needed <= set(_sources(instructions))
 
