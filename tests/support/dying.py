@@ -23,6 +23,7 @@ from wheelwire.sim import ENVIRONMENT, Simulator, find_simulator
 
 from .gpio_chip_process import GpioChip
 from .pigpio_process import PigpioProcess
+from .processes import children, interruptible
 from .stand_in import StandIn
 from .waiting import wait_until
 
@@ -30,8 +31,6 @@ TTL_S = 0.3
 PATIENCE_S = 30.0
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
 SIGINTS = 10_000
-PRIORITY = 30
-"""Below the core's."""
 DEADLINE, STRUCK = 0, 8
 """Offsets in the memory that is shared with the application; microseconds, monotonic."""
 
@@ -89,6 +88,7 @@ class Application:
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), mmap.PAGESIZE)
         numbers = f"DEADLINE, STRUCK, TTL_US = {DEADLINE}, {STRUCK}, {round(TTL_S * 1e6)}\n"
+        log = (directory / "log").open("wb")
         self.process = subprocess.Popen(
             [
                 sys.executable,
@@ -100,12 +100,14 @@ class Application:
                 str(path),
             ],
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=log,
             start_new_session=True,
-            preexec_fn=_interruptible,
+            preexec_fn=interruptible,
         )
+        log.close()
         assert self.process.stdout
-        assert self.process.stdout.readline() == b"open\n"
+        line = self.process.stdout.readline()
+        assert line == b"open\n", (directory / "log").read_text()
         self.child = next(iter(children(self.process.pid)), 0)
         """The process that it has started, a guard or the simulator; 0 where there is none."""
 
@@ -118,22 +120,6 @@ class Application:
         self.process.wait()
         assert self.process.stdout
         self.process.stdout.close()
-
-
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def _make_punctual(pid: int) -> None:
-    """A stand-in that is late would be taken for a driver that is: threads inherit it."""
-    with suppress(PermissionError):
-        for thread in Path(f"/proc/{pid}/task").iterdir():
-            os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(PRIORITY))
-
-
-def _interruptible() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
 def _send(number: int) -> Strike:
@@ -217,7 +203,7 @@ class StandInPlace(Place):
         self.driver = driver
         self.options = options
         self._stand_in = stand_in
-        _make_punctual(stand_in.pid)
+        stand_in.make_punctual()
 
     def is_driven(self) -> bool:
         return bool(self._stand_in.truth()["driven"])

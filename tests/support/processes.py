@@ -2,9 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import signal
+from pathlib import Path
 
 
 def interruptible() -> None:
     """For `preexec_fn`: SIGINT interrupts, even where it is ignored here, as in `make test &`."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def children(pid: int) -> list[int]:
+    """The processes that this one has started and not waited for; of its threads too."""
+    found = []
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(child) for child in (thread / "children").read_text().split()]
+    return found
+
+
+def cpu_s(pids: list[int]) -> float:
+    """The processor time that these processes have used up to now. [s]"""
+    ticks = 0
+    for pid in pids:
+        after_name = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(after_name[11]) + int(after_name[12])
+    return ticks / os.sysconf("SC_CLK_TCK")

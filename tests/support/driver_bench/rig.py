@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
+from support.processes import children, cpu_s
 from wheelwire.drivers.pins import PinDriver
 from wheelwire_protocol.codes import SupervisorState
 
@@ -32,7 +35,7 @@ class Counting:
     """Illegal transitions that the driver counted meanwhile."""
     seconds: float
     cpu: float
-    """Of the driver's process, as a fraction of one core."""
+    """Of the processes that move the pins, as a fraction of one core."""
 
     @property
     def lost(self) -> float:
@@ -74,9 +77,9 @@ class Rig(ABC):
         """Turn the encoders, and compare."""
         driver = self.driver
         before, reported = driver.get_encoder_ticks(), _illegal(driver)
-        start, cpu = time.monotonic(), time.process_time()
+        start, cpu = time.monotonic(), cpu_s(pin_processes())
         true_ticks, true_seconds = self.spin(ticks_per_s, SPIN_S)
-        seconds, cpu = time.monotonic() - start, time.process_time() - cpu
+        seconds, cpu = time.monotonic() - start, cpu_s(pin_processes()) - cpu
         after = self._settled_ticks()
         return Counting(
             asked_tps=ticks_per_s,
@@ -111,6 +114,15 @@ class Rig(ABC):
             if now != ticks:
                 ticks, quiet_since = now, time.monotonic()
         return ticks
+
+
+def pin_processes() -> list[int]:
+    """Core and guard of this process's driver."""
+    found = []
+    for pid in children(os.getpid()):
+        if b"wheelwire.linux_mcu" in Path(f"/proc/{pid}/cmdline").read_bytes():
+            found += [pid, *children(pid)]
+    return found
 
 
 def _illegal(driver: PinDriver) -> int:

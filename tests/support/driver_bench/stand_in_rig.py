@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from support.driver_bench.rig import Rig
+from support.driver_bench.rig import Rig, Timing
 from support.stand_in import StandIn
 
 
@@ -16,6 +16,10 @@ class StandInRig(Rig):
     def __exit__(self, *_: object) -> None:
         self.driver.shutdown()
         self.stand_in.close()
+
+    def time_stops(self) -> Timing:
+        self.stand_in.make_punctual()
+        return super().time_stops()
 
     def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
         before, start = self._command(f"spin {ticks_per_s}"), time.monotonic()
