@@ -17,7 +17,9 @@ BUSY_US = 2_000_000
 BRAKE_US = 1_000_000
 
 
-@pytest.mark.parametrize(("place", "way"), itertools.product(["l298n, software PWM", "mock"], WAYS))
+@pytest.mark.parametrize(
+    ("place", "way"), list(itertools.product(["l298n, software PWM", "mock"], WAYS))
+)
 def test_an_application_that_dies_stops_its_robot(place: str, way: str) -> None:
     death = die(place, way, patience_ms=None if place == "mock" else PATIENT_MS)
     assert death.late_us < LATE_US
