@@ -44,7 +44,7 @@ class RobotNode:
             env={
                 **os.environ,
                 "ROS_DOMAIN_ID": str(graph.domain),
-                "PYTHONPATH": os.pathsep.join([tests, *sys.path]),
+                "PYTHONPATH": os.pathsep.join([tests, *sys.path, *_python_path()]),
             },
             stderr=self._errors,
             preexec_fn=interruptible,
@@ -85,3 +85,8 @@ def _yaml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)
+
+
+def _python_path() -> list[str]:
+    """A test may have added to it."""
+    return os.environ.get("PYTHONPATH", "").split(os.pathsep)

@@ -142,7 +142,8 @@ def _complain(error: Exception) -> int:
 
 
 def _tell(fd: int, answer: dict[str, object]) -> None:
-    os.write(fd, (json.dumps(answer) + "\n").encode())
+    with suppress(BrokenPipeError):  # the application has gone meanwhile
+        os.write(fd, (json.dumps(answer) + "\n").encode())
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ def test_a_factory_without_pwm_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_no_pins_at_all_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GPIOZERO_PIN_FACTORY", "no such factory")
-    with pytest.raises(DriverUnavailable, match=r"no such factory.*wheelwire\[gpio\]"):
+    with pytest.raises(DriverUnavailable, match=r"no such factory.*wheelwire\[pi\]"):
         L298NDriver()
 
 
