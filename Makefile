@@ -97,22 +97,22 @@ hil: $(VENV)/installed  ## Test a board: make hil PORT=/dev/ttyUSB0 [WHEELS_FREE
 	$(BIN)/python -m pytest tests/hardware --port $(PORT) $(if $(WHEELS_FREE),--wheels-free)
 
 fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, under the sanitizers
+	@command -v clang++ >/dev/null || { echo "make fuzz needs clang++: sudo apt install clang" >&2; exit 1; }
 	@$(call cmake,$(FUZZ_BUILD),-DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=RelWithDebInfo -DWHEELWIRE_SANITIZE=ON \
 		-DWHEELWIRE_FUZZER=ON,wheelwire-fuzz-decoder wheelwire-fuzz-session wheelwire-fuzz-parameters)
 
 SECONDS ?= 60
 fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
-	@-$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]'
+	@$(BIN)/python tools/install-extra fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
 
 corruption: cpp-tests  ## Damage frames in every way, and count what gets through; about two minutes
 	@$(HOST_BUILD)/wheelwire-corruption --random 100000000
 
 bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/report.md
+	@# Pigweed's HDLC needs none of the 60 packages, linters and SciPy among them, that it asks for.
+	@$(BIN)/python tools/install-extra bench 'pigweed>=0.0.24'
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	@# Its HDLC needs none of the 60 packages, linters and SciPy among them, that pigweed asks for.
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps 'pigweed>=0.0.24'
 	@$(BIN)/python tests/bench/report.py
 
 reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 4 min

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .errors import DeviceSilent as DeviceSilent
     from .errors import DriverUnavailable as DriverUnavailable
     from .errors import ForeignDevice as ForeignDevice
+    from .errors import InvalidArgument as InvalidArgument
     from .errors import InvalidCommand as InvalidCommand
     from .errors import LinkClosed as LinkClosed
     from .errors import LinkLost as LinkLost
@@ -54,6 +55,7 @@ _MODULES = {
         "DeviceSilent",
         "DriverUnavailable",
         "ForeignDevice",
+        "InvalidArgument",
         "InvalidCommand",
         "LinkClosed",
         "LinkLost",

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange
+from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
 from .factory import open_driver
 from .linux_mcu.pins import Pins
 from .linux_mcu.settings import McuSettings
@@ -152,10 +152,12 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     """
     import yaml
 
+    if file is not None and not isinstance(file, (str, Path)):
+        raise ConfigurationError(f"{shown(file)} is no file: give a path")
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     try:
         content = yaml.safe_load(source.read_text())
-    except (OSError, yaml.YAMLError) as error:
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise ConfigurationError(f"{source}: {error}") from error
     try:
         return parse_config(content if content is not None else {})

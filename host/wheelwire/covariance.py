@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .arguments import number
+from .errors import InvalidArgument
 from .odometry import OdometryUpdate
 
 Matrix = npt.NDArray[np.float64]
@@ -28,7 +30,9 @@ class PoseCovariance:
     """
 
     def __init__(self, left_variance_m: float, right_variance_m: float) -> None:
-        self._variances_m = np.array([right_variance_m, left_variance_m])
+        right = number("right_variance_m", right_variance_m, 0.0, math.inf, InvalidArgument)
+        left = number("left_variance_m", left_variance_m, 0.0, math.inf, InvalidArgument)
+        self._variances_m = np.array([right, left])
         self.matrix: Matrix = np.zeros((3, 3))
 
     def update(self, update: OdometryUpdate, wheel_separation: float) -> Matrix:

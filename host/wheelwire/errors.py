@@ -12,12 +12,17 @@ from typing import ClassVar
 from wheelwire_protocol.codes import Fault, RefusalCode
 
 NO_FAULT = Fault(0)
+_LONGEST_SHOWN = 60
 
 
 class WheelwireError(Exception):
     """Base of every error that Wheelwire raises on purpose."""
 
     exit_code: ClassVar[int] = 1
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Exception's own would call the class with the finished text for its arguments.
+        return _restored, (type(self), self.args, self.__dict__)
 
 
 class PortUnavailable(WheelwireError):  # noqa: N818 - the design's names say the state, not "Error"
@@ -136,7 +141,13 @@ class RequestTimeout(WheelwireError):  # noqa: N818
     exit_code = 9
 
 
-class InvalidCommand(WheelwireError, ValueError):  # noqa: N818
+class InvalidArgument(WheelwireError, ValueError):  # noqa: N818
+    """An argument or an option of a wrong type or size. Nothing was done."""
+
+    exit_code = 19
+
+
+class InvalidCommand(InvalidArgument):
     """A command that means nothing: NaN, infinity, no time to live left. Nothing was sent."""
 
     exit_code = 10
@@ -150,9 +161,9 @@ class UnknownParameter(WheelwireError):  # noqa: N818
     def __init__(self, name: str, known: Iterable[str]) -> None:
         from difflib import get_close_matches  # here, for it is slow to import
 
-        near = get_close_matches(name, list(known), n=1, cutoff=0.5)
+        near = get_close_matches(shown(name).strip("'"), list(known), n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}?" if near else "list the parameters to see the names"
-        super().__init__(f"no parameter is called {name!r}: {hint}")
+        super().__init__(f"no parameter is called {shown(name)}: {hint}")
         self.name = name
 
 
@@ -162,7 +173,7 @@ class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
     exit_code = 12
 
     def __init__(self, key: str, value: float, bound: str) -> None:
-        super().__init__(f"{key} = {value!r} is not possible: it must be {bound}")
+        super().__init__(f"{key} = {shown(value)} is not possible: it must be {bound}")
         self.key = key
         self.value = value
         self.bound = bound
@@ -190,6 +201,23 @@ class FlashFailed(WheelwireError):  # noqa: N818
     """The firmware could not be written to a chip, or does not answer afterwards."""
 
     exit_code = 16
+
+
+def _restored(
+    kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
+) -> WheelwireError:
+    error = kind.__new__(kind, *arguments)
+    error.__dict__.update(state)
+    return error
+
+
+def shown(value: object) -> str:
+    """`value` for an error's text: never long, and never an error itself."""
+    try:
+        text = repr(value)
+    except Exception:  # such as of an int with more digits than Python will print
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def _tried(baud_rates: Sequence[int]) -> str:

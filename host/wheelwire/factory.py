@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from importlib import import_module
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from .errors import DriverUnavailable
+from .errors import DriverUnavailable, InvalidArgument, shown
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
@@ -30,9 +31,12 @@ def open_driver(name: str, **options: Any) -> BaseDriver:
 
     Raises:
         DriverUnavailable: No driver has this name, or what it needs is not installed or not there.
+        InvalidArgument: The driver has no such option, or needs one that is missing.
         WheelwireError: What the driver itself raises.
     """
-    driver: BaseDriver = _driver_class(name)(**options)
+    make = _driver_class(name)
+    _check_options(name, make, options)
+    driver: BaseDriver = make(**options)
     return driver
 
 
@@ -42,10 +46,10 @@ def driver_names() -> list[str]:
 
 
 def _driver_class(name: str) -> Any:
-    target = _BUILT_IN.get(name) or _plug_ins().get(name)
+    target = (_BUILT_IN.get(name) or _plug_ins().get(name)) if isinstance(name, str) else None
     if target is None:
         known = ", ".join(driver_names())
-        raise DriverUnavailable(f"no driver is called {name!r}; there are: {known}")
+        raise DriverUnavailable(f"no driver is called {shown(name)}; there are: {known}")
     module, _, attribute = target.partition(":")
     try:
         return getattr(import_module(module), attribute)
@@ -53,6 +57,14 @@ def _driver_class(name: str) -> Any:
         raise DriverUnavailable(
             f"driver {name!r} needs the module {error.name!r}: install what it belongs to"
         ) from error
+
+
+def _check_options(name: str, make: Any, options: dict[str, Any]) -> None:
+    try:
+        signature(make).bind(**options)
+    except TypeError as error:
+        known = ", ".join(signature(make).parameters)
+        raise InvalidArgument(f"driver {name!r}: {error}; its options are: {known}") from None
 
 
 def _plug_ins() -> dict[str, str]:

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
+from .arguments import is_number
 from .errors import ParameterOutOfRange
 
 
@@ -55,7 +56,7 @@ class DifferentialDrive:
         for field in fields(self):
             value = getattr(self, field.name)
             unlimited = field.name == "max_velocity_mps" and value == math.inf
-            if not (value > 0 and (math.isfinite(value) or unlimited)):
+            if not unlimited and not (is_number(value) and value > 0):
                 raise ParameterOutOfRange(field.name, value, "a positive finite number")
 
     @property

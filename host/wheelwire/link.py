@@ -133,7 +133,7 @@ class Link:
         device, loop = self._session.device, self._loop
         if device is None:
             raise self._session.error
-        return LinkInfo(loop.port, loop.baud_rate, loop.low_latency, device)
+        return LinkInfo(loop.port, loop.search.rate, loop.low_latency, device)
 
     @property
     def statistics(self) -> LinkStatistics:

@@ -34,8 +34,8 @@ class MessageStream:
 
     def send(self, message: AnyMessage) -> None:
         """Put a message into the output."""
-        self.frames_sent += 1
         self._output += self._encoder.encode(message)
+        self.frames_sent += 1
 
     def take_output(self) -> bytes:
         """The bytes to send, once."""

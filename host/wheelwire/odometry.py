@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from .errors import InvalidArgument, shown
 from .kinematics import DifferentialDrive, Twist
 from .samples import WheelSample
 
@@ -61,6 +62,8 @@ class Odometry:
     """
 
     def __init__(self, drive: DifferentialDrive, pose: Pose | None = None) -> None:
+        if not isinstance(drive, DifferentialDrive):
+            raise InvalidArgument(f"drive = {shown(drive)}: give the robot's `geometry`")
         self.drive = drive
         self.pose = pose or Pose()
         self.rebases = 0
@@ -69,6 +72,8 @@ class Odometry:
 
     def update(self, sample: WheelSample) -> OdometryUpdate:
         """Advance the pose by the travel since the last sample; the first only sets the start."""
+        if not isinstance(sample, WheelSample):
+            raise InvalidArgument(f"sample = {shown(sample)}: give what `read()` returns")
         last, self._last = self._last or sample, sample
         travel = sample.since(last)
         self.rebases += travel.rebased

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
 
-from .errors import ParameterOutOfRange, UnknownParameter
+from .arguments import is_number
+from .errors import InvalidArgument, ParameterOutOfRange, UnknownParameter, shown
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Parameters(ABC):
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
         """
         definition = _definition(name)
-        _check(definition, value, self._bounds(definition))
-        return self._write(definition, float(value))
+        number = _check(definition, value, self._bounds(definition))
+        return self._write(definition, number)
 
     def __getitem__(self, name: str) -> float:
         return self.get(name)
@@ -88,7 +88,7 @@ def decimal_of_float32(value: float) -> float:
 
 
 def _definition(name: str) -> Parameter:
-    definition = PARAMETER_BY_NAME.get(name)
+    definition = PARAMETER_BY_NAME.get(name) if isinstance(name, str) else None
     if definition is None:
         raise UnknownParameter(name, PARAMETER_BY_NAME)
     return definition
@@ -102,13 +102,27 @@ def checked_value(name: str, value: float) -> float:
         ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
     """
     definition = _definition(name)
-    _check(definition, value, (definition.minimum, definition.maximum))
-    return float(value)
+    return _check(definition, value, (definition.minimum, definition.maximum))
 
 
-def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> None:
+def checked_values(values: Mapping[str, float] | None) -> dict[str, float]:
+    """Each of them as `checked_value` has it; none for None.
+
+    Raises:
+        InvalidArgument: They are no mapping.
+        UnknownParameter: As `checked_value`.
+        ParameterOutOfRange: As `checked_value`.
+    """
+    if values is not None and not isinstance(values, Mapping):
+        raise InvalidArgument(f"parameters = {shown(values)}: give values by name")
+    return {name: checked_value(name, value) for name, value in (values or {}).items()}
+
+
+def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> float:
     name, (low, high) = definition.name, bounds
-    if not math.isfinite(value):
+    if definition.kind is Kind.SWITCH and isinstance(value, bool):
+        value = float(value)
+    if not is_number(value):
         raise ParameterOutOfRange(name, value, "a finite number")
     if value < low:
         raise ParameterOutOfRange(name, value, f"at least {low:g}")
@@ -116,3 +130,4 @@ def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> 
         raise ParameterOutOfRange(name, value, f"at most {high:g}")
     if definition.kind is not Kind.REAL and value != int(value):
         raise ParameterOutOfRange(name, value, "a whole number")
+    return float(value)

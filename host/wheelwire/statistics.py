@@ -18,13 +18,16 @@ class Tally:
 
 @dataclass(frozen=True)
 class LinkStatistics:
-    """A snapshot. Counts never go back; times are in microseconds, NaN before there is one."""
+    """A snapshot. Counts never go back, but for `frames_lost`.
+
+    Times are in microseconds, NaN before there is one.
+    """
 
     frames_sent: int = 0
     frames_received: int = 0
     """Good frames of known messages."""
     frames_lost: int = 0
-    """On the way to the host, by their sequence numbers."""
+    """On the way to the host, by their sequence numbers. One that comes late is taken off again."""
     bad_crc: int = 0
     bad_cobs: int = 0
     unknown_id: int = 0

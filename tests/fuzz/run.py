@@ -34,7 +34,7 @@ def report(name: str, result: subprocess.CompletedProcess[str]) -> bool:
 def fuzz_host_decoder(seconds: float) -> bool:
     """The host's decoder against the firmware's, guided by the coverage of the host's."""
     if importlib.util.find_spec("atheris") is None:
-        CONSOLE.print("host decoder skipped: there is no atheris for this Python")
+        CONSOLE.print("host decoder skipped: atheris is not installed")
         return True
     corpus = fuzzing.BUILD / "corpus" / "host-decoder"
     corpus.mkdir(parents=True, exist_ok=True)

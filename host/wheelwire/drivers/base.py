@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import TypeVar
 
+from ..arguments import LONGEST_WAIT_S, is_number, timeout_s
 from ..clock import host_clock_us
-from ..errors import InvalidCommand, RequestTimeout
+from ..errors import InvalidCommand, RequestTimeout, shown
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, Twist, WheelVelocities
 from ..parameters import Parameters
@@ -16,8 +16,6 @@ from ..samples import WheelSample
 from ..statistics import LinkStatistics
 
 DEFAULT_TTL_S = 0.5
-LONGEST_TTL_S = 3600.0
-"""Any device shortens it further, to its ttl_max_s."""
 FIRST_SAMPLE_S = 1.0
 
 Self = TypeVar("Self", bound="BaseDriver")
@@ -66,9 +64,11 @@ class BaseDriver(ABC):
             LinkLost: The robot is out of reach.
         """
         expiry_us = self._expiry_us(ttl, stamp)
-        _check_finite(linear=linear, angular=angular)
+        linear, angular = _finite("linear", linear), _finite("angular", angular)
         wheels = self.geometry.wheel_velocities(Twist(linear, angular))
-        _check_finite(left=wheels.left_mps, right=wheels.right_mps)
+        wheels = WheelVelocities(
+            _finite("left", wheels.left_mps), _finite("right", wheels.right_mps)
+        )
         self._drive_velocity(self.geometry.saturate(wheels), expiry_us)
 
     def set_wheel_velocity(
@@ -81,7 +81,7 @@ class BaseDriver(ABC):
     ) -> None:
         """Drive each wheel at its own velocity, in m/s at the rim; otherwise as `set_velocity`."""
         expiry_us = self._expiry_us(ttl, stamp)
-        _check_finite(left=left, right=right)
+        left, right = _finite("left", left), _finite("right", right)
         self._drive_velocity(self.geometry.saturate(WheelVelocities(left, right)), expiry_us)
 
     def set_duty(
@@ -94,7 +94,7 @@ class BaseDriver(ABC):
     ) -> None:
         """Drive each wheel at a duty, -1..1, open loop; otherwise as `set_velocity`."""
         expiry_us = self._expiry_us(ttl, stamp)
-        _check_finite(left=left, right=right)
+        left, right = _finite("left", left), _finite("right", right)
         if max(abs(left), abs(right)) > 1:
             raise InvalidCommand(f"duty ({left:g}, {right:g}): give numbers from -1 to 1")
         self._drive_duty(left, right, expiry_us)
@@ -124,12 +124,14 @@ class BaseDriver(ABC):
     def read(self, timeout: float = 1.0) -> WheelSample:
         """The newest sample that was not returned before; waits for one if need be.
 
-        A wait outlasts a reconnection, if `timeout` [s] does.
+        A wait outlasts a reconnection, if `timeout` [s], at most an hour, does.
 
         Raises:
+            InvalidArgument: The timeout is no such number.
             LinkLost: The robot was still out of reach after `timeout`, or for ever.
             RequestTimeout: It is in reach, but measured nothing new.
         """
+        timeout = timeout_s("timeout", timeout)
         try:
             return self._inbox.take(timeout)
         except RequestTimeout:
@@ -199,8 +201,7 @@ class BaseDriver(ABC):
         life_us = round(_checked_ttl(ttl) * 1e6)
         if stamp is None:
             return now_us + life_us
-        _check_finite(stamp=stamp)
-        age_us = now_us - stamp * 1e6
+        age_us = now_us - _finite("stamp", stamp) * 1e6
         # A stamp is in the future by rounding at most, unless it is of another clock.
         if age_us < -1:
             raise InvalidCommand(
@@ -226,13 +227,13 @@ class BaseDriver(ABC):
         self.shutdown()
 
 
-def _check_finite(**values: float) -> None:
-    for name, value in values.items():
-        if not math.isfinite(value):
-            raise InvalidCommand(f"{name} = {value}: give a finite number")
+def _finite(name: str, value: float) -> float:
+    if not is_number(value):
+        raise InvalidCommand(f"{name} = {shown(value)}: give a finite number")
+    return float(value)
 
 
 def _checked_ttl(ttl: float) -> float:
-    if not (math.isfinite(ttl) and ttl > 0):
-        raise InvalidCommand(f"ttl = {ttl}: give the setpoint a time to live above 0 s")
-    return min(ttl, LONGEST_TTL_S)
+    if not (is_number(ttl) and ttl > 0):
+        raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
+    return min(float(ttl), LONGEST_WAIT_S)

@@ -26,6 +26,7 @@ from wheelwire_protocol.types import (
     ParameterValue,
 )
 
+from ..arguments import timeout_s, whole
 from ..errors import LinkLost, WheelwireError
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, WheelVelocities
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 DeviceLink: TypeAlias = "Link | VirtualLink"
 
+MAX_STREAM_RATE_HZ = 65_535
+"""As the wire carries it. Each device has a lower limit of its own, by its line."""
 GEOMETRY = tuple(
     PARAMETER_BY_NAME[name].id
     for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
@@ -205,6 +208,7 @@ class TransportDriver(DeviceDriver):
 
     Raises:
         WheelwireError: What `open_transport` raises.
+        InvalidArgument: The timeout or the rate is of a wrong type or size.
         DeviceSilent: Nothing came.
         ForeignDevice: Something came, but nothing of ours.
         ProtocolMismatch: Host and firmware are of different releases.
@@ -223,12 +227,14 @@ class TransportDriver(DeviceDriver):
         board_id: str | None = None,
         any_board: bool = False,
     ) -> None:
+        if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
+            stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
         super().__init__(
             partial(
                 Link,
                 name,
                 baud_rate=baud_rate,
-                connect_timeout_s=connect_timeout,
+                connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
                 stream_rate_hz=stream_rate_hz,
                 watched=GEOMETRY,
                 board_id=board_id,

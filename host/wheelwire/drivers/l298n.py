@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from ..arguments import path, whole
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import PATIENCE_MS, McuSettings
+from ..parameters import checked_values
 from .pins import PinDriver
 
 PWM_DIRECTORY = Path("/sys/class/pwm")
+MAX_CHIP = 255
 
 
 class L298NDriver(PinDriver):
@@ -43,9 +46,9 @@ class L298NDriver(PinDriver):
         settings = McuSettings(
             backend="l298n",
             pins=pins or Pins(),
-            parameters=dict(parameters or {}),
-            pwm_directory=str(pwm_directory),
-            pwm_chip=pwm_chip,
+            parameters=checked_values(parameters),
+            pwm_directory=str(path("pwm_directory", pwm_directory)),
+            pwm_chip=None if pwm_chip is None else whole("pwm_chip", pwm_chip, 0, MAX_CHIP),
             patience_ms=patience_ms,
         )
         super().__init__(settings, store)

@@ -14,13 +14,14 @@ from pathlib import Path
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from ..arguments import flag, path, timeout_s
 from ..clock import host_clock_us
 from ..errors import InvalidCommand, LinkLost, RequestTimeout
 from ..fwsim import FwSim
 from ..inbox import SampleInbox
 from ..link import Link
 from ..linux_mcu.store import converted_store
-from ..parameters import checked_value
+from ..parameters import checked_values
 from ..samples import WheelSample
 from ..sim import Simulator
 from ..transport import SocketTransport, Transport
@@ -53,10 +54,10 @@ class MockDriver(DeviceDriver):
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
     ) -> None:
-        values = {name: checked_value(name, value) for name, value in (parameters or {}).items()}
-        store = converted_store(store) if store is not None else None
+        values = checked_values(parameters)
+        store = converted_store(path("store", store)) if store is not None else None
         self._virtual: VirtualLink | None = None
-        if realtime:
+        if flag("realtime", realtime):
             self._process = _Process(values, store)
             super().__init__(self._process.open_link)
         else:
@@ -76,7 +77,7 @@ class MockDriver(DeviceDriver):
         """
         if self._virtual is None:
             raise InvalidCommand("time passes by itself: give realtime=False to advance it")
-        self._virtual.advance(seconds)
+        self._virtual.advance(timeout_s("seconds", seconds))
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
@@ -91,7 +92,7 @@ class MockDriver(DeviceDriver):
         link = self._virtual
         if link is None:
             return super().read(timeout)
-        end_us = link.now_us + round(timeout * 1e6)
+        end_us = link.now_us + round(timeout_s("timeout", timeout) * 1e6)
         while True:
             try:
                 return super().read(0)

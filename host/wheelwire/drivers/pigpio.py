@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from ..arguments import text, whole
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
+from ..parameters import checked_values
 from .pins import PinDriver
 
 DEFAULT_PORT = 8888
@@ -43,13 +45,14 @@ class PigpioDriver(PinDriver):
         patience_ms: int = PATIENCE_MS,
     ) -> None:
         wiring = pins or Pins()
-        wiring.check_hardware_pwm()
+        if isinstance(wiring, Pins):  # else it is refused with the other options
+            wiring.check_hardware_pwm()
         settings = McuSettings(
             backend="pigpio",
             pins=wiring,
-            parameters=dict(parameters or {}),
-            host=host,
-            port=port,
+            parameters=checked_values(parameters),
+            host=text("host", host, "localhost"),
+            port=whole("port", port, 1, 65_535),
             patience_ms=patience_ms,
         )
         super().__init__(settings, store)

@@ -6,12 +6,16 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from ..arguments import path, whole
+from ..errors import InvalidArgument, shown
 from ..linux_mcu.launch import launch
+from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..linux_mcu.store import converted_store
-from ..parameters import checked_value
 from ..transport import Transport
 from .device import TransportDriver
+
+MAX_PATIENCE_MS = 60_000
 
 log = logging.getLogger("wheelwire")
 
@@ -31,10 +35,14 @@ class PinDriver(TransportDriver):
     """
 
     def __init__(self, settings: McuSettings, store: Path | None) -> None:
-        for name, value in settings.parameters.items():
-            checked_value(name, value)
+        settings = replace(
+            settings,
+            patience_ms=whole("patience_ms", settings.patience_ms, 1, MAX_PATIENCE_MS),
+        )
+        if not isinstance(settings.pins, Pins):
+            raise InvalidArgument(f"pins = {shown(settings.pins)}: give `wheelwire.Pins`")
         if store is not None:
-            settings = replace(settings, store=str(converted_store(store)))
+            settings = replace(settings, store=str(converted_store(path("store", store))))
         self._limits: tuple[str, ...] = ()
 
         def open_transport(_baud_rate: int) -> Transport:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
+from ..arguments import flag, text, whole
+from ..errors import InvalidArgument, shown
 from .device import TransportDriver
 
 DEFAULT_BAUD_RATE = 921_600
+MAX_BAUD_RATE = 20_000_000
+"""More than any adapter has."""
 
 
 class SerialDriver(TransportDriver):
@@ -23,6 +29,7 @@ class SerialDriver(TransportDriver):
             after a reconnection. Without it that raises `WrongBoard`, until the first is back.
 
     Raises:
+        InvalidArgument: One of these is of a wrong type or size.
         PortUnavailable: The port cannot be opened, or the board is at none.
         WheelwireError: As `TransportDriver`.
     """
@@ -38,10 +45,18 @@ class SerialDriver(TransportDriver):
         any_board: bool = False,
     ) -> None:
         super().__init__(
-            port,
-            baud_rate=baud_rate,
+            text("port", port, "/dev/ttyUSB0"),
+            baud_rate=whole("baud_rate", baud_rate, 1, MAX_BAUD_RATE),
             connect_timeout=connect_timeout,
             stream_rate_hz=stream_rate_hz,
-            board_id=board_id,
-            any_board=any_board,
+            board_id=None if board_id is None else _board_id(board_id),
+            any_board=flag("any_board", any_board),
         )
+
+
+def _board_id(value: str) -> str:
+    if not isinstance(value, str) or not re.fullmatch("[0-9a-fA-F]{12}", value):
+        raise InvalidArgument(
+            f"board_id = {shown(value)}: give its 12 hex digits, as `wheelwire info` shows them"
+        )
+    return value.lower()

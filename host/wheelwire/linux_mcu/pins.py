@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from ..errors import ConfigurationError
+from ..errors import ConfigurationError, shown
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
 """Of the PWM hardware; two GPIOs of one channel carry the same signal."""
@@ -49,9 +49,9 @@ class Pins:
     def __post_init__(self) -> None:
         names: dict[int, str] = {}
         for name, pin in self.assigned():
-            if not 0 <= pin <= LAST_GPIO:
+            if type(pin) is not int or not 0 <= pin <= LAST_GPIO:
                 raise ConfigurationError(
-                    f"pins.{name} = {pin}: it must be a GPIO, 0 to {LAST_GPIO}"
+                    f"pins.{name} = {shown(pin)}: it must be a GPIO, 0 to {LAST_GPIO}"
                 )
             if pin in names:
                 raise ConfigurationError(

@@ -1,5 +1,6 @@
 """The serial driver against the fake device on a pseudo-terminal, in real time."""
 
+import dataclasses
 import gc
 import math
 import os
@@ -10,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_args, get_type_hints
 
 import pytest
 
@@ -330,6 +332,40 @@ def test_link_information_and_statistics(robot: PtyDevice, driver: SerialDriver)
     assert statistics.frames_received >= 13
     assert 0 < statistics.round_trip_p50_us <= statistics.round_trip_p99_us
     assert statistics.frames_lost == statistics.bad_crc == statistics.reconnects == 0
+
+
+def test_information_is_what_its_types_say(tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "robot") as robot,
+        SerialDriver(robot.path, baud_rate=115_200.0) as driver,  # type: ignore[arg-type]
+    ):
+        check_types(driver.info)
+
+
+def check_types(record: Any) -> None:
+    hints = get_type_hints(type(record))
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        allowed = get_args(hints[field.name]) or (hints[field.name],)
+        assert type(value) in allowed, field.name
+        if dataclasses.is_dataclass(value):
+            check_types(value)
+
+
+def test_while_the_device_is_looked_for_its_last_baud_rate_is_told(
+    robot: PtyDevice, driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    set_baud_rate = SerialTransport.set_baud_rate
+
+    def note(transport: SerialTransport, baud_rate: int) -> None:
+        set_baud_rate(transport, baud_rate)
+        tried.append(baud_rate)
+
+    monkeypatch.setattr(SerialTransport, "set_baud_rate", note)
+    robot.device.mute = True
+    wait_until(lambda: bool(tried))
+    assert driver.info.baud_rate == 921_600
 
 
 def test_the_devices_own_counters(driver: SerialDriver) -> None:

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from importlib.resources import files
 
 import pytest
 
@@ -26,3 +27,8 @@ def test_a_decoder_needs_no_numpy_crcmod_or_construct() -> None:
     loaded = modules_after("import wheelwire_protocol; wheelwire_protocol.Decoder().feed(b'')")
     assert "wheelwire_protocol.framing" in loaded
     assert not {"numpy", "crcmod", "construct", "wheelwire_protocol.bulk"} & loaded
+
+
+@pytest.mark.parametrize("package", ["wheelwire", "wheelwire_protocol"])
+def test_type_checkers_are_told_that_it_is_typed(package: str) -> None:
+    assert (files(package) / "py.typed").is_file()

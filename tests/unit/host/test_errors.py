@@ -1,0 +1,48 @@
+"""Errors travel between processes: `multiprocessing` and `concurrent.futures` pickle them."""
+
+import copy
+import pickle
+from collections.abc import Iterator
+
+import pytest
+
+from wheelwire import errors
+from wheelwire.errors import Release
+from wheelwire_protocol.codes import Fault, RefusalCode
+
+OURS, THEIRS = Release(1, 2, "0.1.0"), Release(3, 4, "0.2.0")
+WITH_ARGUMENTS: dict[type[errors.WheelwireError], errors.WheelwireError] = {
+    type(error): error
+    for error in (
+        errors.PortUnavailable("/dev/x", "it is not there"),
+        errors.DeviceSilent("/dev/x", [9600, 115_200]),
+        errors.ForeignDevice("/dev/x", [9600], 77),
+        errors.ProtocolMismatch(OURS, THEIRS),
+        errors.DeviceRefused(RefusalCode.FAULT, "the setpoint", Fault.CONTROL_OVERRUN),
+        errors.DeviceRefused(RefusalCode.ESTOPPED, "the setpoint"),
+        errors.WrongBoard("240ac4123456", "240ac4abcdef"),
+        errors.UnknownParameter("wheel_radios", ["wheel_radius"]),
+        errors.ParameterOutOfRange("wheel_radius", 7.0, "at most 1"),
+    )
+}
+
+
+def all_errors(base: type[errors.WheelwireError]) -> Iterator[type[errors.WheelwireError]]:
+    yield base
+    for kind in base.__subclasses__():
+        if kind.__module__ == errors.__name__:
+            yield from all_errors(kind)
+
+
+@pytest.mark.parametrize("kind", list(all_errors(errors.WheelwireError)))
+def test_every_error_comes_back_as_it_was(kind: type[errors.WheelwireError]) -> None:
+    error = WITH_ARGUMENTS.get(kind) or kind("what happened")
+    for back in (pickle.loads(pickle.dumps(error)), copy.copy(error)):  # noqa: S301
+        assert type(back) is kind
+        assert str(back) == str(error)
+        assert back.__dict__ == error.__dict__
+
+
+def test_exit_codes_are_distinct() -> None:
+    codes = [kind.exit_code for kind in all_errors(errors.WheelwireError)]
+    assert len(set(codes)) == len(codes)
