@@ -27,11 +27,12 @@ MAX_ENCODED = MAX_PAYLOAD + 1
 
 SEQ_MODULUS = 1 << 16
 REPEAT_WINDOW = 64
-"""A frame at most this far behind is a repeat; further behind, the sender started anew."""
+"""A frame at most this far behind is late or a repeat; further behind, the sender started anew."""
 
 _CODES = [bytes([distance]) for distance in range(1, 0xFF)]
 """By the number of bytes that are not zero before the next zero."""
 
+_WINDOW = (1 << REPEAT_WINDOW) - 1
 _HEADER = struct.Struct("<BH")
 _KNOWN = {codec.id: (codec.type, codec.unpack) for codec in BY_ID.values()}
 _NEW: Any = tuple.__new__
@@ -50,7 +51,7 @@ class Counters:
     unknown_id: int = 0
     wrong_length: int = 0
     seq_lost: int = 0
-    """Frames missing by their sequence numbers."""
+    """Frames missing by their sequence numbers. One that comes late is taken off again."""
     repeated: int = 0
     """Frames that came again."""
 
@@ -69,6 +70,10 @@ class PythonDecoder:
         self._partial = b""
         self._overlong = False
         self._expected_seq: int | None = None
+        self._missed = 0
+        """Bit n: when `_missed_at` frames had come, the frame n + 1 before the expected one was
+        missing. So frames in order, nearly all, need not touch it."""
+        self._missed_at = 0
 
     def feed(self, data: bytes) -> list[AnyMessage]:
         """Decode what has arrived.
@@ -111,20 +116,21 @@ class PythonDecoder:
                 message_type, unpack = _KNOWN[message_id]
                 fields = unpack(payload)
             except (ValueError, KeyError, struct.error):
-                expected = self._reject(chunk, expected)
+                expected = self._reject(chunk, expected, self.counters.frames + len(frames))
                 continue
             if crc32(payload) != CRC_RESIDUE:
                 self.counters.bad_crc += 1
                 continue
             if seq != expected:
-                seq = self._count_gap(seq, expected)
+                taken = self.counters.frames + len(frames)
+                seq = self._count_gap(seq, expected, taken, delivered=True)
             expected = seq + 1  # 65536 too, which `_count_gap` takes for 0
             frames.append((message_type, fields))
         self.counters.frames += len(frames)
         self._expected_seq = expected
         return list(starmap(_NEW, frames))
 
-    def _reject(self, chunk: bytes, expected: int | None) -> int | None:
+    def _reject(self, chunk: bytes, expected: int | None, taken: int) -> int | None:
         """Count a chunk that is no good frame of a known message; returns the seq to expect."""
         try:
             payload = _unstuff(chunk)
@@ -141,20 +147,41 @@ class PythonDecoder:
             self.counters.wrong_length += 1
         else:
             self.counters.unknown_id += 1
-        return self._count_gap(seq, expected) + 1
+        return self._count_gap(seq, expected, taken, delivered=False) + 1
 
-    def _count_gap(self, seq: int, expected: int | None) -> int:
-        """Account for a frame that may be out of order; returns the seq to go on from."""
-        if expected is None:
-            return seq
-        ahead = (seq - expected) % SEQ_MODULUS
-        if ahead < SEQ_MODULUS // 2:
-            self.counters.seq_lost += ahead
-            return seq
-        if SEQ_MODULUS - ahead <= REPEAT_WINDOW:
-            self.counters.repeated += 1
+    def _count_gap(self, seq: int, expected: int | None, taken: int, *, delivered: bool) -> int:
+        """Account for a frame that may be out of order; returns the seq to go on from.
+
+        Args:
+            seq: The frame's.
+            expected: The one that was expected; None for the first.
+            taken: Frames that were delivered before it.
+            delivered: Whether it is, too.
+        """
+        in_order, self._missed_at = taken - self._missed_at, taken
+        # What follows leaves the window as it is before this frame moves it by one.
+        self._missed = self._missed << in_order & _WINDOW if in_order < REPEAT_WINDOW else 0
+        ahead = 0 if expected is None else (seq - expected) % SEQ_MODULUS
+        behind = SEQ_MODULUS - ahead
+        if expected is not None and behind <= REPEAT_WINDOW:
+            self._note_behind(1 << behind - 1)
+            self._missed_at += delivered  # it moves nothing
             return expected - 1
+        if expected is None or ahead >= SEQ_MODULUS // 2:
+            self._missed = 0
+        else:
+            self.counters.seq_lost += ahead
+            self._missed = (self._missed + 1 << ahead) - 1 & _WINDOW
+        if not delivered:
+            self._missed = self._missed << 1 & _WINDOW
         return seq
+
+    def _note_behind(self, bit: int) -> None:
+        if self._missed & bit:
+            self._missed -= bit
+            self.counters.seq_lost -= 1
+        else:
+            self.counters.repeated += 1
 
 
 def _unstuff(chunk: bytes) -> bytes:

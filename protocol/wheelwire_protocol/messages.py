@@ -330,7 +330,7 @@ LINK_COUNTERS = Message(
         field("bad_cobs", Int32ul, Unit.NONE, "Frames that are not COBS, or too short or long."),
         field("unknown_id", Int32ul, Unit.NONE, "Good frames with an id not known here."),
         field("wrong_length", Int32ul, Unit.NONE, "Good frames of a length that is not the id's."),
-        field("seq_lost", Int32ul, Unit.NONE, "Frames missing by their sequence numbers."),
+        field("seq_lost", Int32ul, Unit.NONE, "Missing by their sequence numbers, not come late."),
         field("send_dropped", Int32ul, Unit.NONE, "Frames not sent because the line was full."),
         field("refused", Int32ul, Unit.NONE, "Requests and setpoints refused."),
         field("faults_tripped", Int16ul, Unit.NONE, "Faults, also those cleared at once."),

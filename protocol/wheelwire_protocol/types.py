@@ -360,7 +360,7 @@ class LinkCounters(NamedTuple):
     wrong_length: int
     """Good frames of a length that is not the id's."""
     seq_lost: int
-    """Frames missing by their sequence numbers."""
+    """Missing by their sequence numbers, not come late."""
     send_dropped: int
     """Frames not sent because the line was full."""
     refused: int

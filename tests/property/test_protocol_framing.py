@@ -1,6 +1,6 @@
 """The decoder, whatever the line brings and however it is cut."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 
 from hypothesis import example, given
@@ -92,14 +92,25 @@ class SeqModel:
     expected: int | None = None
     lost: int = 0
     repeated: int = 0
+    newest: int = 0
+    """Frames sent so far, as the receiver sees it: what `expected` counts, without a wrap."""
+    missing: set[int] = field(default_factory=set)
 
     def take(self, seq: int) -> None:
         ahead = 0 if self.expected is None else (seq - self.expected) % 65536
         if 65472 <= ahead <= 65535:
-            self.repeated += 1
+            late = self.newest - (65536 - ahead)
+            self.lost -= late in self.missing
+            self.repeated += late not in self.missing
+            self.missing.discard(late)
             return
         if 1 <= ahead <= 32767:
             self.lost += ahead
+            self.missing |= set(range(self.newest, self.newest + ahead))
+            self.newest += ahead
+        elif ahead:
+            self.missing.clear()
+        self.newest += 1
         self.expected = (seq + 1) % 65536
 
 
@@ -114,6 +125,9 @@ def check_counts(seqs_sent: list[int]) -> None:
 @given(sent=st.lists(seqs, max_size=12))
 @example(sent=[65535, 0, 65535, 1])
 @example(sent=[99, 36, 100, 35])
+@example(sent=[0, 3, 1, 1, 4, 2, 2])
+@example(sent=[0, 65, 1, 66, 2, 1])
+@example(sent=[65530, 2, 65535, 0, 0, 3, 65531])
 def test_any_sequence_is_counted_as_specified(sent: list[int]) -> None:
     check_counts(sent)
 

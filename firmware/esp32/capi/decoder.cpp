@@ -69,7 +69,8 @@ size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data, s
   total.bad_cobs += now.bad_cobs - before.bad_cobs;
   total.unknown_id += now.unknown_id - before.unknown_id;
   total.wrong_length += now.wrong_length - before.wrong_length;
-  total.seq_lost += now.seq_lost - before.seq_lost;
+  // Fewer than before, when what was missing has come late.
+  total.seq_lost += static_cast<int64_t>(static_cast<int32_t>(now.seq_lost - before.seq_lost));
   total.repeated += now.repeated - before.repeated;
   return count;
 }

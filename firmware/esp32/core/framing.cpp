@@ -85,15 +85,35 @@ bool FrameDecoder::decode_cobs(size_t encoded_size) {
 
 void FrameDecoder::check_sequence(uint16_t seq) {
   const uint16_t ahead = static_cast<uint16_t>(seq - expected_seq_);
-  if (sequence_known_ && ahead != 0) {
-    if (ahead >= static_cast<uint16_t>(-kRepeatWindow)) {
-      ++counters_.repeated;
-      return;
-    }
-    if (ahead < 0x8000) counters_.seq_lost += ahead;
+  if (sequence_known_ && ahead >= static_cast<uint16_t>(-kRepeatWindow)) {
+    note_behind(static_cast<uint16_t>(-ahead - 1));
+    return;
   }
+  if (sequence_known_ && ahead < 0x8000) {
+    counters_.seq_lost += ahead;
+    for (uint16_t n = ahead < kRepeatWindow ? ahead : kRepeatWindow; n > 0; --n) move_window(1);
+  } else {
+    missed_[0] = missed_[1] = 0;
+  }
+  move_window(0);
   sequence_known_ = true;
   expected_seq_ = static_cast<uint16_t>(seq + 1);
+}
+
+void FrameDecoder::move_window(uint32_t missed) {
+  missed_[1] = missed_[1] << 1 | missed_[0] >> 31;
+  missed_[0] = missed_[0] << 1 | missed;
+}
+
+void FrameDecoder::note_behind(uint16_t index) {
+  uint32_t& word = missed_[index / 32];
+  const uint32_t bit = 1U << index % 32;
+  if ((word & bit) != 0) {
+    word &= ~bit;
+    --counters_.seq_lost;
+  } else {
+    ++counters_.repeated;
+  }
 }
 
 size_t encode_frame(uint8_t id, uint16_t seq, const uint8_t* body, size_t body_size, uint8_t* out) {

@@ -33,7 +33,7 @@ struct ReceiveCounters {
   uint32_t bad_cobs;
   uint32_t unknown_id;
   uint32_t wrong_length;
-  uint32_t seq_lost;
+  uint32_t seq_lost;  ///< One that comes late is taken off again.
   uint32_t repeated;
 };
 
@@ -70,6 +70,8 @@ class FrameDecoder {
   bool finish_chunk(Frame& frame);
   bool decode_cobs(size_t encoded_size);
   void check_sequence(uint16_t seq);
+  void move_window(uint32_t missed);
+  void note_behind(uint16_t index);
 
   BodySize body_size_;
   ReceiveCounters counters_{};
@@ -78,6 +80,7 @@ class FrameDecoder {
   bool overlong_ = false;
   bool sequence_known_ = false;
   uint16_t expected_seq_ = 0;
+  uint32_t missed_[2] = {};  ///< Bit n: the frame n + 1 before the expected one has not come.
 };
 
 /// Writes the frame of a body to `out`, which holds kMaxFrame bytes. Returns its size.

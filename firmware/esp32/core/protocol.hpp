@@ -912,7 +912,7 @@ struct LinkCounters {
   uint32_t bad_cobs{};         ///< Frames that are not COBS, or too short or long.
   uint32_t unknown_id{};       ///< Good frames with an id not known here.
   uint32_t wrong_length{};     ///< Good frames of a length that is not the id's.
-  uint32_t seq_lost{};         ///< Frames missing by their sequence numbers.
+  uint32_t seq_lost{};         ///< Missing by their sequence numbers, not come late.
   uint32_t send_dropped{};     ///< Frames not sent because the line was full.
   uint32_t refused{};          ///< Requests and setpoints refused.
   uint16_t faults_tripped{};   ///< Faults, also those cleared at once.
