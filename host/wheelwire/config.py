@@ -221,12 +221,13 @@ def _place(plain: dict[str, Any], name: str, value: object, foreign: str) -> Non
 
 
 def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
-    """Duty per m/s: 1 over the rim's speed at full duty."""
+    """Duty per m/s: what friction leaves of the duty, over the rim's speed at full duty."""
     if not isinstance(rpm, (int, float)) or not rpm > 0:
         raise ConfigurationError(f"{MAX_RPM} = {rpm!r}: it must be a number above 0")
     default = PARAMETER_BY_NAME["wheel_radius"].default
     radius = plain.get("parameters", {}).get("wheel_radius", default)
-    return 1 / (rpm * 2 * math.pi / 60 * _checked_parameter("wheel_radius", radius))
+    no_load_mps = rpm * 2 * math.pi / 60 * _checked_parameter("wheel_radius", radius)
+    return (1 - PARAMETER_BY_NAME["static_feedforward"].default) / no_load_mps
 
 
 def _check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:

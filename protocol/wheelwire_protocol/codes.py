@@ -142,6 +142,16 @@ class Fault(DocumentedFlag):
     )
     CONTROL_OVERRUN = 16, "The control loop came too late."
     DRIVER_FAILED = 32, "A motor or encoder peripheral did not start; see the wiring guide."
+    LEFT_ENCODER_IMPLAUSIBLE = (
+        64,
+        "The left wheel was driven harder than its measured speed explains: "
+        "encoder edges are lost, or the load is heavier than plausibility_margin allows.",
+    )
+    RIGHT_ENCODER_IMPLAUSIBLE = (
+        128,
+        "The right wheel was driven harder than its measured speed explains: "
+        "encoder edges are lost, or the load is heavier than plausibility_margin allows.",
+    )
     STORE_FULL = (
         256,
         "The flash of the saved parameters has no free page, so they could not be read and "

@@ -447,4 +447,4 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
 )
 """Id, class, and the body in the letters of `struct`, one a field."""
 
-SCHEMA_HASH = 0xA84E7DE8
+SCHEMA_HASH = 0x7FF438D0

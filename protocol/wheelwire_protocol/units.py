@@ -17,6 +17,8 @@ class Unit(enum.Enum):
     METRE_PER_SECOND = "m/s"
     METRE_PER_SECOND_SQUARED = "m/s^2"
     HERTZ = "Hz"
+    PER_SECOND = "1/s"
+    VOLT = "V"
     MILLIVOLT = "mV"
     DUTY = "duty (-1..1)"
     DUTY_Q15 = "duty x 32767"

@@ -35,6 +35,76 @@ def test_unequal_motors_drive_straight() -> None:
     assert quality.straightness() < math.radians(3)
 
 
+@pytest.mark.parametrize("target", [0.1, 0.2, 0.4])
+def test_a_step_hardly_overshoots_and_keeps_the_acceleration_limit(target: float) -> None:
+    assert quality.velocity_step(target).overshoot < 0.06
+    assert quality.acceleration(target) < 1.02
+
+
+def test_following_the_path_makes_no_ripple() -> None:
+    assert quality.crawl_ripple(0.03) < 0.01
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"left.motor_scale": 0.85},
+        {"right.motor_scale": 0.85},
+        {"left.load_nm": 0.02},
+        {"right.load_nm": 0.02},
+    ],
+)
+def test_the_figure_eight_ends_where_it_was_commanded_to_end(settings: dict[str, float]) -> None:
+    end = quality.figure_eight(**settings)[-1]
+    assert end.distance_m < 0.010
+    assert abs(end.heading_rad) < math.radians(1)
+
+
+def test_gains_of_zero_follow_velocity_alone() -> None:
+    end = quality.figure_eight(quality.LAWS["feed-forward and PI"], **{"left.load_nm": 0.02})[-1]
+    assert abs(end.heading_rad) > math.radians(2)
+
+
+@pytest.mark.parametrize("wheels", [("left",), ("right",), ("left", "right")])
+@pytest.mark.parametrize(("target", "after_s"), [(0.1, 1.5), (0.2, 1.5137), (0.3, 1.5274)])
+def test_an_obstacle_that_goes_away_throws_nothing_forward(
+    target: float, after_s: float, wheels: tuple[str, ...]
+) -> None:
+    result = quality.obstacle(target, wheels, after_s)
+    assert result.overshoot <= 0.25
+    assert result.heading_rad < math.radians(1)
+
+
+def test_what_is_to_be_caught_up_keeps_within_the_velocity_limit() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.4, 0.4, 1.0)
+    robot.sim.set("left.load_nm", 0.02)
+    robot.drive(0.4, 0.4, 0.5)
+    robot.sim.set("left.load_nm", 0)
+    robot.samples.clear()
+    robot.drive(0.4, 0.4, 2.0)
+    settled = robot.samples[50:]
+    assert max(sample.left_mps for sample in settled) < 0.4 * 1.03
+
+
+def test_a_stop_forgets_what_was_to_be_caught_up() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.2, 0.2, 1.0)
+    robot.sim.set("left.load_nm", 0.03)
+    robot.sim.set("right.load_nm", 0.03)
+    robot.drive(0.2, 0.2, 0.3)
+    robot.stop()
+    robot.sim.set("left.load_nm", 0)
+    robot.sim.set("right.load_nm", 0)
+    robot.run(1.5)
+    robot.drive(0.2, 0.2, 0.5)
+    robot.samples.clear()
+    robot.drive(0.2, 0.2, 0.5)
+    speeds = [sample.left_mps for sample in robot.samples]
+    assert sum(speeds) / len(speeds) == pytest.approx(0.2, rel=0.01)
+
+
 @pytest.mark.parametrize("target", [0.4, 0.1, 0.03, -0.2])
 def test_no_steady_error(target: float) -> None:
     robot = VirtualRobot().open()

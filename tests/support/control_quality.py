@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+from wheelwire.demo.figure import DURATION_S, commanded_path, twist_at
 
 from .virtual import VirtualRobot
 
@@ -31,19 +34,19 @@ class Step:
 
 @dataclass(frozen=True)
 class Trace:
-    """The left wheel's true speed, a point each control period."""
+    """A wheel's true speed, a point each control period."""
 
     speeds_mps: list[float]
     period_s: float
 
 
-def _trace(robot: VirtualRobot, target_mps: float, seconds: float) -> Trace:
+def _trace(robot: VirtualRobot, target_mps: float, seconds: float, wheel: str = "left") -> Trace:
     speeds = []
     for step in range(round(seconds * 1000)):
         if step % 20 == 0:
             robot.set_velocity(target_mps, target_mps)
         robot.step()
-        speeds.append(robot.sim.get("true.left_mps"))
+        speeds.append(robot.sim.get(f"true.{wheel}_mps"))
     return Trace(speeds, 0.001)
 
 
@@ -96,3 +99,95 @@ def _settling_s(trace: Trace, target_mps: float) -> float:
         if abs(trace.speeds_mps[index - 1] / target_mps - 1) > SETTLED:
             return math.nan if index == len(trace.speeds_mps) else index * trace.period_s
     return 0.0
+
+
+# --- the path ------------------------------------------------------------------------------------
+
+LAWS: dict[str, dict[str, float]] = {
+    "PI alone": {
+        "path_gain": 0,
+        "heading_gain": 0,
+        "velocity_feedforward": 0,
+        "acceleration_feedforward": 0,
+        "static_feedforward": 0,
+    },
+    "feed-forward and PI": {"path_gain": 0, "heading_gain": 0},
+    "following the path": {},
+}
+"""Parameters of the loop's stages, the last one as it is by default."""
+
+
+class PathPoint(NamedTuple):
+    """One moment of a drive along a path."""
+
+    seconds: float
+    distance_m: float
+    """Between where the robot is and where it was commanded to be."""
+    heading_rad: float
+    """How far it is turned to the left of what was commanded."""
+
+
+def figure_eight(
+    parameters: dict[str, float] | None = None, /, **settings: float
+) -> list[PathPoint]:
+    """Drive the demonstration's figure with 50 setpoints a second.
+
+    Args:
+        parameters: Of the firmware, other than the defaults.
+        settings: The simulator's variables while it drives.
+
+    Returns:
+        The path error on the plant, a point each setpoint, the last one at the figure's end.
+    """
+    robot = VirtualRobot().open()
+    for name, value in (parameters or {}).items():
+        robot.set_parameter(name, value)
+    for name, value in settings.items():
+        robot.sim.set(name, value)
+    half_m = robot.sim.get("wheel_separation_m") / 2
+    commanded = commanded_path(DURATION_S, 0.001)
+    points = []
+    for step in range(round(DURATION_S / COMMAND_PERIOD_S)):
+        linear, angular = twist_at(step * COMMAND_PERIOD_S)
+        robot.set_velocity(linear - angular * half_m, linear + angular * half_m)
+        robot.run(COMMAND_PERIOD_S)
+        seconds = (step + 1) * COMMAND_PERIOD_S
+        goal = commanded[round(seconds * 1000)]
+        true = [robot.sim.get(f"true.{name}") for name in ("x_m", "y_m", "heading_rad")]
+        distance = math.hypot(true[0] - goal.x_m, true[1] - goal.y_m)
+        points.append(PathPoint(seconds, distance, true[2] - goal.heading_rad))
+    assert not robot.sim.get("faults")
+    return points
+
+
+def acceleration(target_mps: float = 0.4, over_s: float = 0.02) -> float:
+    """The greatest true acceleration from standstill over a setpoint's time, in its limit."""
+    robot = VirtualRobot().open()
+    limit = robot.parameter("max_acceleration_mps2")
+    speeds = _trace(robot, target_mps, 1.0).speeds_mps
+    span = round(over_s * 1000)
+    return max(b - a for a, b in zip(speeds, speeds[span:], strict=False)) / over_s / limit
+
+
+class Obstacle(NamedTuple):
+    """What became of a robot that was held fast and let go."""
+
+    overshoot: float
+    """Beyond the target, of the wheel that was held, as a fraction."""
+    heading_rad: float
+    """Lost for good."""
+
+
+def obstacle(target_mps: float, wheels: tuple[str, ...], after_s: float = 1.5) -> Obstacle:
+    """Hold the wheels for 0.3 s at speed."""
+    robot = VirtualRobot().open()
+    _trace(robot, target_mps, after_s)
+    before_rad = robot.sim.get("true.heading_rad")
+    for blocked, seconds in ((1, 0.3), (0, 2.0)):
+        for wheel in wheels:
+            robot.sim.set(f"{wheel}.blocked", blocked)
+        speeds = _trace(robot, target_mps, seconds, wheels[0]).speeds_mps
+    assert not robot.sim.get("faults")
+    return Obstacle(
+        max(speeds) / target_mps - 1, abs(robot.sim.get("true.heading_rad") - before_rad)
+    )

@@ -14,7 +14,7 @@ COMPILER = "riscv64-unknown-elf-gcc"
 QEMU = "qemu-system-riscv32"
 INSTALL = "sudo apt install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc"
 
-AIM_INSTRUCTIONS = 6000
+AIM_INSTRUCTIONS = 7000
 """Of a control step that takes a setpoint and sends a state."""
 
 AIM_CODE_BYTES = 24 * 1024

@@ -4,6 +4,8 @@
 #include "controller.hpp"
 #include "fault_monitor.hpp"
 #include "parameters.hpp"
+#include "path.hpp"
+#include "plausibility.hpp"
 
 namespace wheelwire {
 
@@ -12,7 +14,10 @@ struct ControlConfig {
   int32_t um_per_tick_q10;
   uint32_t velocity_window_us;
   ControllerGains gains;
+  PathGains path;
   FaultThresholds faults;
+  uint32_t plausibility_time_us;
+  Supply supply;
   int32_t max_velocity_umps;
   int32_t velocity_slew_umps;  ///< Per control step.
   int32_t duty_slew_q15;       ///< Per control step.

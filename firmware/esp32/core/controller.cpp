@@ -1,30 +1,61 @@
 #include "controller.hpp"
 
+#include "plausibility.hpp"
+
 namespace wheelwire {
 
-int32_t Controller::update(int32_t target_umps, int32_t measured_umps,
+int32_t Controller::update(int32_t target_umps, int32_t error_umps, int32_t supply_q12,
                            const ControllerGains& gains) {
   const int32_t change = saturate32(static_cast<int64_t>(target_umps) - last_target_umps_);
   last_target_umps_ = target_umps;
-  // On a ramp the measurement is compared with the target of its own time.
-  const int64_t expected = target_umps - static_cast<int64_t>(change) * gains.delay_steps;
-  const int32_t error = saturate32(expected - measured_umps);
-  const int64_t limit_q32 = static_cast<int64_t>(gains.limit_q15) << 32;
+  const int32_t limit_q15 = duty_limit(target_umps, change, supply_q12, gains);
+  const int64_t limit_q32 = static_cast<int64_t>(limit_q15) << 32;
   int64_t sum = sign(target_umps) * gains.static_q15;
   sum += multiply_shift(gains.feedforward_q24, target_umps, 24);
   sum += multiply_shift(gains.acceleration_q24, change, 24);
-  sum += multiply_shift(gains.proportional_q24, error, 24);
+  sum += multiply_shift(gains.proportional_q24, error_umps, 24);
   sum += integral_q32_ >> 32;
   const int32_t wanted = saturate32(sum);
-  const int32_t duty = clamp(wanted, -gains.limit_q15, gains.limit_q15);
-  if (wanted != duty) ++saturated_steps_;
+  const int32_t duty = clamp(wanted, -limit_q15, limit_q15);
   // Anti-windup: what the output cannot give is not asked for more and more.
-  const bool saturated = wanted != duty && sign(error) == sign(wanted);
-  if (!saturated) {
-    const int64_t step_q32 = static_cast<int64_t>(gains.integral_q32) * error;
+  saturated_ = wanted != duty;
+  if (saturated_) ++saturated_steps_;
+  if (!saturated_ || sign(error_umps) != sign(wanted)) {
+    const int64_t step_q32 = static_cast<int64_t>(gains.integral_q32) * error_umps;
     integral_q32_ = clamp(integral_q32_ + step_q32, -limit_q32, limit_q32);
   }
+  integral_q32_ = obstacle_.update(integral_q32_, target_umps, error_umps, gains);
   return duty;
+}
+
+int64_t ObstacleMemory::update(int64_t integral_q32, int32_t target_umps, int32_t error_umps,
+                               const ControllerGains& gains) {
+  const int32_t target = magnitude(target_umps);
+  const int32_t late = target_umps < 0 ? -error_umps : error_umps;
+  const bool stands = late > target - target / 4;
+  if (!held_) {
+    const int32_t enough = 1 << gains.memory_shift;
+    if (stands) {
+      // Only what has rolled as told can tell how it rolls.
+      held_ = rolled_steps_ == enough;
+    } else {
+      rolling_q32_ += (integral_q32 - rolling_q32_) >> gains.memory_shift;
+      if (late < target / 4 && rolled_steps_ < enough) ++rolled_steps_;
+    }
+    return integral_q32;
+  }
+  if (stands) {
+    gain_umps_ = 0;
+    return integral_q32;
+  }
+  if (late > target / 2) {
+    gain_umps_ += gains.slew_umps;
+    return integral_q32;
+  }
+  const bool let_go = gain_umps_ < target / 4;
+  held_ = false;
+  rolled_steps_ = 0;
+  return let_go ? rolling_q32_ : integral_q32;
 }
 
 }  // namespace wheelwire

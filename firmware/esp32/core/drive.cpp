@@ -8,6 +8,11 @@ int32_t proportion(int32_t value, int32_t part, int32_t whole) {
   return static_cast<int32_t>(static_cast<int64_t>(value) * part / whole);
 }
 
+/// One step towards `wanted`, within the slew limit.
+int32_t step_towards(int32_t from, int32_t wanted, int32_t max_step) {
+  return clamp(wanted, from - max_step, from + max_step);
+}
+
 int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
 
 }  // namespace
@@ -36,15 +41,23 @@ void Drive::start(const EncoderCounts& counts) {
 
 uint32_t Drive::latch(const EncoderCounts& counts, const ControlConfig& config) {
   const WheelFault left =
-      left_.latch(counts.left, counts.t_us, config.left_encoder_inverted, config);
+      left_.latch(counts.left, counts.t_us, config.left_encoder_inverted, supply_q12_, config);
   const WheelFault right =
-      right_.latch(counts.right, counts.t_us, config.right_encoder_inverted, config);
+      right_.latch(counts.right, counts.t_us, config.right_encoder_inverted, supply_q12_, config);
   uint32_t flags = 0;
   if (left == WheelFault::kNotCounting) flags |= fault::kLeftNotCounting;
   if (left == WheelFault::kReversed) flags |= fault::kLeftReversed;
   if (right == WheelFault::kNotCounting) flags |= fault::kRightNotCounting;
   if (right == WheelFault::kReversed) flags |= fault::kRightReversed;
+  if (left == WheelFault::kImplausible) flags |= fault::kLeftEncoderImplausible;
+  if (right == WheelFault::kImplausible) flags |= fault::kRightEncoderImplausible;
   return flags;
+}
+
+void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
+  if (supply_q12_ != 0 && millivolts == battery_mv_) return;
+  battery_mv_ = millivolts;
+  supply_q12_ = supply_ratio_q12(millivolts, config.supply);
 }
 
 void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
@@ -55,16 +68,42 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     slewed_ = mode == ControlMode::kVelocity
                   ? WheelPair{left_.velocity_umps(), right_.velocity_umps()}
                   : WheelPair{left_.duty_q15(), right_.duty_q15()};
+    command_ = slewed_;
+    direction_ = {};
   }
   if (mode == ControlMode::kVelocity) {
-    slewed_ = approach(slewed_, target, config.velocity_slew_umps);
-    left_.drive_velocity(slewed_.left, config.left_motor_inverted, config.gains);
-    right_.drive_velocity(slewed_.right, config.right_motor_inverted, config.gains);
+    follow_velocity(target, config);
   } else {
     slewed_ = approach(slewed_, target, config.duty_slew_q15);
     left_.drive_duty(slewed_.left, config.left_motor_inverted);
     right_.drive_duty(slewed_.right, config.right_motor_inverted);
   }
+}
+
+void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
+  slewed_ = approach(slewed_, target, config.velocity_slew_umps);
+  command_ = config.path.follows() ? command(config) : slewed_;
+  left_.drive_velocity(slewed_.left, command_.left, config.left_motor_inverted, supply_q12_,
+                       config);
+  right_.drive_velocity(slewed_.right, command_.right, config.right_motor_inverted, supply_q12_,
+                        config);
+}
+
+/// The setpoint, and what is to be made up, within the limits of velocity and acceleration.
+WheelPair Drive::command(const ControlConfig& config) {
+  const WheelPair before = direction_;
+  direction_ = {sign(slewed_.left), sign(slewed_.right)};
+  const bool same = direction_.left == before.left && direction_.right == before.right &&
+                    direction_.left != 0 && direction_.right != 0;
+  const WheelPair behind = remember({left_.behind_um(), right_.behind_um()}, same,
+                                    left_.saturated() || right_.saturated(), config.path);
+  if (behind.left != left_.behind_um()) left_.forget_but(behind.left);
+  if (behind.right != right_.behind_um()) right_.forget_but(behind.right);
+  const WheelPair wanted = make_up(slewed_, behind, config.path);
+  const int32_t slew = config.velocity_slew_umps;
+  return scale_to_limit({step_towards(command_.left, wanted.left, slew),
+                         step_towards(command_.right, wanted.right, slew)},
+                        config.max_velocity_umps);
 }
 
 void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {

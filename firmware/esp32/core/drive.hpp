@@ -7,12 +7,6 @@ namespace wheelwire {
 
 enum class ControlMode : uint8_t { kVelocity, kDuty };
 
-/// A target for both wheels: um/s in kVelocity, q15 in kDuty.
-struct WheelPair {
-  int32_t left;
-  int32_t right;
-};
-
 /// Both scaled by one factor, so that neither exceeds the limit and the path keeps its curvature.
 WheelPair scale_to_limit(WheelPair target, int32_t limit);
 
@@ -27,7 +21,10 @@ class Drive {
   /// Takes both encoders' readings. Returns fault flags.
   uint32_t latch(const EncoderCounts& counts, const ControlConfig& config);
 
-  /// One control step towards the target.
+  /// What the battery has now; 0: not measured.
+  void note_battery(uint16_t millivolts, const ControlConfig& config);
+
+  /// One control step towards the target, in um/s or q15 by the mode.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
   /// Removes the drive at once. The outputs stay off for a whole control period at least: a
   /// bridge's inputs never switch under current.
@@ -35,10 +32,15 @@ class Drive {
   /// One control step of a stop: brakes for its time, then coasts.
   void keep_stopped(uint64_t now_us);
 
+  /// The parameters have changed.
+  void note_parameters() { supply_q12_ = 0; }
+
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
 
  private:
+  void follow_velocity(WheelPair target, const ControlConfig& config);
+  WheelPair command(const ControlConfig& config);
   bool spend_step();
 
   Wheel left_;
@@ -46,6 +48,10 @@ class Drive {
   ControlMode mode_ = ControlMode::kVelocity;
   bool following_ = false;  // else the next setpoint starts from the speed the wheels have
   WheelPair slewed_{};
+  WheelPair command_{};    // with what is to be made up
+  WheelPair direction_{};  // of the setpoint, at the last step
+  uint16_t battery_mv_ = 0;
+  int32_t supply_q12_ = 0;  // 0: not worked out yet
   uint64_t brake_until_us_ = 0;
   bool stop_began_ = false;  // since the last control step
 };

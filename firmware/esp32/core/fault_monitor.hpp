@@ -12,7 +12,7 @@ struct FaultThresholds {
   int32_t reversal_umps;
 };
 
-enum class WheelFault : uint8_t { kNone, kNotCounting, kReversed };
+enum class WheelFault : uint8_t { kNone, kNotCounting, kReversed, kImplausible };
 
 class FaultMonitor {
  public:

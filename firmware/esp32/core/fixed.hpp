@@ -32,6 +32,11 @@ constexpr int32_t multiply_shift(int32_t a, int32_t b, int shift) {
   return saturate32((static_cast<int64_t>(a) * b) >> shift);
 }
 
+/// a * b / 2^shift, where that is known to fit: a third of the instructions.
+constexpr int32_t scale(int32_t a, int32_t b, int shift) {
+  return static_cast<int32_t>((static_cast<int64_t>(a) * b) >> shift);
+}
+
 /// To the nearest integer, halves away from 0, saturated; NaN becomes 0. By the bits of an IEEE 754
 /// binary32: without a floating-point unit each comparison and sum is a call, and value + 0.5f is
 /// rounded itself.

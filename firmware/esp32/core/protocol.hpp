@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0xa84e7de8;
+constexpr uint32_t kHash = 0x7ff438d0;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -103,6 +103,12 @@ constexpr uint32_t kRightReversed = 8;
 constexpr uint32_t kControlOverrun = 16;
 /// A motor or encoder peripheral did not start; see the wiring guide.
 constexpr uint32_t kDriverFailed = 32;
+/// The left wheel was driven harder than its measured speed explains: encoder edges are lost, or
+/// the load is heavier than plausibility_margin allows.
+constexpr uint32_t kLeftEncoderImplausible = 64;
+/// The right wheel was driven harder than its measured speed explains: encoder edges are lost, or
+/// the load is heavier than plausibility_margin allows.
+constexpr uint32_t kRightEncoderImplausible = 128;
 /// The flash of the saved parameters has no free page, so they could not be read and defaults are
 /// in force: reset the parameters, which erases it, and clear the fault.
 constexpr uint32_t kStoreFull = 256;
@@ -1067,18 +1073,18 @@ enum class ParameterId : uint8_t {
       5,  ///< PWM frequency on the bridge's enable inputs. In force after a restart. [Hz]
   kMaxVelocityMps =
       6,  ///< Limit of either wheel; beyond it both setpoints are scaled by one factor. [m/s]
-  kMaxAccelerationMps2 = 7,  ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
-  kMaxDuty = 8,              ///< Limit of either output. [duty (-1..1)]
-  kMaxDutyRatePerS = 9,      ///< Slew limit of duty setpoints. A stop bypasses it. [duty/s]
-  kProportionalGain = 10,    ///< Of the velocity loop. [duty/(m/s)]
-  kIntegralGain = 11,        ///< Of the velocity loop. [duty/m]
-  kVelocityFeedforward =
-      12,  ///< Duty per speed: 1 / no-load speed at the supply less the bridge's drop. [duty/(m/s)]
+  kMaxAccelerationMps2 = 7,   ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
+  kMaxDuty = 8,               ///< Limit of either output. [duty (-1..1)]
+  kMaxDutyRatePerS = 9,       ///< Slew limit of duty setpoints. A stop bypasses it. [duty/s]
+  kProportionalGain = 10,     ///< Of the velocity loop. [duty/(m/s)]
+  kIntegralGain = 11,         ///< Of the velocity loop. [duty/m]
+  kVelocityFeedforward = 12,  ///< Duty per speed: (1 - static_feedforward) / no-load speed, at
+                              ///< nominal_supply_v. [duty/(m/s)]
   kAccelerationFeedforward = 13,  ///< Duty per acceleration: velocity_feedforward x the drive's
                                   ///< mechanical time constant. [duty/(m/s^2)]
   kStaticFeedforward =
-      14,  ///< Dead-band compensation: the duty that just overcomes friction. [duty (-1..1)]
-  kVelocityWindowUs = 15,  ///< Velocity is measured between ticks at least this far apart. [us]
+      14,  ///< Dead-band compensation: the duty that keeps a slow wheel turning. [duty (-1..1)]
+  kVelocityWindowUs = 15,  ///< Velocity is measured between ticks about this far apart. [us]
   kTtlMaxS = 16,           ///< No setpoint lives longer than this after its arrival. [s]
   kStopMode = 17,          ///< 1: coast. 2: brake for brake_time_s, then coast.
   kBrakeTimeS = 18,        ///< How long a stop brakes. [s]
@@ -1098,6 +1104,21 @@ enum class ParameterId : uint8_t {
            ///< Where none is fitted, join its pin to ground while you set this to 0.
   kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. In force after a restart. [ns]
   kStreamRateHz = 30,    ///< Rate of WheelState when a session opens. [Hz]
+  kPathGain = 31,  ///< Speed that a wheel adds for each metre that it is behind the integral of its
+                   ///< setpoint. With heading_gain 0 too, the loop follows velocity alone. [1/s]
+  kHeadingGain = 32,  ///< Speed taken from one wheel and given to the other for each metre that the
+                      ///< other is more behind, so that the heading holds. [1/s]
+  kPathCatchUp = 33,  ///< By which part of its setpoint a wheel may turn faster to catch up.
+  kPathErrorLimitM = 34,  ///< A wheel that is further behind forgets the rest. [m]
+  kPlausibilityMargin =
+      35,  ///< Duty beyond the feed-forward that a load may need, at nominal_supply_v. With more
+           ///< than that at the measured speed ENCODER_IMPLAUSIBLE trips; 1.25 of it limits the
+           ///< duty of a velocity setpoint. [duty (-1..1)]
+  kPlausibilityTimeS = 36,  ///< For how long the duty may be more than that. [s]
+  kNominalSupplyV = 37,     ///< Battery voltage at which the feed-forward holds. [V]
+  kSupplyDropV = 38,        ///< What the bridge takes of the battery's voltage. [V]
+  kUnmeasuredSupplyV = 39,  ///< Battery voltage taken for granted where it is not measured; lower
+                            ///< allows more duty. [V]
 };
 
 enum class ParameterKind : uint8_t {
@@ -1122,7 +1143,7 @@ struct ParameterSpec {
   float maximum;
 };
 
-constexpr size_t kParameterCount = 30;
+constexpr size_t kParameterCount = 39;
 constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
      1.0f},
@@ -1141,22 +1162,22 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kMaxDuty, ParameterKind::kReal, ParameterChanges::kAlways, 1.0f, 0.1f, 1.0f},
     {ParameterId::kMaxDutyRatePerS, ParameterKind::kReal, ParameterChanges::kAlways, 20.0f, 0.5f,
      1000.0f},
-    {ParameterId::kProportionalGain, ParameterKind::kReal, ParameterChanges::kAlways, 1.0f, 0.0f,
+    {ParameterId::kProportionalGain, ParameterKind::kReal, ParameterChanges::kAlways, 1.2f, 0.0f,
      50.0f},
     {ParameterId::kIntegralGain, ParameterKind::kReal, ParameterChanges::kAlways, 16.0f, 0.0f,
      500.0f},
-    {ParameterId::kVelocityFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 1.447f,
+    {ParameterId::kVelocityFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 1.365f,
      0.0f, 50.0f},
-    {ParameterId::kAccelerationFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.15f,
+    {ParameterId::kAccelerationFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.143f,
      0.0f, 10.0f},
-    {ParameterId::kStaticFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.04f, 0.0f,
+    {ParameterId::kStaticFeedforward, ParameterKind::kReal, ParameterChanges::kAlways, 0.055f, 0.0f,
      0.5f},
     {ParameterId::kVelocityWindowUs, ParameterKind::kWhole, ParameterChanges::kAlways, 20000.0f,
      1000.0f, 200000.0f},
     {ParameterId::kTtlMaxS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.02f, 5.0f},
     {ParameterId::kStopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 2.0f},
     {ParameterId::kBrakeTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.0f, 5.0f},
-    {ParameterId::kStallDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.05f, 1.0f},
+    {ParameterId::kStallDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.45f, 0.05f, 1.0f},
     {ParameterId::kStallTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.05f,
      10.0f},
     {ParameterId::kReversalDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.3f, 0.05f,
@@ -1179,6 +1200,22 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
      12787.0f},
     {ParameterId::kStreamRateHz, ParameterKind::kWhole, ParameterChanges::kAlways, 100.0f, 0.0f,
      5000.0f},
+    {ParameterId::kPathGain, ParameterKind::kReal, ParameterChanges::kAlways, 2.0f, 0.0f, 20.0f},
+    {ParameterId::kHeadingGain, ParameterKind::kReal, ParameterChanges::kAlways, 10.0f, 0.0f,
+     50.0f},
+    {ParameterId::kPathCatchUp, ParameterKind::kReal, ParameterChanges::kAlways, 0.03f, 0.0f, 0.5f},
+    {ParameterId::kPathErrorLimitM, ParameterKind::kReal, ParameterChanges::kAlways, 0.05f, 0.001f,
+     1.0f},
+    {ParameterId::kPlausibilityMargin, ParameterKind::kReal, ParameterChanges::kStopped, 0.38f,
+     0.05f, 1.0f},
+    {ParameterId::kPlausibilityTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 0.3f, 0.05f,
+     10.0f},
+    {ParameterId::kNominalSupplyV, ParameterKind::kReal, ParameterChanges::kStopped, 7.4f, 1.0f,
+     60.0f},
+    {ParameterId::kSupplyDropV, ParameterKind::kReal, ParameterChanges::kStopped, 1.3f, 0.0f,
+     10.0f},
+    {ParameterId::kUnmeasuredSupplyV, ParameterKind::kReal, ParameterChanges::kStopped, 6.2f, 1.0f,
+     60.0f},
 };
 
 struct PlatformDefault {

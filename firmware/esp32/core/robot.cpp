@@ -25,6 +25,7 @@ void Robot::step(uint64_t now_us) {
   encoder_us_ = counts.t_us;
   left_illegal_ = counts.left_illegal;
   right_illegal_ = counts.right_illegal;
+  drive_.note_battery(hal_.battery.millivolts(), config_);
   // Before the link is read: what it says may clear a fault only once that has been told.
   trip(drive_.latch(counts, config_) | check_timing(now_us), now_us);
   service_link(now_us);
@@ -134,6 +135,7 @@ void Robot::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
 void Robot::apply_parameters() {
   parameters_changed_ = false;
   config_ = make_config(parameters_);
+  drive_.note_parameters();
   setpoint_.target = limited(setpoint_.mode, setpoint_.asked);
 }
 

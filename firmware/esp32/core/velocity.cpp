@@ -11,71 +11,92 @@ constexpr uint32_t kStandstill_us = 500'000;
 // A whole cycle of A and B: its four edges are not equally far apart, a cycle and the next one are.
 constexpr uint32_t kCycle = 4;
 
-// A baseline of a whole cycle is worth waiting for, up to this many windows.
-constexpr uint32_t kPatience = 4;
-
-/// ticks / t_us in ticks per second x 256. One 32-bit division, which RV32 has in hardware.
-int32_t rate_q8(int32_t ticks, uint32_t t_us) {
-  const uint32_t per_s_q12 = 4'096'000'000u / t_us;
-  return saturate32((static_cast<int64_t>(ticks) * per_s_q12) >> 4);
-}
+// A tick that comes after so many of its periods ends a standstill: what was before says nothing
+// about the speed now.
+constexpr uint32_t kPeriodsOfAPause = 4;
 
 }  // namespace
 
 void VelocityEstimator::reset() {
   count_ = 0;
   direction_ = 0;
+  baseline_ = {};
   rate_q8_ = 0;
+  falling_behind_umps_ = 0;
 }
 
-void VelocityEstimator::update(int32_t change, uint64_t now_us, uint32_t window_us) {
+void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_us,
+                               uint32_t window_us) {
   const uint32_t t_us = static_cast<uint32_t>(now_us);
-  if (change == 0) {
-    if (count_ > 0) bound(t_us - latest_.t_us);
-    return;
+  if (change != 0) {
+    // The time between two ticks of opposite direction says nothing about speed.
+    if (sign(change) != direction_) reset();
+    direction_ = sign(change);
+    if (silence_us_ > 0 && follows_a_pause()) count_ = 0;
+    newest_ = {newest_.ticks + static_cast<uint32_t>(change), t_us, behind_q4};
   }
-  // The time between two ticks of opposite direction says nothing about speed.
-  if (sign(change) != direction_) reset();
-  direction_ = sign(change);
-  latest_ = {latest_.ticks + static_cast<uint32_t>(change), t_us};
-  measure(window_us);
-  add_mark(window_us);
+  if (direction_ == 0) return;
+  silence_us_ = t_us - newest_.t_us;
+  if (silence_us_ >= kStandstill_us) return reset();
+  note(t_us, window_us);
+  // A tick that has not come after 1.5 of its periods says that the wheel has slowed.
+  const int32_t limit_q8 =
+      silence_us_ > 0 ? static_cast<int32_t>(384'000'000u / silence_us_) : INT32_MAX;
+  if (magnitude(rate_q8_) < limit_q8) {
+    drop_old(t_us, window_us);
+    measure();
+  }
+  rate_q8_ = clamp(rate_q8_, -limit_q8, limit_q8);
 }
 
-/// Marks are kept apart so that kMarks of them span two windows at any speed.
-void VelocityEstimator::add_mark(uint32_t window_us) {
-  if (count_ > 0 && latest_.t_us - mark(count_ - 1).t_us < window_us / (kMarks / 2)) return;
+bool VelocityEstimator::follows_a_pause() const {
+  const auto ticks = static_cast<uint32_t>(magnitude(static_cast<int32_t>(baseline_.ticks)));
+  return static_cast<uint64_t>(silence_us_) * ticks >
+         static_cast<uint64_t>(kPeriodsOfAPause) * baseline_.t_us;
+}
+
+/// At regular times, whether or not a tick came: kMarks of them span all the windows of kPatience.
+void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
+  if (count_ > 0 && t_us - mark(count_ - 1).noted_us < window_us / kMarksPerWindow) return;
   if (count_ == kMarks) {
-    first_ = (first_ + 1) % kMarks;
+    first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
     --count_;
   }
-  marks_[(first_ + count_) % kMarks] = latest_;
+  const size_t slot = first_ + count_;
+  marks_[slot < kMarks ? slot : slot - kMarks] = {newest_, t_us};
   ++count_;
 }
 
-void VelocityEstimator::measure(uint32_t window_us) {
-  while (count_ > 1) {
-    const uint32_t age_us = latest_.t_us - mark(1).t_us;
-    const auto ticks = static_cast<int32_t>(latest_.ticks - mark(1).ticks);
+/// Leaves two marks that are far enough away: a window on the average.
+void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us) {
+  const uint32_t least_us = window_us - window_us / (2 * kMarksPerWindow);
+  while (count_ > 2) {
+    const Mark& next = mark(2);
+    const uint32_t age_us = t_us - next.noted_us;
+    const auto ticks = static_cast<int32_t>(newest_.ticks - next.newest.ticks);
     const bool whole_cycle = magnitude(ticks) >= static_cast<int32_t>(kCycle);
-    if (age_us < window_us || (!whole_cycle && age_us < kPatience * window_us)) break;
-    first_ = (first_ + 1) % kMarks;
+    if (age_us < least_us || (!whole_cycle && age_us < kPatience * window_us)) return;
+    first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
     --count_;
   }
-  if (count_ == 0 || latest_.t_us == mark(0).t_us) return;
-  const Mark& base = mark(0);
-  rate_q8_ = rate_q8(static_cast<int32_t>(latest_.ticks - base.ticks), latest_.t_us - base.t_us);
 }
 
-/// A tick that has not come after 1.5 of its periods says that the wheel has slowed.
-void VelocityEstimator::bound(uint32_t silence_us) {
-  if (silence_us >= kStandstill_us) {
-    reset();
-    return;
+/// The mean of two baselines, a mark apart: a tick that was seen late weighs half.
+void VelocityEstimator::measure() {
+  Tick sum = since(mark(0).newest, newest_);
+  if (count_ > 2) {
+    const Tick later = since(mark(1).newest, newest_);
+    const Tick earlier = since(mark(0).newest, mark(count_ - 2).newest);
+    sum = {later.ticks + earlier.ticks, later.t_us + earlier.t_us,
+           later.behind_q4 + earlier.behind_q4};
   }
-  if (silence_us == 0) return;
-  const int32_t limit_q8 = static_cast<int32_t>(384'000'000u / silence_us);
-  rate_q8_ = clamp(rate_q8_, -limit_q8, limit_q8);
+  if (sum.t_us == 0) return;
+  baseline_ = sum;
+  // The one division: 32 bits, which RV32 has in hardware.
+  const uint32_t per_s_q12 = 4'096'000'000u / sum.t_us;
+  rate_q8_ = saturate32((static_cast<int64_t>(static_cast<int32_t>(sum.ticks)) * per_s_q12) >> 4);
+  falling_behind_umps_ =
+      saturate32((static_cast<int64_t>(static_cast<int32_t>(sum.behind_q4)) * per_s_q12) >> 16);
 }
 
 }  // namespace wheelwire

@@ -2,24 +2,57 @@
 
 namespace wheelwire {
 
-WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
+WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted, int32_t supply_q12,
                         const ControlConfig& config) {
   const int32_t change = total_.update(counter, encoder_inverted);
-  estimator_.update(change, now_us, config.velocity_window_us);
+  following_.update(change, now_us, config.period_us, config.um_per_tick_q10);
+  estimator_.update(change, following_.total_q4(), now_us, config.velocity_window_us);
   velocity_umps_ = multiply_shift(estimator_.ticks_per_s_q8(), config.um_per_tick_q10, 18);
-  return monitor_.update(duty_q15_, total_.ticks(), velocity_umps_, now_us, config.faults);
+  const WheelFault fault =
+      monitor_.update(duty_q15_, total_.ticks(), velocity_umps_, now_us, config.faults);
+  if (fault != WheelFault::kNone || !closed_loop_) return fault;
+  const bool implausible =
+      plausibility_.update(duty_q15_, velocity_umps_, change != 0, supply_q12, config.period_us,
+                           config.plausibility_time_us, config.gains);
+  return implausible ? WheelFault::kImplausible : WheelFault::kNone;
 }
 
-void Wheel::drive_velocity(int32_t target_umps, bool motor_inverted, const ControllerGains& gains) {
-  if (target_umps == 0 && velocity_umps_ == 0) {
+void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
+                           int32_t supply_q12, const ControlConfig& config) {
+  if (setpoint_umps == 0 && velocity_umps_ == 0) {
     // Arrived at rest: shorted windings hold better than an integrator that hums.
     brake();
     return;
   }
-  drive_duty(controller_.update(target_umps, velocity_umps_, gains), motor_inverted);
+  const int32_t error = error_umps(setpoint_umps, command_umps, config);
+  if (config.path.follows()) following_.aim(setpoint_umps);
+  closed_loop_ = true;
+  output(controller_.update(command_umps, error, supply_q12, config.gains), motor_inverted);
+}
+
+/// How much slower the wheel is than commanded.
+int32_t Wheel::error_umps(int32_t setpoint_umps, int32_t command_umps,
+                          const ControlConfig& config) const {
+  if (!config.path.follows()) {
+    // On a ramp the measurement is compared with the command of its own time.
+    const int64_t change = static_cast<int64_t>(command_umps) - controller_.last_target_umps();
+    return saturate32(command_umps - change * config.gains.delay_steps - velocity_umps_);
+  }
+  const int32_t measured = estimator_.falling_behind_umps();
+  const int32_t least = following_.least_umps(config.um_per_tick_q10);
+  const bool later = least > 0 ? least > measured : least < measured;
+  const int64_t behind = least != 0 && later ? least : measured;
+  return saturate32(behind + command_umps - setpoint_umps);
 }
 
 void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
+  following_.rest();
+  plausibility_.reset();
+  closed_loop_ = false;
+  output(duty_q15, motor_inverted);
+}
+
+void Wheel::output(int32_t duty_q15, bool motor_inverted) {
   duty_q15_ = duty_q15;
   motor_.drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
 }
@@ -37,6 +70,9 @@ void Wheel::coast() {
 void Wheel::rest() {
   controller_.reset(velocity_umps_);
   monitor_.reset();
+  following_.rest();
+  plausibility_.reset();
+  closed_loop_ = false;
   duty_q15_ = 0;
 }
 

@@ -5,7 +5,9 @@
 #include "controller.hpp"
 #include "encoder.hpp"
 #include "fault_monitor.hpp"
+#include "following_error.hpp"
 #include "hal.hpp"
+#include "plausibility.hpp"
 #include "velocity.hpp"
 
 namespace wheelwire {
@@ -18,10 +20,13 @@ class Wheel {
   void start(int16_t counter) { total_ = TickTotal(counter); }
 
   /// Takes a reading of the encoder. Returns what it says of the wheel's health.
-  WheelFault latch(int16_t counter, uint64_t now_us, bool encoder_inverted, const ControlConfig&);
+  WheelFault latch(int16_t counter, uint64_t now_us, bool encoder_inverted, int32_t supply_q12,
+                   const ControlConfig&);
 
-  /// Closed loop, one control step.
-  void drive_velocity(int32_t target_umps, bool motor_inverted, const ControllerGains& gains);
+  /// Closed loop, one control step: at `command_umps`, while `setpoint_umps` is what adds up to the
+  /// way that the wheel is to go.
+  void drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
+                      int32_t supply_q12, const ControlConfig& config);
   /// Open loop.
   void drive_duty(int32_t duty_q15, bool motor_inverted);
   void brake();
@@ -31,8 +36,14 @@ class Wheel {
   int32_t velocity_umps() const { return velocity_umps_; }
   int32_t duty_q15() const { return duty_q15_; }
   uint32_t saturated_steps() const { return controller_.saturated_steps(); }
+  /// How far the wheel is behind the integral of its setpoint.
+  int32_t behind_um() const { return following_.um(); }
+  void forget_but(int32_t um) { following_.forget_but(um); }
+  bool saturated() const { return controller_.saturated(); }
 
  private:
+  int32_t error_umps(int32_t setpoint_umps, int32_t command_umps, const ControlConfig&) const;
+  void output(int32_t duty_q15, bool motor_inverted);
   void rest();
 
   MotorPort& motor_;
@@ -40,6 +51,9 @@ class Wheel {
   VelocityEstimator estimator_;
   Controller controller_;
   FaultMonitor monitor_;
+  FollowingError following_;
+  PlausibilityMonitor plausibility_;
+  bool closed_loop_ = false;
   int32_t velocity_umps_ = 0;
   int32_t duty_q15_ = 0;
 };

@@ -12,6 +12,8 @@ namespace wheelwire::sim {
 struct EncoderModel {
   bool dead = false;      ///< The levels are stuck.
   bool reversed = false;  ///< A and B swapped.
+  int stuck = 0;          ///< Which level never changes: 1 that of A, 2 that of B.
+  double lost = 0.0;      ///< The part of the edges, by chance, that the levels do not show.
   /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
   /// order of the edges is kept.
   double edge_error_ticks = 0.0;
@@ -49,17 +51,29 @@ class Quadrature {
 
   template <typename Sink>
   void enter(int64_t interval, Sink&& sink) {
+    const int64_t step = interval - interval_;
     interval_ = interval;
-    if (model.dead) return;
+    if (model.dead || loses()) return;
+    shown_ += step;
     // Forward, A leads B by a quarter of a cycle: 00 10 11 01.
-    const bool leading = (interval & 3) == 1 || (interval & 3) == 2;
-    const bool trailing = (interval & 3) >= 2;
-    a_ = model.reversed ? trailing : leading;
-    b_ = model.reversed ? leading : trailing;
+    const bool leading = (shown_ & 3) == 1 || (shown_ & 3) == 2;
+    const bool trailing = (shown_ & 3) >= 2;
+    if (model.stuck != kStuckA) a_ = model.reversed ? trailing : leading;
+    if (model.stuck != kStuckB) b_ = model.reversed ? leading : trailing;
     sink(a_, b_);
   }
 
+  bool loses() {
+    if (model.lost == 0.0) return false;
+    return (symmetric(mix(seed_ + ++edges_)) + 1.0) / 2.0 < model.lost;
+  }
+
+  static constexpr int kStuckA = 1;
+  static constexpr int kStuckB = 2;
+
   uint64_t seed_;
+  uint64_t edges_ = 0;     ///< That could have been lost.
+  int64_t shown_ = 0;      ///< The interval that the levels tell of, as far as they go.
   double position_ = 0.5;  // Between two edges: neither direction is a tick ahead.
   int64_t interval_ = 0;   ///< Between edge(interval_) and edge(interval_ + 1).
   bool a_ = false;

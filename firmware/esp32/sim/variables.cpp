@@ -132,6 +132,11 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
               toggle(side + ".encoder_dead", "A and B are stuck.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.reversed; }>(
               toggle(side + ".encoder_reversed", "A and B are swapped.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.stuck; }>(
+              whole(side + ".encoder_stuck", "", 0, 2,
+                    "The channel whose level never changes: 1 for A, 2 for B; 0: neither.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.lost; }>(
+              real(side + ".encoder_lost", "", 0, 1, "The part of the edges that does not count.")),
           with_field<[](auto& s) -> auto& {
             return s.board.encoders[kSide].model.edge_error_ticks;
           }>(real(side + ".encoder_error_ticks", "tick", 0, 0.45,

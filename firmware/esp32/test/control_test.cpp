@@ -10,33 +10,40 @@ constexpr ControllerGains kGains{
     .integral_q32 = 1'125'900,    // 8 duty per m, at 1 kHz
     .feedforward_q24 = 795'472,   // 1.447 duty per m/s
     .acceleration_q24 = 0,
-    .delay_steps = 10,
+    .delay_steps = 13,
     .static_q15 = 0,
+    .margin_q15 = 32'767,
     .limit_q15 = 32'767,
+    .slew_umps = 1500,
+    .memory_shift = 8,
 };
+
+/// Supply as the feed-forward was measured, x 4096.
+constexpr int32_t kNominal = 4096;
 
 }  // namespace
 
 TEST(feed_forward_alone_gives_the_duty_of_the_no_load_line) {
   Controller controller;
   controller.reset(400'000);
-  const int32_t duty = controller.update(400'000, 400'000, kGains);
+  const int32_t duty = controller.update(400'000, 0, kNominal, kGains);
   CHECK(magnitude(duty - 18'965) <= 2);  // 0.4 m/s x 1.447 = 0.5788
 }
 
 TEST(the_integral_does_not_wind_up_against_the_limit) {
   Controller controller;
-  for (int i = 0; i < 10'000; ++i) CHECK(controller.update(400'000, 0, kGains) <= 32'767);
+  for (int i = 0; i < 10'000; ++i)
+    CHECK(controller.update(400'000, 400'000, kNominal, kGains) <= 32'767);
   int steps = 0;
-  while (controller.update(400'000, 500'000, kGains) > 18'965 && steps < 2000) ++steps;
+  while (controller.update(400'000, -100'000, kNominal, kGains) > 18'965 && steps < 2000) ++steps;
   CHECK(steps < 1000);
 }
 
 TEST(extreme_inputs_stay_within_the_limit) {
   Controller controller;
   for (const int32_t target : {INT32_MAX, -INT32_MAX, 0}) {
-    for (const int32_t measured : {INT32_MAX, -INT32_MAX, 0}) {
-      CHECK(magnitude(controller.update(target, measured, kGains)) <= 32'767);
+    for (const int32_t error : {INT32_MAX, -INT32_MAX, 0}) {
+      CHECK(magnitude(controller.update(target, error, kNominal, kGains)) <= 32'767);
     }
   }
 }

@@ -42,7 +42,7 @@ def test_other_names_are_taken_and_reported(caplog: pytest.LogCaptureFixture) ->
             "wheel_separation": 0.25,
             "counts_per_revolution": 1440,
             "max_velocity_mps": 0.5,
-            "velocity_feedforward": 1.447,
+            "velocity_feedforward": 1.367,
         },
         rel=1e-3,
     )

@@ -1,0 +1,42 @@
+// How far a wheel is behind the integral of its setpoint: what motion control calls the following
+// error.
+#pragma once
+
+#include <stdint.h>
+
+#include "encoder.hpp"
+
+namespace wheelwire {
+
+class FollowingError {
+ public:
+  /// Call at every control step with the ticks since the last call.
+  void update(int32_t change, uint64_t now_us, uint32_t period_us, int32_t um_per_tick_q10);
+  /// The setpoint from now on.
+  void aim(int32_t setpoint_umps);
+  /// Nothing is asked of the wheel: the error stays as it is.
+  void rest();
+  /// Forgets all but so much of the error.
+  void forget_but(int32_t um);
+
+  /// What is to be made up. Between two ticks a wheel may be anywhere, so this does not change
+  /// while its last value is possible: at constant speed it has no ripple.
+  int32_t um() const { return held_um_; }
+  /// Since ever, nothing forgotten, um x 16, modulo 2^32.
+  uint32_t total_q4() const { return static_cast<uint32_t>(total_q10_ >> 6); }
+  /// While no tick comes: how fast the wheel falls behind at least; 0 when that cannot be told yet.
+  int32_t least_umps(int32_t um_per_tick_q10) const;
+
+ private:
+  int64_t total_q10_ = 0;
+  int64_t at_tick_q10_ = 0;  // Of total_q10_.
+  int64_t forgotten_q10_ = 0;
+  int32_t held_um_ = 0;
+  int32_t setpoint_umps_ = 0;
+  int32_t direction_ = 0;  // Of the last tick; 0: none since rest.
+  bool following_ = false;
+  uint64_t now_us_ = 0;
+  uint64_t tick_us_ = 0;
+};
+
+}  // namespace wheelwire

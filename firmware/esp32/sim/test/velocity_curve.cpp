@@ -1,0 +1,70 @@
+// How wrong and how noisy the measured velocity is at each speed: tests/bench/velocity.py plots it.
+//
+// An ideal encoder at constant speed, control steps of 1 ms, 3 s at each of 100 phases between
+// ticks and steps. Prints, as CSV, counts per turn, m/s, and for the estimator and for the obvious
+// one beside it: error of the mean and standard deviation, as fractions of the speed.
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "tick_to_tick.hpp"
+#include "velocity.hpp"
+
+namespace {
+
+using wheelwire::VelocityEstimator;
+using wheelwire::sim::TickToTick;
+
+constexpr uint32_t kWindow_us = 20'000;
+constexpr double kWheelRadius_m = 0.033;
+constexpr int kPhases = 100;
+constexpr int kWarmUpSteps = 500;
+constexpr int kSteps = 3000;
+
+struct Figures {
+  double sum = 0.0;
+  double squares = 0.0;
+
+  void add(double error) {
+    sum += error;
+    squares += error * error;
+  }
+  double mean() const { return sum / (kPhases * kSteps); }
+  double noise() const { return std::sqrt(squares / (kPhases * kSteps) - mean() * mean()); }
+};
+
+void measure(double counts_per_turn, double mps) {
+  const double ticks_per_s = mps * counts_per_turn / (2.0 * std::numbers::pi * kWheelRadius_m);
+  Figures ours;
+  Figures obvious;
+  for (int phase = 0; phase < kPhases; ++phase) {
+    VelocityEstimator estimator;
+    TickToTick beside;
+    int64_t counted = 0;
+    for (int step = 1; step <= kWarmUpSteps + kSteps; ++step) {
+      const double way = static_cast<double>(phase) / kPhases + ticks_per_s * step / 1000.0;
+      const auto position = static_cast<int64_t>(std::floor(way));
+      const auto change = static_cast<int32_t>(position - counted);
+      const auto t_us = static_cast<uint64_t>(step) * 1000;
+      counted = position;
+      estimator.update(change, 0, t_us, kWindow_us);
+      beside.update(change, t_us, kWindow_us);
+      if (step <= kWarmUpSteps) continue;
+      ours.add(estimator.ticks_per_s_q8() / 256.0 / ticks_per_s - 1.0);
+      obvious.add(beside.ticks_per_s() / ticks_per_s - 1.0);
+    }
+  }
+  std::printf("%.0f,%.4f,%.6f,%.6f,%.6f,%.6f\n", counts_per_turn, mps, ours.mean(), ours.noise(),
+              obvious.mean(), obvious.noise());
+}
+
+}  // namespace
+
+int main() {
+  std::puts("counts_per_revolution,mps,mean_error,noise,obvious_mean_error,obvious_noise");
+  for (const double counts : {360.0, 1440.0}) {
+    for (const double direction : {-1.0, 1.0}) {
+      for (int step = 0; step <= 290; ++step) measure(counts, direction * (0.02 + 0.002 * step));
+    }
+  }
+}

@@ -1,0 +1,80 @@
+#include "plausibility.hpp"
+
+#include "check.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+/// The defaults, at 1 kHz.
+constexpr ControllerGains kGains{
+    .proportional_q24 = 659'687,
+    .integral_q32 = 2'251'731,
+    .feedforward_q24 = 750'394,      // 1.365 duty per m/s
+    .acceleration_q24 = 78'612'693,  // 0.143 duty per m/s^2
+    .delay_steps = 13,
+    .static_q15 = 1802,
+    .margin_q15 = 12'451,  // 0.38
+    .limit_q15 = 32'767,
+    .slew_umps = 1500,
+    .memory_shift = 8,
+};
+constexpr Supply kSupply{.nominal_mv = 6100, .drop_mv = 1300, .unmeasured_mv = 6200};
+constexpr int32_t kNominal = 4096;
+constexpr uint32_t kPeriod_us = 1000;
+constexpr uint32_t kTime_us = 300'000;
+
+/// Steps until it trips at this duty and speed, ticking; 0: never.
+int steps_to_trip(int32_t duty_q15, int32_t umps, int tick_every = 1) {
+  PlausibilityMonitor monitor;
+  for (int step = 1; step <= 5000; ++step) {
+    if (monitor.update(duty_q15, umps, step % tick_every == 0, kNominal, kPeriod_us, kTime_us,
+                       kGains))
+      return step;
+  }
+  return 0;
+}
+
+}  // namespace
+
+TEST(a_lower_battery_allows_more_duty) {
+  CHECK(supply_ratio_q12(7400, kSupply) == kNominal);
+  CHECK(magnitude(supply_ratio_q12(5500, kSupply) - 5949) <= 1);
+  CHECK(magnitude(supply_ratio_q12(9000, kSupply) - 3244) <= 1);
+  CHECK(supply_ratio_q12(0, kSupply) == supply_ratio_q12(6200, kSupply));
+  CHECK(supply_ratio_q12(1300, kSupply) == 4 * kNominal);
+  CHECK(supply_ratio_q12(1, kSupply) == 4 * kNominal);
+}
+
+TEST(duty_beyond_feed_forward_and_margin_trips_after_its_time) {
+  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
+  CHECK(magnitude(needed - to_q15(0.1365f + 0.055f + 0.38f)) < 10);
+  CHECK(steps_to_trip(needed, 100'000) == 0);
+  CHECK(steps_to_trip(-needed, -100'000) == 0);
+  const int tripped = steps_to_trip(needed + 3000, 100'000);
+  CHECK(tripped >= 300 && tripped < 450);
+}
+
+TEST(a_wheel_that_stands_is_left_to_the_other_monitor) {
+  CHECK(steps_to_trip(32'767, 0, 10'000) == 0);
+  CHECK(steps_to_trip(32'767, 0, 160) >= 300);
+}
+
+TEST(a_wheel_that_gains_speed_explains_its_duty) {
+  PlausibilityMonitor monitor;
+  int32_t speed = 0;
+  for (int step = 0; step < 250; ++step) {
+    speed += 1500;  // 1.5 m/s^2
+    const int32_t duty =
+        duty_for(speed, kGains.margin_q15, kNominal, kGains) + to_q15(0.143f * 1.2f);
+    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kGains));
+  }
+}
+
+TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
+  const int32_t limit = duty_limit(100'000, 0, kNominal, kGains);
+  CHECK(magnitude(limit - to_q15(0.1365f + 0.055f + 0.475f)) < 10);
+  CHECK(duty_limit(-100'000, 0, kNominal, kGains) == limit);
+  CHECK(duty_limit(100'000, -1500, kNominal, kGains) > limit + 7000);
+  CHECK(duty_limit(400'000, 0, 3 * kNominal, kGains) == 32'767);
+}

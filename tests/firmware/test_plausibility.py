@@ -1,0 +1,62 @@
+"""ENCODER_IMPLAUSIBLE: an encoder that loses edges trips in time; ordinary driving does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from support.plausibility import fail, healthy
+from support.virtual import VirtualRobot
+from wheelwire_protocol.codes import Fault, SupervisorState
+
+SIDES = ("left", "right")
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("target", [0.1, -0.1, 0.2])
+@pytest.mark.parametrize(
+    "failure",
+    [{"encoder_lost": 0.9}, {"encoder_lost": 0.99}, {"encoder_stuck": 1}, {"encoder_stuck": 2}],
+    ids=str,
+)
+def test_a_failing_encoder_trips_within_a_second_and_30_cm(
+    failure: dict[str, float], target: float, side: str
+) -> None:
+    outcome = fail(failure, side, target)
+    implausible = Fault[f"{side.upper()}_ENCODER_IMPLAUSIBLE"]
+    assert outcome.faults in (implausible, Fault[f"{side.upper()}_NOT_COUNTING"])
+    assert outcome.seconds <= 1.0
+    assert outcome.distance_m <= 0.3
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("driven_s", [0.0, 1.0])
+def test_70_percent_lost_trip_at_speed(side: str, driven_s: float) -> None:
+    outcome = fail({"encoder_lost": 0.7}, side, 0.3, driven_s)
+    assert outcome.faults == Fault[f"{side.upper()}_ENCODER_IMPLAUSIBLE"]
+    assert outcome.seconds <= 1.0
+    assert outcome.distance_m <= 0.3
+
+
+def test_70_percent_lost_trip_without_a_measured_battery_too() -> None:
+    assert fail({"encoder_lost": 0.7}, "left", 0.3, battery_v=0).faults
+
+
+def test_and_at_a_lower_speed_where_the_battery_is_measured() -> None:
+    assert fail({"encoder_lost": 0.7}, "left", 0.2).faults
+
+
+def test_the_setpoint_bounds_the_speed_of_what_remains() -> None:
+    outcome = fail({"encoder_lost": 0.5}, "left", 0.1)
+    assert not outcome.faults
+    assert outcome.top_mps < 0.45
+
+
+def test_duty_setpoints_are_not_judged() -> None:
+    robot = VirtualRobot(1, **{"left.encoder_lost": 0.9}).open()
+    robot.drive_duty(0.9, 0.9, 2.0)
+    assert robot.state() is SupervisorState.DRIVING
+
+
+@pytest.mark.parametrize("battery_measured", [True, False])
+def test_ordinary_driving_is_plausible(battery_measured: bool) -> None:
+    assert healthy(60.0, 1, battery_measured) == []

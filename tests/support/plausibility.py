@@ -1,0 +1,118 @@
+"""Encoders that lose edges, and robots that only look as if theirs did: in virtual time."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from random import Random
+from typing import NamedTuple
+
+from wheelwire.errors import DeviceRefused
+from wheelwire_protocol.codes import Fault, SupervisorState
+
+from .virtual import VirtualRobot
+
+PERIOD_S = 0.02
+MEASURED_V = 7.4
+
+
+class Outcome(NamedTuple):
+    """What became of a robot whose encoder failed."""
+
+    faults: Fault
+    seconds: float
+    """From the failure to the fault, or to the end of patience."""
+    distance_m: float
+    """That the wheel of the failed encoder rolled in it."""
+    top_mps: float
+    """The wheel's highest speed."""
+
+
+def fail(
+    failure: dict[str, float],
+    side: str,
+    target_mps: float,
+    driven_s: float = 0.0,
+    battery_v: float = MEASURED_V,
+    supply_v: float = MEASURED_V,
+    patience_s: float = 3.0,
+) -> Outcome:
+    """Drive straight, and let the encoder of one wheel fail after `driven_s`.
+
+    Args:
+        failure: Simulator variables of one side, such as `{"encoder_lost": 0.9}`.
+        side: Which wheel's.
+        target_mps: What is asked.
+        driven_s: 0: it fails before the first setpoint.
+        battery_v: What the firmware measures; 0: nothing.
+        supply_v: What the motors have.
+        patience_s: Of waiting for a fault.
+    """
+    robot = VirtualRobot(1, supply_v=supply_v, battery_v=battery_v).open()
+    robot.drive(target_mps, target_mps, driven_s)
+    for name, value in failure.items():
+        robot.sim.set(f"{side}.{name}", value)
+    began_us, top = robot.now_us, 0.0
+    before = robot.sim.get(f"true.{side}_ticks")
+    while not robot.sim.get("faults") and robot.now_us < began_us + patience_s * 1e6:
+        with suppress(DeviceRefused):
+            robot.drive(target_mps, target_mps, PERIOD_S)
+        top = max(top, abs(robot.sim.get(f"true.{side}_mps")))
+    rolled = abs(robot.sim.get(f"true.{side}_ticks") - before) / 360 * 2 * math.pi * 0.033
+    faults = Fault(int(robot.sim.get("faults")))
+    return Outcome(faults, (robot.now_us - began_us) * 1e-6, rolled, top)
+
+
+class Trip(NamedTuple):
+    """A fault that healthy driving must not raise."""
+
+    run: int
+    faults: Fault
+    settings: dict[str, float]
+
+
+def healthy(seconds: float, seed: int, battery_measured: bool) -> list[Trip]:
+    """Drive by chance: starts, reversals, curves, crawling, loads, slopes, obstacles of 0.3 s.
+
+    Every 12 s begin a new robot with another battery, load and slope. Without a measured battery
+    there is a load or a slope, but not both.
+    """
+    random = Random(seed)
+    trips = []
+    for run in range(math.ceil(seconds / 12)):
+        settings = _conditions(random, battery_measured)
+        robot = VirtualRobot(1, **settings).open()
+        with suppress(DeviceRefused):
+            while robot.now_us < 12e6 and not robot.sim.get("faults"):
+                _drive_somehow(robot, random)
+        if robot.sim.get("faults") or robot.state() is SupervisorState.FAULT:
+            trips.append(Trip(run, Fault(int(robot.sim.get("faults"))), settings))
+    return trips
+
+
+def _conditions(random: Random, battery_measured: bool) -> dict[str, float]:
+    volts = random.uniform(5.5, 9.0)
+    settings = {"supply_v": volts, "battery_v": volts if battery_measured else 0.0}
+    sloping = random.random() < 0.5
+    if sloping:
+        settings["slope_rad"] = random.uniform(-0.0997, 0.0997)
+    if battery_measured or not sloping:
+        for side in ("left", "right"):
+            settings[f"{side}.load_nm"] = random.choice((0.0, 0.02, random.uniform(-0.02, 0.02)))
+    return settings
+
+
+def _drive_somehow(robot: VirtualRobot, random: Random) -> None:
+    linear = random.uniform(-0.4, 0.4)
+    if random.random() < 0.2:
+        linear = random.uniform(0.02, 0.07)
+    turn = 0.0 if random.random() < 0.5 else random.uniform(-0.15, 0.15)
+    left, right = linear - turn, linear + turn
+    if random.random() < 0.15:
+        held = random.choice((("left",), ("right",), ("left", "right")))
+        for side in held:
+            robot.sim.set(f"{side}.blocked", 1)
+        robot.drive(left, right, 0.3)
+        for side in held:
+            robot.sim.set(f"{side}.blocked", 0)
+    robot.drive(left, right, random.uniform(0.2, 1.7))
