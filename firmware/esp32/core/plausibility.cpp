@@ -48,7 +48,7 @@ void PlausibilityMonitor::reset() {
 bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool ticked,
                                  int32_t supply_q12, uint32_t period_us, uint32_t time_us,
                                  const ControllerGains& gains) {
-  const int32_t speed_umps = clamp(magnitude(measured_umps), 0, kFastest_umps);
+  const int32_t speed_umps = clamp<int32_t>(magnitude(measured_umps), 0, kFastest_umps);
   const uint32_t part_q16 = (period_us << 16) / kFilter_us;
   const int32_t growth_q4 =
       scale(speed_umps * 16 - slow_umps_q4_, static_cast<int32_t>(part_q16), 16);
