@@ -4,7 +4,9 @@
 #include <vector>
 
 #include "check.hpp"
+#include "crc32.hpp"
 #include "memory_store.hpp"
+#include "wire.hpp"
 
 using namespace wheelwire;
 using enum ParameterId;
@@ -81,4 +83,50 @@ TEST(a_board_has_defaults_of_its_own_within_the_bounds) {
 
   platform_specs(Board::kEsp32, specs);
   CHECK(Parameters(specs).get(kControlRateHz) == 1000.0f);
+}
+
+TEST(a_block_of_a_later_release_is_read_without_what_is_unknown_here) {
+  MemoryStore store;
+  Parameters saved;
+  saved.set(kWheelRadius, 0.05f);
+  CHECK(saved.save(store));
+  std::vector<uint8_t> block(store.block.begin(), store.block.end() - 4);
+  block[4] = static_cast<uint8_t>(block[4] + 1);
+  for (const int byte : {255, 0, 0, 128, 63})
+    block.push_back(static_cast<uint8_t>(byte));  // id 255, 1.0
+  uint8_t crc[4];
+  uint8_t* out = crc;
+  wire::put(out, crc32(block.data(), block.size()));
+  block.insert(block.end(), crc, crc + 4);
+  store.block = block;
+  Parameters loaded;
+  CHECK(loaded.load(store) == Parameters::Load::kLoaded);
+  CHECK(loaded.get(kWheelRadius) == 0.05f);
+}
+
+TEST(a_block_with_one_bad_value_changes_nothing) {
+  MemoryStore store;
+  Parameters saved;
+  saved.set(kWheelRadius, 0.05f);
+  CHECK(saved.save(store));
+  std::vector<uint8_t> block(store.block.begin(), store.block.end() - 4);
+  for (int i = 1; i <= 4; ++i) block[block.size() - static_cast<size_t>(i)] = 0xff;  // NaN
+  uint8_t crc[4];
+  uint8_t* out = crc;
+  wire::put(out, crc32(block.data(), block.size()));
+  block.insert(block.end(), crc, crc + 4);
+  store.block = block;
+  Parameters loaded;
+  CHECK(loaded.load(store) == Parameters::Load::kCorrupt);
+  CHECK(loaded.get(kWheelRadius) == 0.033f);
+}
+
+TEST(bounds_are_inclusive) {
+  Parameters parameters;
+  for (const ParameterSpec& spec : kParameters) {
+    CHECK(parameters.set(spec.id, spec.minimum) == RefusalCode::kNone);
+    CHECK(parameters.set(spec.id, spec.maximum) == RefusalCode::kNone);
+    CHECK(parameters.set(spec.id, spec.minimum - 1) == RefusalCode::kOutOfRange);
+    CHECK(parameters.set(spec.id, spec.maximum * 1.5f + 1) == RefusalCode::kOutOfRange);
+  }
 }

@@ -127,7 +127,7 @@ class RobotBench {
     send(request);
     service();
     for (const Answer& answer : of<Answer>()) {
-      if (reference(answer) == request_id) return answer;
+      if (answers<Request>(answer, request_id)) return answer;
     }
     return std::nullopt;
   }
@@ -215,10 +215,13 @@ class RobotBench {
   uint32_t command_seq = 0;
 
  private:
-  static uint32_t reference(const Refuse& refuse) { return refuse.reference; }
-  template <typename Answer>
-  static uint32_t reference(const Answer& answer) {
-    return answer.request_id;
+  template <typename Request>
+  static bool answers(const Refuse& refuse, uint16_t id) {
+    return refuse.reference == id && refuse.message_id == Request::kId;
+  }
+  template <typename Request, typename Answer>
+  static bool answers(const Answer& answer, uint16_t id) {
+    return answer.request_id == id;
   }
 
   void collect() {

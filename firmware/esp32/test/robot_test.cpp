@@ -1,0 +1,563 @@
+// Sessions, setpoints, requests and driving of a whole robot, at its pins and on its line.
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+constexpr uint64_t k32Bits = 1ull << 32;
+
+/// Both outputs, as they are after so many steps of a duty setpoint.
+void follow_duty(RobotBench& bench, int16_t left_q15, int16_t right_q15, int steps = 100) {
+  bench.send(bench.duty(left_q15, right_q15));
+  bench.run(steps);
+}
+
+WheelState newest_state(RobotBench& bench) {
+  bench.received.clear();
+  bench.run(20);
+  return bench.of<WheelState>().back();
+}
+
+}  // namespace
+
+// --- sessions
+// --------------------------------------------------------------------------------------
+
+TEST(a_repeated_hello_changes_nothing) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  const uint32_t seq = bench.command_seq;
+  bench.send(RobotBench::hello(RobotBench::kNonce));
+  bench.step();
+  CHECK(bench.of<DeviceHello>().size() == 1);
+  CHECK(bench.state() == SupervisorState::kDriving && bench.driven());
+  CHECK(newest_state(bench).command_seq == seq);
+}
+
+TEST(a_new_session_stops_and_voids_the_setpoint) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  bench.step();
+  CHECK(!bench.driven() && bench.state() == SupervisorState::kIdle);
+  CHECK(bench.robot.deadline_us() == 0);
+  CHECK(newest_state(bench).command_seq == 0);
+  bench.send(bench.velocity(0.2f, 0.2f));  // of the former session
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kNoSession);
+}
+
+TEST(a_foreign_hello_opens_nothing_and_ends_nothing) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  Hello foreign = RobotBench::hello(7);
+  foreign.schema_hash ^= 1;
+  bench.send(foreign);
+  foreign.protocol_version += 1;
+  bench.send(foreign);
+  bench.step();
+  CHECK(bench.of<DeviceHello>()[0].refusal == RefusalCode::kSchema);
+  CHECK(bench.of<DeviceHello>()[1].refusal == RefusalCode::kProtocolVersion);
+  CHECK(bench.driven() && bench.state() == SupervisorState::kDriving);
+}
+
+TEST(the_clock_is_synchronised_by_a_ping_of_this_session_only) {
+  RobotBench bench;
+  bench.start();
+  bench.send(RobotBench::hello(RobotBench::kNonce));
+  bench.send(Ping{bench.session_id() + 1, 1, 0});
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.of<Refuse>()[0].code == RefusalCode::kNoSession);
+  CHECK(bench.of<Refuse>()[1].code == RefusalCode::kClockUnsynchronised);
+  bench.run(5);
+  CHECK(!bench.driven());
+}
+
+TEST(without_a_session_nothing_drives) {
+  RobotBench bench;
+  bench.start();
+  SetWheelVelocity message = bench.velocity(0.2f, 0.2f);
+  message.session_id = 0;
+  bench.send(message);
+  bench.run(5);
+  CHECK(!bench.driven());
+  CHECK(bench.of<Refuse>()[0].code == RefusalCode::kNoSession);
+  CHECK(bench.of<Event>().empty());
+}
+
+TEST(a_session_is_another_after_a_reset) {
+  Session before;
+  before.open(0x1234, 1);
+  Session after;
+  after.open(0x1234, 2);
+  CHECK(before.id() != after.id());
+}
+
+// --- stops
+// -----------------------------------------------------------------------------------------
+
+TEST(stop_and_estop_act_in_any_session) {
+  for (const bool latched : {false, true}) {
+    RobotBench bench;
+    bench.open().drive(0.2f, 0.2f);
+    if (latched) {
+      bench.send(Estop{99, 1});
+    } else {
+      bench.send(Stop{99, 1, 0, StopMode::kCoast});
+    }
+    bench.service();
+    CHECK(!bench.driven());
+    CHECK(bench.of<Ack>().back().session_id == 99);
+    CHECK(bench.state() == (latched ? SupervisorState::kEstopped : SupervisorState::kIdle));
+  }
+}
+
+TEST(a_stop_voids_what_was_sent_before_it) {
+  RobotBench bench;
+  bench.open();
+  const SetWheelVelocity late = bench.velocity(0.2f, 0.2f);
+  bench.send(bench.stop());
+  bench.send(late);
+  bench.run(5);
+  CHECK(!bench.driven());
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_stop_of_another_session_voids_no_number_of_this_one) {
+  RobotBench bench;
+  bench.open().send(Stop{99, 1, 0xffffffff, StopMode::kCoast});
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_stop_brakes_or_coasts_as_asked_or_as_configured) {
+  struct Case {
+    uint8_t mode;
+    float configured;
+    bool brakes;
+  };
+  for (const auto& [mode, configured, brakes] :
+       {Case{0, 1, false}, Case{0, 2, true}, Case{1, 2, false}, Case{2, 1, true}, Case{9, 1, false},
+        Case{9, 2, true}}) {
+    RobotBench bench;
+    bench.open();
+    CHECK(bench.set(kStopMode, configured) == RefusalCode::kNone);
+    bench.drive(0.2f, 0.2f);
+    bench.send(bench.stop(static_cast<StopMode>(mode)));
+    bench.run(5);
+    CHECK(bench.left.brakes() == brakes && bench.right.brakes() == brakes);
+    CHECK(!bench.driven());
+  }
+}
+
+TEST(a_brake_lasts_for_brake_time_and_then_coasts) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kBrakeTimeS, 0.25f) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  bench.send(bench.stop());
+  bench.run(250);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  bench.run(2);
+  CHECK(bench.left.enable == 0 && bench.right.enable == 0);
+}
+
+TEST(a_contact_that_opens_latches_whether_driving_or_standing) {
+  for (const bool driving : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    if (driving) bench.drive(0.2f, 0.2f);
+    bench.contact.open = true;
+    bench.step();
+    CHECK(bench.state() == SupervisorState::kEstopped && !bench.driven());
+    bench.contact.open = false;
+    bench.drive(0.2f, 0.2f);
+    CHECK(!bench.driven());
+    CHECK(bench.clear_estop() == RefusalCode::kNone);
+    bench.drive(0.2f, 0.2f);
+    CHECK(bench.driven());
+  }
+}
+
+TEST(a_setpoint_that_an_estop_refused_does_not_drive_after_the_clear) {
+  RobotBench bench;
+  bench.open().send(Estop{});
+  const SetWheelVelocity refused = bench.velocity(0.2f, 0.2f);
+  bench.send(refused);
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kEstopped);
+  CHECK(bench.clear_estop() == RefusalCode::kNone);
+  bench.send(refused);
+  bench.run(5);
+  CHECK(!bench.driven());
+}
+
+// --- setpoints
+// -------------------------------------------------------------------------------------
+
+TEST(a_deadline_is_kept_beyond_32_bits_of_microseconds) {
+  for (const uint64_t start_us : {k32Bits - 20'000, 3 * k32Bits - 20'000, k32Bits * 5}) {
+    RobotBench bench(start_us);
+    bench.open();
+    bench.send(bench.velocity(0.2f, 0.2f, 50'000));
+    bench.run(49);
+    CHECK(bench.driven());
+    bench.step();
+    CHECK(!bench.driven() && bench.state() == SupervisorState::kTimedOut);
+    bench.send(bench.duty(9'000, 9'000, k32Bits + 50'000));  // too weak to be a stall
+    bench.run(999);
+    CHECK(bench.driven());
+    bench.run(3);
+    CHECK(!bench.driven());  // ttl_max_s
+    SetWheelVelocity past = bench.velocity(0.2f, 0.2f);
+    past.expiry_us = bench.now_us - k32Bits + 50'000;
+    bench.send(past);
+    bench.step();
+    CHECK(bench.of<Refuse>().back().code == RefusalCode::kExpired);
+  }
+}
+
+TEST(an_expiry_that_is_now_has_passed) {
+  RobotBench bench;
+  bench.open().send(bench.velocity(0.2f, 0.2f, 0));
+  bench.service();
+  CHECK(bench.of<Refuse>().size() == 1 && bench.of<Refuse>()[0].code == RefusalCode::kExpired);
+}
+
+TEST(ttl_max_limits_the_life_of_a_setpoint) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kTtlMaxS, 0.1f) == RefusalCode::kNone);
+  bench.send(bench.velocity(0.2f, 0.2f, 5'000'000));
+  bench.run(100);
+  CHECK(bench.driven());
+  bench.run(2);
+  CHECK(!bench.driven());
+}
+
+TEST(the_same_number_with_a_later_expiry_is_no_new_setpoint) {
+  RobotBench bench;
+  bench.open();
+  SetWheelVelocity message = bench.velocity(0.2f, 0.2f, 50'000);
+  bench.send(message);
+  bench.run(40);
+  message.expiry_us += 500'000;
+  bench.send(message);
+  bench.run(20);
+  CHECK(!bench.driven());
+}
+
+TEST(numbers_that_are_not_finite_drive_neither_wheel) {
+  for (const float bad : {__builtin_nanf(""), __builtin_inff(), -__builtin_inff()}) {
+    RobotBench bench;
+    bench.open().send(bench.velocity(bad, 0.2f));
+    bench.send(bench.velocity(0.2f, bad));
+    bench.run(5);
+    CHECK(bench.of<Refuse>().size() == 2);
+    CHECK(!bench.driven());
+  }
+}
+
+TEST(max_duty_scales_duty_setpoints_and_keeps_their_ratio) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+  follow_duty(bench, 32'767, -16'384);
+  CHECK(bench.left.duty() == 16'384);
+  CHECK(magnitude(bench.right.duty() + 8'192) <= 1);
+}
+
+TEST(max_velocity_scales_velocity_setpoints) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kMaxVelocityMps, 0.1f) == RefusalCode::kNone);
+  CHECK(bench.set(kMaxAccelerationMps2, 100) == RefusalCode::kNone);
+  CHECK(bench.set(kProportionalGain, 0) == RefusalCode::kNone);
+  CHECK(bench.set(kIntegralGain, 0) == RefusalCode::kNone);
+  CHECK(bench.set(kAccelerationFeedforward, 0) == RefusalCode::kNone);
+  CHECK(bench.set(kStaticFeedforward, 0) == RefusalCode::kNone);
+  CHECK(bench.set(kVelocityFeedforward, 2) == RefusalCode::kNone);
+  bench.send(bench.velocity(0.4f, -0.2f));
+  bench.run(10);
+  CHECK(magnitude(bench.left.duty() - 6'553) <= 3);  // 0.1 m/s x 2
+  CHECK(magnitude(bench.right.duty() + 3'277) <= 3);
+}
+
+TEST(duty_setpoints_slew_from_what_is_driven) {
+  RobotBench bench;
+  bench.open();
+  follow_duty(bench, 30'000, 30'000, 10);
+  // 20 duty a second are 655 of 32767 a step.
+  CHECK(magnitude(bench.left.duty() - 6'553) <= 10);
+  CHECK(bench.left.duty() == bench.right.duty());
+}
+
+TEST(after_a_stop_duty_begins_at_zero_again) {
+  RobotBench bench;
+  bench.open();
+  follow_duty(bench, 30'000, 30'000);
+  bench.send(bench.stop(StopMode::kCoast));
+  bench.run(5);
+  follow_duty(bench, 30'000, 30'000, 3);
+  CHECK(bench.left.duty() > 0 && bench.left.duty() <= 3 * 656);
+}
+
+TEST(after_a_stop_velocity_begins_at_the_speed_that_the_wheels_have) {
+  RobotBench bench;
+  bench.open().drive(0.4f, 0.4f, 300);
+  bench.send(bench.stop(StopMode::kCoast));
+  bench.run(600);
+  bench.send(bench.velocity(0.4f, 0.4f));
+  bench.run(3);
+  // From rest: three steps of 1.5 mm/s, fed forward. From the former target it would be 0.58.
+  CHECK(bench.driven());
+  CHECK(bench.left.duty() < 12'000);
+}
+
+TEST(between_velocity_and_duty_the_output_does_not_jump) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f, 100);
+  const int before = bench.left.duty();
+  CHECK(before > 5'000);
+  follow_duty(bench, 0, 0, 1);
+  CHECK(magnitude(bench.left.duty() - before) <= 656);
+  CHECK(magnitude(bench.right.duty() - before) <= 656);
+}
+
+TEST(each_motor_has_an_inversion_of_its_own) {
+  for (const bool left : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    CHECK(bench.set(left ? kLeftMotorInverted : kRightMotorInverted, 1) == RefusalCode::kNone);
+    follow_duty(bench, 9'000, 9'000);
+    CHECK(bench.left.duty() == (left ? -9'000 : 9'000));
+    CHECK(bench.right.duty() == (left ? 9'000 : -9'000));
+    const WheelState state = newest_state(bench);
+    CHECK(state.left_duty_q15 == 9'000 && state.right_duty_q15 == 9'000);
+  }
+}
+
+TEST(each_encoder_has_an_inversion_of_its_own) {
+  for (const bool left : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    CHECK(bench.set(left ? kLeftEncoderInverted : kRightEncoderInverted, 1) == RefusalCode::kNone);
+    bench.turn(10, 25);
+    const WheelState state = newest_state(bench);
+    CHECK(state.left_ticks == (left ? -10 : 10));
+    CHECK(state.right_ticks == (left ? 25 : -25));
+  }
+}
+
+// --- requests
+// --------------------------------------------------------------------------------------
+
+TEST(a_repeated_request_is_answered_and_not_done_again) {
+  RobotBench bench;
+  bench.open();
+  const auto id = static_cast<uint8_t>(kMaxDuty);
+  const ParameterSet first{bench.session_id(), ++bench.request_id, id, 0.5f};
+  bench.send(first);
+  CHECK(bench.set(kMaxDuty, 0.75f) == RefusalCode::kNone);
+  bench.received.clear();
+  bench.send(first);
+  bench.service();
+  CHECK(bench.of<ParameterValue>().size() == 1);
+  CHECK(bench.of<ParameterValue>()[0].value == 0.5f);
+  CHECK(bench.ask<ParameterValue>(ParameterGet{.parameter = id})->value == 0.75f);
+}
+
+TEST(request_ids_go_on_beyond_32767_and_beyond_65535) {
+  RobotBench bench;
+  bench.open();
+  for (const int number : {20'000, 32'767, 32'768, 50'000, 65'535, 0, 1}) {
+    const auto id = static_cast<uint16_t>(number);
+    bench.request_id = static_cast<uint16_t>(id - 1);
+    CHECK(bench.refusal(ClearFault{}) == RefusalCode::kNone);
+    CHECK(bench.of<Ack>().back().request_id == id);
+  }
+}
+
+TEST(a_new_session_numbers_its_requests_and_setpoints_anew) {
+  RobotBench bench;
+  bench.open();
+  bench.request_id = 999;
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.send(RobotBench::hello(7));
+  bench.step();
+  bench.send(RobotBench::hello(RobotBench::kNonce));
+  bench.request_id = 0;
+  bench.command_seq = 0;
+  bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+  bench.received.clear();
+  bench.request_id = 999;
+  const auto id = static_cast<uint8_t>(kMaxDuty);
+  CHECK(bench.ask<ParameterValue>(ParameterSet{.parameter = id, .value = 0.6f})->value == 0.6f);
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_parameter_beyond_the_last_is_unknown) {
+  RobotBench bench;
+  bench.open();
+  const auto last = static_cast<uint8_t>(kParameterCount);
+  CHECK(bench.refusal(ParameterGet{.parameter = last}) == RefusalCode::kNone);
+  CHECK(bench.refusal(ParameterGet{.parameter = static_cast<uint8_t>(last + 1)}) ==
+        RefusalCode::kUnknownParameter);
+  CHECK(bench.refusal(ParameterList{.parameter_index = static_cast<uint8_t>(last - 1)}) ==
+        RefusalCode::kNone);
+  CHECK(bench.refusal(ParameterList{.parameter_index = last}) == RefusalCode::kOutOfRange);
+}
+
+TEST(a_stream_faster_than_the_loop_or_the_line_is_refused) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = 1001}) == RefusalCode::kRateTooHigh);
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = 1000}) == RefusalCode::kNone);
+  bench.line.rate = 11'520;
+  const uint32_t fits = 11'520 * 4 / (5 * static_cast<uint32_t>(frame_size(WheelState::kSize)));
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = static_cast<uint16_t>(fits)}) == RefusalCode::kNone);
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = static_cast<uint16_t>(fits + 1)}) ==
+        RefusalCode::kRateTooHigh);
+}
+
+// --- faults
+// ----------------------------------------------------------------------------------------
+
+TEST(a_late_step_is_a_fault_while_driving_only) {
+  RobotBench bench;
+  bench.open().step(100'000);
+  CHECK(bench.state() == SupervisorState::kIdle);
+  bench.drive(0.2f, 0.2f);
+  bench.step(20'000);
+  CHECK(bench.state() == SupervisorState::kDriving);
+  bench.step(20'001);
+  CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
+  CHECK(newest_state(bench).overruns == 3);
+}
+
+TEST(a_fault_stays_until_it_is_cleared) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.step(50'000);
+  bench.run(100);
+  CHECK(newest_state(bench).faults == fault::kControlOverrun);
+  bench.drive(0.2f, 0.2f);
+  CHECK(!bench.driven());
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+  bench.run(5);
+  CHECK(bench.state() == SupervisorState::kIdle);
+  CHECK(newest_state(bench).faults == 0);
+}
+
+TEST(a_wheel_that_does_not_count_trips_its_own_fault) {
+  for (const bool left : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    for (int i = 0; i < 900 && bench.state() != SupervisorState::kFault; ++i) {
+      if (i % 100 == 0) bench.send(bench.duty(25'000, 25'000));
+      bench.turn(left ? 0 : 1, left ? 1 : 0);
+      bench.step();
+    }
+    CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
+    CHECK(newest_state(bench).faults ==
+          (left ? fault::kLeftNotCounting : fault::kRightNotCounting));
+  }
+}
+
+TEST(a_driver_that_failed_cannot_be_cleared) {
+  RobotBench bench;
+  bench.open();
+  bench.robot.report_driver_failure();
+  bench.step();
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+  bench.drive(0.2f, 0.2f);
+  CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
+}
+
+// --- the line
+// --------------------------------------------------------------------------------------
+
+TEST(a_babbling_line_does_not_hold_up_a_step) {
+  RobotBench bench;
+  bench.open();
+  bench.line.to_device.assign(5'000, 0x55);
+  bench.step();
+  CHECK(bench.line.to_device.size() == 4'400);
+  bench.step();
+  CHECK(bench.line.to_device.size() == 3'800);
+}
+
+TEST(what_the_line_has_no_room_for_is_dropped_and_counted) {
+  RobotBench bench;
+  bench.open();
+  bench.line.room = 0;
+  bench.received.clear();
+  bench.run(1000);
+  bench.line.room = SIZE_MAX;
+  bench.run(20);
+  CHECK(bench.of<WheelState>().size() == 2);  // none of the second before
+  const auto counted = bench.ask<LinkCounters>(LinkCountersGet{});
+  CHECK(counted->send_dropped == 100);
+}
+
+TEST(a_dropped_frame_leaves_a_gap_in_the_sequence) {
+  struct Last final : ByteStream {
+    std::vector<uint8_t> frame;
+    bool full = false;
+    size_t read(uint8_t*, size_t) override { return 0; }
+    bool write(const uint8_t* data, size_t size) override {
+      if (!full) frame.assign(data, data + size);
+      return !full;
+    }
+    uint32_t bytes_per_second() const override { return 0; }
+  } line;
+  Link link(line);
+  FrameDecoder decoder(body_size);
+  Frame frame{};
+  for (const bool full : {false, true, true, false}) {
+    line.full = full;
+    link.send(Ack{1, 1, 1});
+    if (full) continue;
+    for (const uint8_t byte : line.frame) decoder.feed(byte, frame);
+  }
+  CHECK(decoder.counters().seq_lost == 2);
+  CHECK(link.send_dropped() == 2 && link.frames_sent() == 2);
+}
+
+TEST(after_a_pause_states_do_not_come_in_a_burst) {
+  RobotBench bench;
+  bench.open().step(1'000'000);
+  bench.received.clear();
+  bench.run(100);
+  CHECK(bench.of<WheelState>().size() == 10);
+}
+
+TEST(a_state_tells_each_wheel_apart) {
+  RobotBench bench;
+  bench.open();
+  for (int i = 0; i < 200; ++i) {
+    bench.turn(1, -2);
+    bench.step();
+  }
+  const auto states = bench.of<WheelState>();
+  const WheelState& state = states.back();
+  CHECK(state.left_mps > 0.5f && state.right_mps < -1.0f);
+  CHECK(state.right_ticks == -2 * state.left_ticks);
+  CHECK(state.battery_mv == 7400);
+}
+
+TEST(a_message_of_a_device_is_unknown_to_a_device) {
+  RobotBench bench;
+  bench.open().send(Pong{});
+  bench.service();
+  CHECK(bench.ask<LinkCounters>(LinkCountersGet{})->unknown_id == 1);
+}
