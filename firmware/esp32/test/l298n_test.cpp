@@ -50,6 +50,10 @@ TEST(l298n_reverses_through_one_period_of_enable_low) {
   CHECK(pins.enable == 0);
   motor.brake();
   CHECK(pins.enable == 32767);
+  motor.drive(20'000);
+  CHECK(pins.enable == 0 && pins.in1 == pins.in2);
+  motor.drive(20'000);
+  CHECK(pins.in1 && pins.enable == 20'000);
   CHECK(!pins.switched_under_current);
 }
 
@@ -57,6 +61,8 @@ TEST(l298n_zero_duty_coasts) {
   Pins pins;
   L298n motor(pins);
   motor.drive(5);
-  motor.drive(0);
-  CHECK(pins.enable == 0);
+  for (int i = 0; i < 3; ++i) {
+    motor.drive(0);
+    CHECK(pins.enable == 0);
+  }
 }

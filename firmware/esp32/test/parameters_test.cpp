@@ -130,3 +130,17 @@ TEST(bounds_are_inclusive) {
     CHECK(parameters.set(spec.id, spec.maximum * 1.5f + 1) == RefusalCode::kOutOfRange);
   }
 }
+
+TEST(a_block_of_another_kind_is_not_read) {
+  MemoryStore store;
+  CHECK(Parameters().save(store));
+  std::vector<uint8_t> block(store.block.begin(), store.block.end() - 4);
+  block[0] ^= 1;
+  uint8_t crc[4];
+  uint8_t* out = crc;
+  wire::put(out, crc32(block.data(), block.size()));
+  block.insert(block.end(), crc, crc + 4);
+  store.block = block;
+  Parameters loaded;
+  CHECK(loaded.load(store) == Parameters::Load::kCorrupt);
+}

@@ -221,6 +221,20 @@ TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
   CHECK(bench.left.duty() == 20'000);
 }
 
+TEST(a_limit_that_is_read_in_a_control_step_holds_from_the_next_one_on) {
+  RobotBench bench;
+  bench.open();
+  bench.send(bench.duty(20'000, 20'000));
+  bench.run(100);
+  bench.send(
+      ParameterSet{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty), 0.5f});
+  bench.step();
+  CHECK(bench.of<ParameterValue>().size() == 1);
+  CHECK(bench.left.duty() == 20'000);
+  bench.step();
+  CHECK(bench.left.duty() < 20'000 && bench.right.duty() < 20'000);
+}
+
 TEST(a_limit_and_a_setpoint_in_one_read_are_taken_in_their_order) {
   for (const bool driving : {false, true}) {
     RobotBench bench;
