@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz corruption bench reliability mutants soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -125,6 +125,10 @@ reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corru
 
 mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]
 	@$(BIN)/python tests/mutants/run.py $(if $(LIST),--list) $(ONLY)
+
+RUNS ?= 5
+dying: sim  ## Kill, stop, fork and interrupt what drives, on every driver: make dying [RUNS=5]; 2 min a run
+	$(BIN)/python tests/bench/dying.py $(RUNS)
 
 MINUTES ?= 2
 soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]

@@ -24,6 +24,7 @@ from .errors import (
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
+    PortUnavailable,
     ProtocolMismatch,
     RequestTimeout,
     WheelwireError,
@@ -262,6 +263,8 @@ class Link:
                 f"{self._port} answers, but no session could be opened in {timeout_s:g} s "
                 f"({session.error}): allow more time, look at the cable"
             )
+        if not session.bytes_received and self._loop.lost is not None:
+            return PortUnavailable(self._port, str(self._loop.lost))
         if session.bytes_received:
             return ForeignDevice(self._port, tried, session.bytes_received)
         return DeviceSilent(self._port, tried)

@@ -75,6 +75,8 @@ class PortLoop:
         self.reconnects = 0
         self.end: WheelwireError | None = None
         """Why the loop ended, once it has."""
+        self.lost: LinkLost | None = None
+        """Why the port was lost last, if it was."""
         self.search = BaudSearch(transport.baud_rate, host_clock_us())
         self.low_latency = transport.low_latency
         self.baud_rate = transport.baud_rate
@@ -299,6 +301,7 @@ class PortLoop:
         self._expectant, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
+        self.lost = error
         self._session.disconnect(error)
         self._tell_changes()
         self._output = b""

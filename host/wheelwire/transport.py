@@ -248,6 +248,15 @@ class SocketTransport(Transport):
         self._socket.close()
 
 
+class UnixTransport(SocketTransport):
+    """A service on this computer."""
+
+    gone = (
+        "the service closed the connection: another program uses it, or it has ended; trying to "
+        "connect again"
+    )
+
+
 def open_transport(port: str, baud_rate: int) -> Transport:
     """Open a device path, a pyserial URL, `socket://host:port` or `unix:path`.
 
@@ -258,7 +267,7 @@ def open_transport(port: str, baud_rate: int) -> Transport:
     if port.startswith("socket://"):
         transport = SocketTransport(_connect(port, _connect_tcp))
     elif port.startswith(UNIX):
-        transport = SocketTransport(_connect(port, _connect_unix))
+        transport = UnixTransport(_connect(port, _connect_unix))
     else:
         transport = SerialTransport(port, baud_rate)
     transport.port = port

@@ -81,7 +81,7 @@ def test_it_has_one_host_at_a_time(daemon: PigpioProcess, address: str) -> None:
     with SerialDriver(address) as driver:
         driver.set_velocity(0.2, 0.0, ttl=5)
         wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
-        with pytest.raises(errors.WheelwireError):
+        with pytest.raises(errors.PortUnavailable, match="another program uses it"):
             SerialDriver(address, connect_timeout=0.5)
         assert daemon.truth()["driven"]
 
