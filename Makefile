@@ -67,11 +67,12 @@ $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests
 
 ros: $(VENV)/ros-installed  ## ROS 2 Jazzy from PyPI (Linux on x86-64 only), for the tests of the node
 
-test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64
+JOBS ?= 2
+test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64: make test [JOBS=2]
 ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
 endif
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadgroup
 
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/wheels

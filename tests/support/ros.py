@@ -27,7 +27,8 @@ from rclpy.parameter import Parameter as RosParameter
 
 from support.waiting import wait_until
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
+"""On a busy computer a node alone takes half a minute to start."""
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
