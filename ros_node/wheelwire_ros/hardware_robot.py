@@ -39,6 +39,8 @@ SETTINGS = (
             1200, 4_000_000),
     Setting("board_id", "", "serial: only this board will do, 12 hex digits; port may then be glob "
             "patterns, separated by commas."),
+    Setting("any_board", False, "serial: go on with another board than the first, where the port "
+            "leads to one."),
     Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: it is looked "
             "for.", NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: where the daemon runs."),
@@ -73,6 +75,7 @@ class HardwareRobot(BaseRobotNode):
                 "connect_timeout": CONNECT_TIMEOUT_S,
                 "stream_rate_hz": rate_hz,
                 "board_id": self.setting("board_id") or None,
+                "any_board": self.setting("any_board"),
             }
         if self.driver_type == "mock":
             return local
