@@ -49,7 +49,7 @@ void start() {
   store.start();
   const bool has_line = line.start();
   const bool has_machine = machine.start(stored_parameters());
-  const bool is_watched = start_task_watchdog() && dead_man.start();
+  const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
   // Its entropy source is the ADC: before the battery has it.
   Identity identity = make_identity(0);
   const bool has_battery = Battery::kFitted && battery.start();

@@ -1,6 +1,7 @@
 #include "control_task.hpp"
 
 #include "clock.hpp"
+#include "drive_watchdog.hpp"
 #include "esp_attr.h"
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
@@ -13,13 +14,11 @@ namespace {
 constexpr uint32_t kStepDue = 1;
 constexpr uint32_t kBytesCame = 2;
 
-// Its own core where there are two. The drivers' interrupts and the dead-man are on the other.
+// Its own core where there are two. The drivers' and the control timer's interrupts are on the
+// other.
 constexpr BaseType_t kCore = CONFIG_FREERTOS_NUMBER_OF_CORES - 1;
 constexpr UBaseType_t kPriority = configMAX_PRIORITIES - 1;
 constexpr uint32_t kStackBytes = 8192;
-
-/// 5 ms at the default 1 kHz.
-constexpr uint32_t kDeadManPeriods = 5;
 
 /// A robot whose timer does not start still steps, late, and says so. Longer than any period,
 /// shorter than the task watchdog.
@@ -42,6 +41,9 @@ void ControlTask::run(void* self) {
 }
 
 bool ControlTask::prepare() {
+  // The other core's watch began before this task.
+  if (kCore != 0 && !dead_man_.watch_from_this_core()) return false;
+  prepare_drive_watchdog();
   const TaskHandle_t self = xTaskGetCurrentTaskHandle();
   line_.notify(self, kBytesCame);
   robot_.start(now_us());
@@ -79,6 +81,7 @@ void ControlTask::step() {
   trial_.step(robot_, now_us());
   line_.push();
   dead_man_.feed();
+  watch_drive();
   feed_task_watchdog();
   state_.supervisor.store(robot_.state(), std::memory_order_relaxed);
   if (robot_.control_period_us() != period_us_ && !follow_period()) robot_.report_driver_failure();
@@ -90,7 +93,15 @@ bool ControlTask::follow_period() {
   const esp_err_t result = esp_timer_is_active(timer_)
                                ? esp_timer_restart(timer_, period_us_)
                                : esp_timer_start_periodic(timer_, period_us_);
-  return result == ESP_OK && dead_man_.set_limit(kDeadManPeriods * period_us_);
+  dead_man_.follow_period(period_us_);
+  return result == ESP_OK;
+}
+
+void ControlTask::watch_drive() {
+  const bool drives = robot_.state() == SupervisorState::kDriving;
+  if (drives) feed_drive_watchdog();
+  if (drove_ && !drives) disarm_drive_watchdog();
+  drove_ = drives;
 }
 
 }  // namespace wheelwire

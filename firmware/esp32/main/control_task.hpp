@@ -26,6 +26,7 @@ class ControlTask {
   void serve();
   void step();
   bool follow_period();
+  void watch_drive();
 
   Robot& robot_;
   Line& line_;
@@ -34,6 +35,7 @@ class ControlTask {
   OtaTrial trial_;
   esp_timer_handle_t timer_ = nullptr;
   uint32_t period_us_ = 0;
+  bool drove_ = false;
 };
 
 }  // namespace wheelwire
