@@ -154,7 +154,9 @@ class Simulator:
         self._reader: threading.Thread | None = None
         self._answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._states: deque[TrueState] = deque(maxlen=STATES_KEPT)
-        self._command_lock = threading.Lock()
+        # One that the same thread may take twice, in a signal handler: it is told, not stuck.
+        self._command_lock = threading.RLock()
+        self._commanding = False
         self._port = ""
 
     def start(self) -> None:
@@ -238,16 +240,27 @@ class Simulator:
             WheelwireError: The simulator refuses, or has ended.
         """
         with self._command_lock:
-            commands = _pipe(self._running().stdin)
+            if self._commanding:
+                raise WheelwireError(
+                    f"`{line}` interrupts another command to the simulator: send it afterwards"
+                )
+            self._commanding = True
             try:
-                commands.write(line + "\n")
-                commands.flush()
-            except BrokenPipeError:
-                raise WheelwireError(f"the simulator has ended: {self._last_words()}") from None
-            answer = self._next_answer()
+                answer = self._ask(line)
+            finally:
+                self._commanding = False
         if not answer["ok"]:
             raise WheelwireError(f"the simulator refuses `{line}`: {answer['error']}")
         return answer
+
+    def _ask(self, line: str) -> dict[str, Any]:
+        commands = _pipe(self._running().stdin)
+        try:
+            commands.write(line + "\n")
+            commands.flush()
+        except BrokenPipeError:
+            raise WheelwireError(f"the simulator has ended: {self._last_words()}") from None
+        return self._next_answer()
 
     def set(self, name: str, value: float) -> None:
         """Set a variable, in its unit."""
