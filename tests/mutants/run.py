@@ -89,7 +89,9 @@ def run(chosen: Sequence[tuple[Group, Mutant]], jobs: int) -> list[Tried]:
     """
     workspaces: SimpleQueue[Workspace] = SimpleQueue()
     for number in range(jobs):
-        workspaces.put(Workspace(BUILD / str(number)))
+        workspace = Workspace(BUILD / str(number))
+        workspace.check_imports("wheelwire", "wheelwire_protocol")
+        workspaces.put(workspace)
     tried = []
     with ThreadPoolExecutor(jobs) as pool:
         groups = list({group.name: group for group, _ in chosen}.values())

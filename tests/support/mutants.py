@@ -30,6 +30,11 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT / "tests" / "mutants"
 CODE = ("host", "protocol", "ros_node")
 """Folders of the checkout that Python imports from."""
+SITE = """import sys
+
+sys.meta_path[:] = [f for f in sys.meta_path if "editable" not in type(f).__module__]
+"""
+"""Run at Python's start: an editable installation would find the checkout before the copy."""
 TEST_TIMEOUT_S = 60
 RUN_TIMEOUT_S = 600
 LEAST_KILLED = 0.95
@@ -157,10 +162,32 @@ class Workspace:
         self._environment = {
             name: value for name, value in os.environ.items() if not name.startswith("WHEELWIRE_")
         }
-        self._environment["PYTHONPATH"] = os.pathsep.join(str(self.folder / name) for name in CODE)
+        site = self.folder / "build" / "site"
+        site.mkdir(parents=True, exist_ok=True)
+        (site / "sitecustomize.py").write_text(SITE, "utf-8")
+        paths = [site, *(self.folder / name for name in CODE)]
+        self._environment["PYTHONPATH"] = os.pathsep.join(map(str, paths))
         # A mutation may keep a file's size, and its time within a second.
         self._environment["PYTHONDONTWRITEBYTECODE"] = "1"
         self._update()
+
+    def check_imports(self, *packages: str) -> None:
+        """Raise MutantError unless Python finds the copy's packages, not others."""
+        found = f"print(*({', '.join(f'{name}.__file__' for name in packages)},), sep='\\n')"
+        command = [sys.executable, "-c", f"import {', '.join(packages)}; {found}"]
+        result = subprocess.run(
+            command,
+            cwd=self.folder,
+            env=self._environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        files = result.stdout.splitlines()
+        if not files or not all(Path(name).is_relative_to(self.folder) for name in files):
+            raise MutantError(
+                f"Python does not import the copy in {self.folder}: {files or result.stderr}"
+            )
 
     def build(self, targets: Sequence[str]) -> str:
         """Build targets of the host build; returns the compiler's complaints, if any."""

@@ -117,6 +117,19 @@ def checkout(tmp_path: Path) -> Path:
     return root
 
 
+def test_python_imports_the_copy_though_the_checkout_is_installed(
+    checkout: Path, tmp_path: Path
+) -> None:
+    workspace = Workspace(tmp_path / "copy", checkout)
+    workspace.check_imports("double")
+    package = checkout / "host" / "wheelwire"
+    with pytest.raises(MutantError, match="does not import the copy"):
+        workspace.check_imports("json")
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    Workspace(tmp_path / "copy", checkout).check_imports("wheelwire")
+
+
 def test_mutations_are_tried_in_a_copy(checkout: Path, tmp_path: Path) -> None:
     group = Group("link", (), ("tests/test_double.py",), ())
     workspace = Workspace(tmp_path / "copy", checkout)
@@ -135,7 +148,7 @@ def test_a_copy_follows_the_checkout_and_keeps_what_is_equal(
     before = (copy / "host/double.py").stat().st_mtime_ns
     (checkout / "tests/test_double.py").unlink()
     (checkout / "tests/test_other.py").write_text("")
-    (copy / "build").mkdir()
+    (copy / "build").mkdir(exist_ok=True)
     (copy / "build/kept.o").write_text("")
     Workspace(copy, checkout)
     assert sorted(path.name for path in (copy / "tests").iterdir()) == ["test_other.py"]
