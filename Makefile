@@ -120,6 +120,7 @@ reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corru
 	$(BIN)/python tests/bench/stop_times.py
 	$(BIN)/python tests/bench/rides.py
 	$(BIN)/python tests/bench/clock.py
+	$(BIN)/python tests/bench/plausibility.py
 	$(BIN)/python tests/bench/reconnect.py
 	$(BIN)/python tests/bench/interrupts.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9

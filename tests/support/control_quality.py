@@ -110,6 +110,7 @@ LAWS: dict[str, dict[str, float]] = {
         "velocity_feedforward": 0,
         "acceleration_feedforward": 0,
         "static_feedforward": 0,
+        "plausibility_margin": 1,
     },
     "feed-forward and PI": {"path_gain": 0, "heading_gain": 0},
     "following the path": {},

@@ -8,6 +8,9 @@ namespace {
 // Without a tick for this long the wheel stands.
 constexpr uint32_t kStandstill_us = 500'000;
 
+// Spreads the marks.
+constexpr uint32_t kGoldenRatio_q16 = 40'503;
+
 // A whole cycle of A and B: its four edges are not equally far apart, a cycle and the next one are.
 constexpr uint32_t kCycle = 4;
 
@@ -55,9 +58,14 @@ bool VelocityEstimator::follows_a_pause() const {
          static_cast<uint64_t>(kPeriodsOfAPause) * baseline_.t_us;
 }
 
-/// At regular times, whether or not a tick came: kMarks of them span all the windows of kPatience.
+/// At times that no tick decides: kMarks of them span all the windows of kPatience.
 void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
-  if (count_ > 0 && t_us - mark(count_ - 1).noted_us < window_us / kMarksPerWindow) return;
+  if (count_ > 0 && t_us - mark(count_ - 1).noted_us < spacing_us_) return;
+  // Not evenly apart, or the marks could lock into the ratio of ticks to steps themselves: by the
+  // golden ratio's multiples, which keep clear of every ratio.
+  dither_q16_ = static_cast<uint16_t>(dither_q16_ + kGoldenRatio_q16);
+  const uint32_t even_us = window_us / kMarksPerWindow;
+  spacing_us_ = even_us / 2 + (even_us * dither_q16_ >> 16);
   if (count_ == kMarks) {
     first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
     --count_;

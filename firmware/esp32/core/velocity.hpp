@@ -62,6 +62,8 @@ class VelocityEstimator {
   size_t count_ = 0;
   Tick newest_{};
   int32_t direction_ = 0;    // 0: stands
+  uint32_t spacing_us_ = 0;  // To the next mark.
+  uint16_t dither_q16_ = 0;
   uint32_t silence_us_ = 0;  // Without a tick, at the last step.
   Tick baseline_{};          // What was measured last: so many ticks in that time.
   int32_t rate_q8_ = 0;

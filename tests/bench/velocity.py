@@ -1,0 +1,75 @@
+"""Error and noise of the measured velocity over the speed: docs/control.md."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from support.benchmark import ROOT, output_folder, table
+
+PROGRAM = ROOT / "build" / "host" / "wheelwire-velocity-curve"
+AIM = 0.002
+"""Of the mean's error."""
+
+Rows = list[dict[str, float]]
+
+
+def run() -> Rows:
+    """The program's rows; half a minute."""
+    lines = subprocess.run([PROGRAM], capture_output=True, text=True, check=True).stdout
+    return [
+        {name: float(value) for name, value in row.items()}
+        for row in csv.DictReader(lines.splitlines())
+    ]
+
+
+def plot(rows: Rows, file: Path) -> None:
+    """The mean's error above, the noise below; both directions."""
+    figure = Figure(figsize=(9, 5.5), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey="row")
+    for column, counts in enumerate((360, 1440)):
+        chosen = [row for row in rows if row["counts_per_revolution"] == counts]
+        speeds = [row["mps"] for row in chosen]
+        for line, what in enumerate(("mean_error", "noise")):
+            axes = panels[line][column]
+            for name, label in ((f"obvious_{what}", "tick to tick"), (what, "Wheelwire")):
+                axes.plot(speeds, [row[name] * 100 for row in chosen], label=label, linewidth=0.9)
+            axes.grid(alpha=0.3)
+        panels[0][column].set_title(f"{counts} counts per revolution")
+        panels[1][column].set_xlabel("speed [m/s]")
+    panels[0][0].set_ylabel("error of the mean [%]")
+    panels[1][0].set_ylabel("noise, standard deviation [%]")
+    panels[0][0].legend(fontsize="small")
+    figure.savefig(file, dpi=110)
+
+
+def summary(rows: Rows) -> list[list[str]]:
+    """A row for each encoder and estimator: worst error of the mean, noise over all speeds."""
+    found = []
+    for counts in (360, 1440):
+        chosen = [row for row in rows if row["counts_per_revolution"] == counts]
+        for prefix, label in (("obvious_", "tick to tick"), ("", "Wheelwire")):
+            worst = max(abs(row[f"{prefix}mean_error"]) for row in chosen)
+            noise = math.sqrt(sum(row[f"{prefix}noise"] ** 2 for row in chosen) / len(chosen))
+            found.append([str(counts), label, f"{worst:.2%}", f"{noise:.2%}"])
+    return found
+
+
+def main() -> int:
+    """Print the table, draw the picture; 1 when the aim is missed."""
+    folder = output_folder(__doc__)
+    rows = run()
+    plot(rows, folder / "velocity.png")
+    header = ("counts", "estimator", "worst error of the mean", "noise, rms over the speeds")
+    sys.stdout.write(table(header, summary(rows)))
+    return int(any(abs(row["mean_error"]) > AIM for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
