@@ -71,10 +71,12 @@ TEST(both_wheels_arrive_together) {
 
 TEST(a_wheel_that_counts_nothing_trips_after_its_time_only) {
   const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
-  FaultMonitor monitor;
-  for (uint64_t t_us = 0; t_us < 500'000; t_us += 1000)
-    CHECK(monitor.update(20'000, 0, 0, t_us, thresholds) == WheelFault::kNone);
-  CHECK(monitor.update(20'000, 1, 0, 500'000, thresholds) == WheelFault::kNotCounting);
+  for (const int32_t duty_q15 : {20'000, -20'000}) {
+    FaultMonitor monitor;
+    for (uint64_t t_us = 0; t_us < 500'000; t_us += 1000)
+      CHECK(monitor.update(duty_q15, 0, 0, t_us, thresholds) == WheelFault::kNone);
+    CHECK(monitor.update(duty_q15, 1, 0, 500'000, thresholds) == WheelFault::kNotCounting);
+  }
 }
 
 TEST(a_wheel_that_counts_slowly_does_not_trip) {

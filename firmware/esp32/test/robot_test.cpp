@@ -289,6 +289,27 @@ TEST(max_velocity_scales_velocity_setpoints) {
   CHECK(magnitude(bench.right.duty() + 3'277) <= 3);
 }
 
+TEST(max_duty_limits_the_velocity_loop) {
+  for (const float mps : {0.4f, -0.4f}) {
+    RobotBench bench;
+    bench.open();
+    CHECK(bench.set(kMaxDuty, 0.3f) == RefusalCode::kNone);
+    bench.send(bench.velocity(mps, mps, 900'000));
+    for (int i = 0; i < 400; ++i) {
+      bench.step();
+      CHECK(magnitude(bench.left.duty()) <= 9'830 && magnitude(bench.right.duty()) <= 9'830);
+    }
+    CHECK(magnitude(bench.left.duty()) > 5'000);
+  }
+}
+
+TEST(a_robot_that_is_told_to_stand_holds_its_wheels) {
+  RobotBench bench;
+  bench.open().drive(0, 0);
+  CHECK(bench.state() == SupervisorState::kDriving);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+}
+
 TEST(duty_setpoints_slew_from_what_is_driven) {
   RobotBench bench;
   bench.open();
