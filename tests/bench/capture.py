@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import capture_worker
-from support.benchmark import interleaved, output_folder, ratio, seconds, table
+from support.benchmark import cpu_seconds, interleaved, output_folder, ratio, table
 from support.captures import capture
 from wheelwire_protocol import Decoder, decode_capture
 from wheelwire_protocol.codec import BY_TYPE
@@ -40,7 +40,7 @@ AIM = 0.9
 
 METHOD = f"""\
 {FRAMES} frames of WheelState, 49 bytes each, to rows of a structured array, or in C to an array of
-structures: nanoseconds a frame, medians of {ROUNDS} interleaved rounds. `decode_capture` and
+structures: nanoseconds of CPU a frame, medians of {ROUNDS} interleaved rounds. `decode_capture` and
 `Decoder` are the firmware's decoder; the loop is `tests/bench/decode_loop.c` at -O2, which knows
 the one message.
 """
@@ -92,7 +92,7 @@ def measure_speeds(folder: Path) -> dict[str, list[float]]:
     for way, decode in ways.items():
         if decode() != FRAMES:
             raise RuntimeError(f"not all frames were decoded: {way}")
-    measures = {way: partial(seconds, decode) for way, decode in ways.items()}
+    measures = {way: partial(cpu_seconds, decode) for way, decode in ways.items()}
     times = interleaved(measures, ROUNDS)
     return {way: [1e9 / FRAMES * taken for taken in times[way]] for way in ways}
 

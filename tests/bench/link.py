@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from support import round_trips
 from support.bare_host import PING_SIZE, PONG_SIZE, BareHost
-from support.benchmark import Aim, output_folder, ratio, seconds, table, table_of_aims
+from support.benchmark import Aim, cpu_seconds, output_folder, ratio, table, table_of_aims
 from support.captures import capture
 from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.coalescing import REST_US
@@ -121,7 +121,7 @@ def decoding() -> float:
     size = len(stream) // DECODED
     frames = [stream[start : start + size] for start in range(0, len(stream), size)]
     decoder = Decoder()
-    return RATE_HZ / DECODED * seconds(lambda: [decoder.feed(frame) for frame in frames])
+    return RATE_HZ / DECODED * cpu_seconds(lambda: [decoder.feed(frame) for frame in frames])
 
 
 def show_cpu() -> list[Aim]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from statistics import median
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
@@ -50,12 +50,17 @@ def table_of_aims(aims: Iterable[Aim]) -> str:
     return table(("", "measured", "aim", ""), rows)
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """What one call takes."""
+def seconds(work: Callable[[], object], clock: Callable[[], float] = perf_counter) -> float:
+    """What one call takes, by `clock`."""
     gc.collect()
-    begin = perf_counter()
+    begin = clock()
     work()
-    return perf_counter() - begin
+    return clock() - begin
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """What one call takes of this process's CPU: not the time that others had the processor."""
+    return seconds(work, process_time)
 
 
 def interleaved(measures: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:

@@ -15,6 +15,10 @@ size_t FrameDecoder::feed(const uint8_t* data, size_t size, Frame& frame, bool& 
   size_t taken = 0;
   while (taken < size && !complete) {
     const uint8_t* const rest = data + taken;
+    if (*rest == 0 && size_ == 0 && !overlong_) {  // between the delimiters of two frames
+      ++taken;
+      continue;
+    }
     const auto* const delimiter = static_cast<const uint8_t*>(memchr(rest, 0, size - taken));
     const size_t chunk =
         delimiter == nullptr ? size - taken : static_cast<size_t>(delimiter - rest);
