@@ -167,6 +167,7 @@ class Link:
         """
 
         def drive(done: Done, now_us: int) -> None:
+            self._loop.check_room()
             self._session.drive_velocity(left_mps, right_mps, expiry_us, now_us)
             done(None)
 
@@ -176,6 +177,7 @@ class Link:
         """Send one duty setpoint; otherwise as `drive_velocity`."""
 
         def drive(done: Done, now_us: int) -> None:
+            self._loop.check_room()
             self._session.drive_duty(left, right, expiry_us, now_us)
             done(None)
 

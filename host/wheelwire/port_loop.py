@@ -129,6 +129,11 @@ class PortLoop:
         if self.end is not None:  # maybe too late for the loop to have seen the call
             self._refuse_calls(self.end)
 
+    def check_room(self) -> None:
+        """Raise LinkLost when a setpoint would only wait, and be thrown away with what waits."""
+        if len(self._output) > OUTPUT_LIMIT // 2:
+            raise LinkLost("the port takes nothing that is sent to it; the setpoint was not sent")
+
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser."""
         self._finishing = True

@@ -29,7 +29,6 @@ def main() -> None:
                 f"{report['longest_s']:.3f}",
             ]
         )
-        assert not failed, report["errors"]
         assert not result.unsent, result.unsent
         assert (report["alive"], report["left"]) == (1, 0), report
     head = ["the handler", "signals", "calls failed", "succeeded unsent", "longest call, s"]

@@ -21,6 +21,8 @@ from wheelwire.drivers.serial import SerialDriver
 
 LONGEST_S = 6.0
 """No call may take longer: that of the library's own thread, and what it waits for."""
+TTL_S = 60.0
+"""However busy the computer is, no setpoint expires on its way."""
 
 
 class Host:
@@ -68,7 +70,7 @@ class Host:
         robot, kind = self.robot, self.random.randrange(7)
         if kind < 2:
             self.number = self.number % 32767 + 1
-            robot.set_duty(self.number / 32767, 0.0)
+            robot.set_duty(self.number / 32767, 0.0, TTL_S)
             self.duties.append(self.number)
         elif kind == 2:
             value = round(1.0 + self.number / 10_000, 4)
@@ -82,7 +84,7 @@ class Host:
         elif kind == 5:
             robot.get_encoder_ticks()
         else:
-            robot.set_velocity(0.1, 0.2)
+            robot.set_velocity(0.1, 0.2, TTL_S)
 
     def run(self, count: int) -> None:
         while self.interrupts < count:

@@ -368,6 +368,19 @@ def test_while_the_device_is_looked_for_its_last_baud_rate_is_told(
     assert driver.info.baud_rate == 921_600
 
 
+def test_a_setpoint_that_the_port_does_not_take_is_no_success(
+    driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SerialTransport, "write", lambda *_: 0)
+
+    def send_many() -> None:
+        for _ in range(200):
+            driver.set_duty(0.1, 0.1)
+
+    with pytest.raises(errors.LinkLost, match="was not sent"):
+        send_many()
+
+
 def test_the_devices_own_counters(driver: SerialDriver) -> None:
     before = driver.device_counters().frames_received
     driver.set_velocity(0.0, 0.0)
