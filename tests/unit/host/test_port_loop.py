@@ -16,7 +16,7 @@ from wheelwire.session import Phase, Session
 from wheelwire.transport import Transport
 from wheelwire.waiting import Notifier
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage, Hello, Stop
+from wheelwire_protocol.types import AnyMessage, Estop, Hello, Stop
 
 pytestmark = pytest.mark.timeout(20)
 
@@ -158,6 +158,7 @@ def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
     rig = Rig(first, lambda: second)
     rig.loop.run()
     assert isinstance(second.messages()[0], Hello)
+    assert not any(isinstance(message, Estop) for message in second.messages())
 
 
 def test_while_a_port_is_lost_no_sample_is_current() -> None:
@@ -187,15 +188,23 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
     assert [type(outcome) for outcome in found] == [RequestTimeout]
 
 
-def test_calls_that_wait_learn_why_there_is_no_session() -> None:
+def test_calls_learn_at_once_that_there_is_no_session() -> None:
     outcomes: list[object] = []
+    before_the_next_attempt: list[object] = []
+    asked = False
     port = Port()
     port.theirs.close()
     rig: Rig
 
-    def call() -> None:
+    def call_once() -> None:
+        nonlocal asked
+        if asked:
+            before_the_next_attempt.extend(outcomes)
+            return
+        asked = True
         rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), outcomes.append)
+        raise PortUnavailable("port", "gone")
 
-    rig = Rig(port, call)
+    rig = Rig(port, call_once)
     rig.loop.run()
-    assert isinstance(outcomes[0], LinkLost)
+    assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]
