@@ -38,11 +38,12 @@ class StandIn:
         """What is really so, at this moment."""
         return self.command("truth")
 
-    def make_punctual(self) -> None:
+    def make_punctual(self, yes: bool = True) -> None:
         """One that is late would be taken for a driver that is. Later threads inherit it."""
+        policy, priority = (os.SCHED_FIFO, PRIORITY) if yes else (os.SCHED_OTHER, 0)
         with suppress(PermissionError):
             for thread in Path(f"/proc/{self.pid}/task").iterdir():
-                os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(PRIORITY))
+                os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
     @property
     def pid(self) -> int:

@@ -19,7 +19,10 @@ class StandInRig(Rig):
 
     def time_stops(self) -> Timing:
         self.stand_in.make_punctual()
-        return super().time_stops()
+        try:
+            return super().time_stops()
+        finally:
+            self.stand_in.make_punctual(False)
 
     def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
         before, start = self._command(f"spin {ticks_per_s}"), time.monotonic()
