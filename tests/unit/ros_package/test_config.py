@@ -35,7 +35,9 @@ def test_the_robot_is_the_guides(parameters: dict[str, Any]) -> None:
     assert parameters["max_velocity_mps"] == 0.4
     assert parameters["pwm_frequency_hz"] == 20_000
     no_load_mps = 200 * 2 * math.pi / 60 * parameters["wheel_radius"]
-    assert parameters["velocity_feedforward"] == pytest.approx(1 / no_load_mps, abs=1e-3)
+    friction = PARAMETER_BY_NAME["static_feedforward"].default
+    full_duty = friction + parameters["velocity_feedforward"] * no_load_mps
+    assert full_duty == pytest.approx(1, abs=1e-3)
 
 
 def test_each_is_declared_with_this_type(parameters: dict[str, Any]) -> None:
