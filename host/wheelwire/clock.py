@@ -28,6 +28,8 @@ SPACING_US = 400_000
 span half a minute, and a fit costs more than all else that an idle link does."""
 MAX_DRIFT = 500e-6
 """Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
+MAX_SLOPE = 0.1
+"""A fit beyond it is no drift: the device's clock stood still, or the answers are wrong."""
 WANDER = 2e-6
 """How far drift departs from the fitted one since the last exchange, by temperature."""
 RESOLUTION_US = 1.0
@@ -155,7 +157,9 @@ class ClockEstimator:
         self._readings.append(reading)
         self._lines = [_through_best(self._readings)]
         if len(self._readings) >= FIT_FROM:
-            self._lines.append(_fit(list(self._readings)))
+            fit = _fit(list(self._readings))
+            if abs(fit.b) < MAX_SLOPE:
+                self._lines.append(fit)
 
     def _has_enough(self, host_us: int) -> bool:
         fitted = len(self._readings) >= FIT_FROM

@@ -138,3 +138,13 @@ def test_the_bound_covers_a_drift_that_changes_after_the_last_exchange() -> None
         device_us = moment + round(seconds * 1.9)  # 1.9 ppm, as a crystal that warms up
         host_us, bound_us = estimator.device_to_host(device_us)
         assert abs(host_us - moment) <= bound_us
+
+
+def test_a_device_whose_clock_stands_still_is_converted_within_its_bound() -> None:
+    """Answers that are held up longer than the pings take make a line of slope -1."""
+    estimator, device_us = ClockEstimator(), 5_000_000
+    for number in range(24):
+        sent_us = 10**9 + 1000 * number
+        estimator.add(Exchange(sent_us, device_us, device_us, sent_us + 50_000))
+    host_us, bound_us = estimator.device_to_host(device_us)
+    assert abs(host_us - 10**9 - 25_000) <= bound_us
