@@ -76,16 +76,12 @@ def test_an_obstacle_that_goes_away_throws_nothing_forward(
     assert result.heading_rad < math.radians(1)
 
 
-def test_what_is_to_be_caught_up_keeps_within_the_velocity_limit() -> None:
+@pytest.mark.parametrize("catch_up", [0.0, 0.03])
+def test_a_wheel_catches_up_no_faster_than_its_parameter_allows(catch_up: float) -> None:
     robot = VirtualRobot().open()
-    robot.drive(0.4, 0.4, 1.0)
-    robot.sim.set("left.load_nm", 0.02)
-    robot.drive(0.4, 0.4, 0.5)
-    robot.sim.set("left.load_nm", 0)
-    robot.samples.clear()
-    robot.drive(0.4, 0.4, 2.0)
-    settled = robot.samples[50:]
-    assert max(sample.left_mps for sample in settled) < 0.4 * 1.03
+    robot.set_parameter("path_catch_up", catch_up)
+    fastest_mps = quality.catching_up(robot, 0.1)
+    assert fastest_mps == pytest.approx(0.1 * (1 + catch_up), rel=0.005)
 
 
 def test_a_stop_forgets_what_was_to_be_caught_up() -> None:

@@ -72,6 +72,16 @@ def crawl_ripple(target_mps: float = 0.03, edge_error_ticks: float = 0.0) -> flo
     return max(abs(speed - mean) for speed in speeds) / target_mps
 
 
+def catching_up(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -> float:
+    """The left wheel's greatest speed after a load of half a second, once it is steady. [m/s]"""
+    _trace(robot, target_mps, 1.0)
+    robot.sim.set("left.load_nm", load_nm)
+    _trace(robot, target_mps, 0.5)
+    robot.sim.set("left.load_nm", 0)
+    _trace(robot, target_mps, 0.5)
+    return max(_trace(robot, target_mps, 1.0).speeds_mps)
+
+
 def load_step(target_mps: float = 0.2, load_nm: float = 0.02) -> tuple[float, float]:
     """(dip, recovery): a load comes on at speed.
 
