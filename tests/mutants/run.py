@@ -24,6 +24,7 @@ from support.mutants import (
     Outcome,
     Verdict,
     Workspace,
+    alone,
     load_all,
 )
 
@@ -128,7 +129,8 @@ def main() -> int:
         return 2
     begin = time.monotonic()
     try:
-        tried = run(chosen, options.jobs)
+        with alone(BUILD):
+            tried = run(chosen, options.jobs)
     except MutantError as error:
         CONSOLE.print(str(error))
         return 2

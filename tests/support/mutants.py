@@ -7,13 +7,15 @@ of the checkout, whose build folder is kept.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -141,6 +143,22 @@ def judge(return_code: int, output: str) -> Verdict:
     if return_code < 0:
         return Verdict(Outcome.KILLED, f"the tests crashed: {signal.Signals(-return_code).name}")
     return Verdict(Outcome.BROKEN, output[-2000:])
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep other runs off the workspaces in `folder`: they would change them under our tests.
+
+    Raises:
+        MutantError: Another run is there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise MutantError(f"another run is at work in {folder}: wait for its end") from None
+        yield
 
 
 @dataclass

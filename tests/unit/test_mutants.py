@@ -16,6 +16,7 @@ from support.mutants import (
     Outcome,
     Verdict,
     Workspace,
+    alone,
     judge,
     load,
     load_all,
@@ -154,3 +155,10 @@ def test_a_copy_follows_the_checkout_and_keeps_what_is_equal(
     assert sorted(path.name for path in (copy / "tests").iterdir()) == ["test_other.py"]
     assert (copy / "host/double.py").stat().st_mtime_ns == before
     assert (copy / "build/kept.o").exists()
+
+
+def test_two_runs_do_not_share_their_copies(tmp_path: Path) -> None:
+    with alone(tmp_path), pytest.raises(MutantError, match="another run"), alone(tmp_path):
+        pass
+    with alone(tmp_path):
+        pass
