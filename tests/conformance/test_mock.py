@@ -16,7 +16,9 @@ class MockBench(Bench):
 
     def open(self) -> BaseDriver:
         # A busy test machine is no fault of the robot's.
-        driver = MockDriver(realtime=self.realtime, parameters={"overrun_limit_us": 1e6})
+        driver = MockDriver(
+            realtime=self.realtime, parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2}
+        )
         self.simulator = driver.simulator
         self._reference = weakref.ref(driver)
         return driver

@@ -19,7 +19,7 @@ class PigpioBench(Bench):
         return PigpioDriver(
             "127.0.0.1",
             self.daemon.port,
-            parameters={"overrun_limit_us": 1e6},
+            parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2},
             patience_ms=5000,
         )
 

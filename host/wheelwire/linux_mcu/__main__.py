@@ -85,7 +85,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
             sys.stdout.flush()
         heartbeat.phase = Phase.RUNNING
         ends = [asked_to_end, *(fd for fd in endings if fd is not None)]
-        McuLoop(make_core(settings), gpio, line, heartbeat, ends).run()
+        McuLoop(make_core(settings, heartbeat), gpio, line, heartbeat, ends).run()
     except LinkLost as error:
         return _complain(error)
     except (WheelwireError, OSError) as error:

@@ -27,13 +27,13 @@ STOPPED_STEPS = 4
 MACHINE_ID = Path("/etc/machine-id")
 
 
-def make_core(settings: McuSettings) -> Core:
-    """The core with its saved parameters, not started yet.
+def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core:
+    """The core with its saved parameters, not started yet; `heartbeat` is told when it saves.
 
     Raises:
         ConfigurationError: A parameter is refused, or the store cannot be read.
     """
-    store = _Store(settings.store)
+    store = _Store(settings.store, heartbeat or Heartbeat())
     identity = Identity(
         boot_id=int.from_bytes(os.urandom(4), "little"),
         board=Board.LINUX,
@@ -158,8 +158,9 @@ class McuLoop:
 class _Store:
     """A file with the block of saved parameters. The core judges what is in it."""
 
-    def __init__(self, path: str | None) -> None:
+    def __init__(self, path: str | None, heartbeat: Heartbeat) -> None:
         self._path = Path(path) if path else None
+        self._heartbeat = heartbeat
 
     def load(self) -> bytes:
         if self._path is None:
@@ -176,7 +177,8 @@ class _Store:
         if self._path is None:
             return not block
         try:
-            self._write(self._path, block)
+            with self._heartbeat.saving():
+                self._write(self._path, block)
         except OSError as error:
             sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}\n")
             return False

@@ -40,7 +40,7 @@ def watch(
                 continue
             os.kill(core_pid, signal.SIGKILL)
     _, status = os.waitpid(core_pid, 0)
-    if heartbeat.phase is Phase.RUNNING:
+    if heartbeat.phase in (Phase.RUNNING, Phase.SAVING):
         enable_low()
     os.close(core)
     return os.waitstatus_to_exitcode(status)

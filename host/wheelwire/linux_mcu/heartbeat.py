@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 import mmap
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class Phase(enum.IntEnum):
@@ -16,6 +18,8 @@ class Phase(enum.IntEnum):
     """It may drive."""
     CLOSED = 2
     """It has put EN low and given its pins back."""
+    SAVING = 3
+    """It writes a file, for seconds on a slow card. The core never asks for that while driving."""
 
 
 class Heartbeat:
@@ -42,6 +46,15 @@ class Heartbeat:
     def phase(self, phase: Phase) -> None:
         self.beat()
         self._words[1] = phase
+
+    @contextmanager
+    def saving(self) -> Iterator[None]:
+        """Within it silence is no sign of a hang."""
+        before, self.phase = self.phase, Phase.SAVING
+        try:
+            yield
+        finally:
+            self.phase = before
 
     @property
     def guarded(self) -> bool:
