@@ -6,7 +6,7 @@ import pytest
 
 from wheelwire_protocol import decode_capture, dtype, iter_capture, native
 from wheelwire_protocol.framing import PythonDecoder, encode_frame
-from wheelwire_protocol.types import Estop, WheelState
+from wheelwire_protocol.types import ClearFault, Estop, WheelState
 
 
 @pytest.fixture(params=[True, False], ids=["firmware's decoder", "numpy"], autouse=True)
@@ -50,3 +50,16 @@ def test_last_code_byte_must_point_to_the_end() -> None:
         streamed = [tuple(message) for message in PythonDecoder().feed(capture)]
         assert decode_capture(capture, Estop).tolist() == streamed
         assert bool(streamed) == (code == FRAME[last_code])
+
+
+def test_a_frame_with_a_flipped_bit_is_no_row() -> None:
+    for position, bit in itertools.product(range(len(FRAME) - 1), range(8)):
+        damaged = bytearray(FRAME)
+        damaged[position] ^= 1 << bit
+        assert decode_capture(damaged, Estop).tolist() == []
+
+
+def test_another_message_of_the_same_size_is_no_row() -> None:
+    other = encode_frame(ClearFault(session_id=0x1A2B3C4D, request_id=7), 5)
+    assert len(other) == len(FRAME)
+    assert decode_capture(other + FRAME + other, Estop).tolist() == [(0x1A2B3C4D, 7)]
