@@ -142,21 +142,28 @@ def test_an_unplugged_port_is_opened_again_at_once() -> None:
 
 
 def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
+    asked = False
     rig: Rig
 
-    def full_then_lost() -> bool:
-        if rig.loop.reconnects == 0:
-            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+    def full_once_open_then_lost() -> bool:
+        nonlocal asked
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        if asked:
             first.theirs.close()
+        else:
+            asked = True
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
         return False
 
     def end() -> bool:
         rig.loop.finish()
         return True
 
-    first, second = Port(accepts=full_then_lost), Port(accepts=end)
+    first, second = Port(FakeDevice(), full_once_open_then_lost), Port(accepts=end)
     rig = Rig(first, lambda: second)
     rig.loop.run()
+    assert asked
     assert isinstance(second.messages()[0], Hello)
     assert not any(isinstance(message, Estop) for message in second.messages())
 
