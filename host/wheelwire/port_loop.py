@@ -51,6 +51,10 @@ Task: TypeAlias = Callable[[Done, int], None]
 _log = logging.getLogger("wheelwire")
 
 
+class _Unanswered(LinkLost):
+    """The port is there; it is opened anew because nobody answers."""
+
+
 class PortLoop:
     """Serves a session on a port, through every loss of the port, until `finish`.
 
@@ -263,7 +267,7 @@ class PortLoop:
             transport.set_baud_rate(rate)
             self.baud_rate = transport.baud_rate
         if self.search.over:
-            raise LinkLost("nothing answers at any usual baud rate; opening the port anew")
+            raise _Unanswered("nothing answers at any usual baud rate; opening the port anew")
 
     def _check_port(self, transport: Transport, now_us: int) -> None:
         """See to it that the port is as it was opened, and leads to whom it led."""
@@ -275,7 +279,7 @@ class PortLoop:
             self.search.end(self.baud_rate)
             since_us = session.unanswered_since_us
             if since_us is not None and now_us >= since_us + UNANSWERED_US:
-                raise LinkLost("the device does not answer any more; opening the port anew")
+                raise _Unanswered("the device does not answer any more; opening the port anew")
         if session.phase is Phase.GREETING and isinstance(session.error, WrongBoard):
             self._leave_alone(session.error)
 
@@ -306,7 +310,7 @@ class PortLoop:
         self._expectant, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
-        self.lost = error
+        self.lost = None if isinstance(error, _Unanswered) else error
         self._session.disconnect(error)
         self._tell_changes()
         self._output = b""

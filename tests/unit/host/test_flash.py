@@ -188,7 +188,7 @@ def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path
 
 def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    with pytest.raises(errors.FlashFailed, match=r"wheelwire\[flash\]"):
+    with pytest.raises(errors.FlashFailed, match=r"wheelwire\[tools\]"):
         flash.identify_chip("/dev/null")
 
 

@@ -35,10 +35,18 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
+FROM_HERE = """
+import runpy, sys
+sys.meta_path[:] = [f for f in sys.meta_path if "editable" not in type(f).__module__]
+runpy.run_module("wheelwire_protocol.generate", run_name="__main__", alter_sys=True)
+"""
+"""An editable installation would find the checkout before the copy."""
+
+
 def run(checkout: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """The copy's own generator, over the copy's own definitions."""
     return subprocess.run(
-        [sys.executable, "-m", "wheelwire_protocol.generate", *arguments],
+        [sys.executable, "-c", FROM_HERE, *arguments],
         cwd=checkout / "protocol",
         capture_output=True,
         text=True,
