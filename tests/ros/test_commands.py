@@ -12,6 +12,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 
+from support.ros import wait
 from support.ros_process import RobotNode
 from support.ros_rig import Rig, open_rig, twist
 from support.stop_host import stopped
@@ -47,6 +48,8 @@ def test_a_stale_stamp_is_ignored_and_counted(rig: Rig) -> None:
 
 def test_an_old_command_lives_for_the_rest_of_the_timeout(rig: Rig) -> None:
     age_s = 0.2
+    seen = len(rig.odometry)  # a command older than the connection is ignored
+    wait(lambda: len(rig.odometry) > seen + 15, "0.3 s of odom")
     rig.simulator.take_states()
     rig.commands.publish(rig.stamped(0.3, age_s))
     start = rig.truth(lambda state: state.drive_on)
