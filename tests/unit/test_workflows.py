@@ -119,6 +119,25 @@ def test_what_is_released_is_attested_first() -> None:
     assert steps[published[0]]["run"].rstrip().endswith("images/*")
 
 
+def test_what_decodes_a_core_dump_is_released_with_its_image() -> None:
+    jobs = workflow("release")["jobs"]
+    firmware = jobs["firmware"]
+    assert firmware["env"]["IMAGE"] == "wheelwire-${{ matrix.chip }}.bin"
+    assert firmware["env"]["SYMBOLS"] == "wheelwire-${{ matrix.chip }}.elf"
+    build = "\n".join(step.get("run", "") for step in firmware["steps"])
+    assert re.search(r'^cp .+/wheelwire\.elf .+/"\$SYMBOLS"$', build, re.MULTILINE)
+    uploaded = [
+        step["with"]["path"].split()
+        for step in firmware["steps"]
+        if "actions/upload-artifact@" in step.get("uses", "")
+    ]
+    assert len(uploaded) == 1
+    assert " env.SYMBOLS " in " ".join(uploaded[0])
+    sums = [step["run"] for step in jobs["release"]["steps"] if "sha256sum" in step.get("run", "")]
+    assert len(sums) == 1
+    assert {"*.bin", "*.elf"} <= set(sums[0].split())
+
+
 def test_every_job_ends() -> None:
     for path in FILES:
         for name, job in workflow(path.stem)["jobs"].items():
