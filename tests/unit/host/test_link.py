@@ -7,7 +7,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -161,7 +161,7 @@ def serve(
         if not select.select([server], [], [], 0.05)[0]:
             continue
         peer = server.accept()[0]
-        with peer:
+        with peer, suppress(ConnectionError):  # the link hangs up whenever it likes
             while not end.is_set() and not hang_up.is_set():
                 now_us = time.monotonic_ns() // 1000
                 if select.select([peer], [], [], 0.001)[0]:
