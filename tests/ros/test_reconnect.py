@@ -29,8 +29,6 @@ STEP_M = 0.05
 """Odometry that jumps makes a longer one between two samples; driving, it is 6 mm."""
 OK, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
-pytestmark = pytest.mark.xdist_group("ros reconnect")  # one robot, in this order
-
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
