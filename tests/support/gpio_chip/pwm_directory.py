@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 from wheelwire.linux_mcu.pins import PWM_CHANNEL
 
 
 class PwmDirectory:
-    """One chip of two channels."""
+    """One chip of two channels. Each method is done as a whole, whichever thread calls it."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self.chip = root / "pwmchip0"
         self._away = root / "away"
         self._duties = [0.0, 0.0]
+        self._lock = threading.Lock()
         self.chip.mkdir(parents=True)
         (self.chip / "npwm").write_text("2\n")
         (self.chip / "export").touch()
 
     def export(self) -> None:
         """As the kernel, make the channel that was asked for."""
-        asked = _number(self.chip / "export")
-        channel = self.chip / f"pwm{asked}"
-        if asked is None or channel.exists():
-            return
-        made = self.chip / "new"
-        made.mkdir()
-        for name in ("duty_cycle", "period", "enable"):
-            (made / name).write_text("0\n")
-        made.rename(channel)
+        with self._lock:
+            asked = _number(self.chip / "export")
+            channel = self.chip / f"pwm{asked}"
+            if asked is None or channel.exists():
+                return
+            made = self.chip / "new"
+            made.mkdir()
+            for name in ("duty_cycle", "period", "enable"):
+                (made / name).write_text("0\n")
+            made.rename(channel)
 
     def duty(self, gpio: int) -> float:
         """On the pin; the last one while the chip is away."""
@@ -42,10 +45,12 @@ class PwmDirectory:
         return self._duties[index]
 
     def remove(self) -> None:
-        self.chip.rename(self._away)
+        with self._lock:
+            self.chip.rename(self._away)
 
     def restore(self) -> None:
-        self._away.rename(self.chip)
+        with self._lock:
+            self._away.rename(self.chip)
 
 
 def _number(file: Path) -> int | None:
