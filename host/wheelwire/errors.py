@@ -203,6 +203,12 @@ class FlashFailed(WheelwireError):  # noqa: N818
     exit_code = 16
 
 
+class OutputFailed(WheelwireError):  # noqa: N818
+    """A result could not be written: a full disk, a folder that is not there or not permitted."""
+
+    exit_code = 20
+
+
 def _restored(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:

@@ -20,7 +20,7 @@ MODULES = {
     "wheelwire_protocol.framing": "messages and frames",
     "wheelwire.drivers.serial": "the driver, as `open_driver` imports it",
     "wheelwire_protocol.bulk": "captures; numpy",
-    "wheelwire.cli": "the command; typer",
+    "wheelwire.cli.app": "the command; typer",
 }
 
 

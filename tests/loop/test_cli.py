@@ -6,58 +6,27 @@ What opens a link is tested on a good line and a bad one; the demonstration brin
 from __future__ import annotations
 
 import json
-import os
+import resource
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from support.command import PATIENCE_S, PROGRAM, check_error, run, run_json
 from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from wheelwire import errors
 from wheelwire.sim import Simulator
 from wheelwire_protocol.codes import ResetReason
 
-PROGRAM = [sys.executable, "-m", "wheelwire"]
-PATIENCE_S = 60.0
-
 
 @pytest.fixture(scope="module", params=[GOOD, "noisy"])
 def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
     with simulator_on(request.param) as simulator:
         yield simulator
-
-
-def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*PROGRAM, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-        env={**os.environ, "COLUMNS": "100", **environment},
-    )
-
-
-def run_json(*arguments: str) -> Any:
-    result = run(*arguments, "--json")
-    assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout)
-
-
-def check_error(
-    result: subprocess.CompletedProcess[str], error: type[errors.WheelwireError]
-) -> str:
-    assert result.returncode == error.exit_code
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
-    assert line.startswith("wheelwire: ")
-    return line
 
 
 def test_info(simulator: Simulator) -> None:
@@ -208,6 +177,22 @@ def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
     assert report["frames_lost"] == 0
     assert 0 <= report["drive_removed_after_deadline_us"] <= 1000
     assert report["stopping_distance_m"] > 0.01
+
+
+def test_demo_shows_what_it_measured_though_the_picture_cannot_be_written(tmp_path: Path) -> None:
+    """The disk is full by the end: no file may grow beyond 1000 bytes."""
+    result = subprocess.run(
+        [*PROGRAM, "demo", "--output", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
+    )
+    assert result.returncode == errors.OutputFailed.exit_code
+    assert "distance driven" in result.stdout
+    assert "trajectory.png: File too large" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 def test_demo_interrupted_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from wheelwire.errors import OutputFailed
 from wheelwire.faultline import LineProfile, load_profile
 from wheelwire.faultline.simulator import FaultySimulator
 from wheelwire.ports import list_serial_ports
@@ -73,7 +74,10 @@ def demo(
     """Drive a simulated robot through a figure eight, then hang on purpose."""
     from wheelwire.demo import run  # here, for the live display and the plot are slow to import
 
+    report = run(output, Console(stderr=True) if as_json else console)
     if as_json:
-        print_json(run(output, Console(stderr=True)))
+        print_json(report)
     else:
-        print_facts("What was measured", run(output, console).rows())
+        print_facts("What was measured", report.rows())
+    if report.picture_error:
+        raise OutputFailed(f"no picture was written: {report.picture_error}")

@@ -63,6 +63,14 @@ def print_facts(title: str, facts: Sequence[tuple[str, object]]) -> None:
     console.print(table)
 
 
-def print_error(error: BaseException) -> None:
+def show_help_alone(context: typer.Context) -> None:
+    """Without a subcommand: which there are."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(2)
+
+
+def print_error(message: str, kind: str, exit_code: int, *, as_json: bool) -> None:
     """One line on stderr: what happened and what to do."""
-    print(f"wheelwire: {error}", file=sys.stderr)  # noqa: T201
+    error = {"error": kind, "message": message, "exit_code": exit_code}
+    print(json.dumps(error) if as_json else f"wheelwire: {message}", file=sys.stderr)  # noqa: T201

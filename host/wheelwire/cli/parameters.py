@@ -9,12 +9,18 @@ import typer
 from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
 from wheelwire.parameters import ParameterInfo
 
-from .output import JsonFlag, console, print_json, print_table
+from .output import JsonFlag, console, print_json, print_table, show_help_alone
 from .robot import BaudOption, PortArgument
 
-app = typer.Typer(help="The robot's parameters.", no_args_is_help=True)
+app = typer.Typer()
 
 NameArgument = Annotated[str, typer.Argument(help="As `wheelwire params list` shows it.")]
+
+
+@app.callback(invoke_without_command=True)
+def params(context: typer.Context) -> None:
+    """The robot's parameters."""
+    show_help_alone(context)
 
 
 @app.command("list")

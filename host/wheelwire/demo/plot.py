@@ -16,6 +16,7 @@ def save_trajectory(
 
     Raises:
         ImportError: matplotlib is not installed.
+        OSError: The file cannot be written.
     """
     from matplotlib.figure import Figure  # without pyplot: no display is touched
 
@@ -32,5 +33,4 @@ def save_trajectory(
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Figure eight, then a hang")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
-    file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=120)

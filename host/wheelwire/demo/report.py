@@ -26,7 +26,10 @@ class Report:
     standstill_after_deadline_us: int
     stopping_distance_m: float
     """Driven between the removal of the drive and standstill."""
-    picture: str
+    picture: str | None
+    """Its file."""
+    picture_error: str | None
+    """Why there is no picture."""
 
     def rows(self) -> list[tuple[str, str]]:
         """Pairs of what and how much, for a table."""
@@ -49,7 +52,7 @@ class Report:
             ("stop: and after the last setpoint", _ms(self.command_age_us)),
             ("stop: standstill after the deadline", _ms(self.standstill_after_deadline_us)),
             ("stop: rolled out", f"{self.stopping_distance_m * 1000:.0f} mm"),
-            ("picture", self.picture),
+            ("picture", self.picture or f"none: {self.picture_error}"),
         ]
 
 

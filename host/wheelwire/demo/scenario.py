@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from rich.console import Console
 
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import WheelwireError
+from wheelwire.errors import OutputFailed, WheelwireError
 from wheelwire.odometry import Odometry, Pose
 from wheelwire.sim import Simulator, TrueState
 
@@ -23,19 +24,22 @@ TTL_S = 0.3
 STRAIGHT_S = 1.0
 """Driven after the figure, so that the hang meets a robot at speed."""
 PATIENCE_S = 10.0
+PICTURE = "trajectory.png"
 
 
 def run(folder: Path, console: Console) -> Report:
     """Drive a simulated robot; takes about 25 s.
 
     Args:
-        folder: Where `trajectory.png` is written.
+        folder: Where `trajectory.png` is written; made if it is not there.
         console: Where progress is shown.
 
     Raises:
         SimulatorNotFound: The simulator is not built.
+        OutputFailed: Nothing can be written in `folder`; nothing was driven.
         WheelwireError: The link failed, or the robot did not stop.
     """
+    _check_folder(folder)
     with (
         Simulator(truth_hz=50) as simulator,
         SerialDriver(simulator.port) as robot,
@@ -89,9 +93,8 @@ class _Demonstration:
         self._display.show(View(phase, seconds, pose, sample, self._robot.statistics))
 
     def _report(self, folder: Path) -> Report:
-        picture = folder / "trajectory.png"
-        true_path = [Pose(state.x_m, state.y_m, state.heading_rad) for state in self._true]
-        save_trajectory(picture, commanded_path(DURATION_S + STRAIGHT_S), self._path, true_path)
+        picture = folder / PICTURE
+        picture_error = self._save(picture)
         last, removed = self._true[-1], _drive_removed(self._true)
         pose, statistics = self._path[-1], self._robot.statistics
         return Report(
@@ -108,8 +111,33 @@ class _Demonstration:
             drive_removed_after_deadline_us=last.drive_removed_us - last.deadline_us,
             standstill_after_deadline_us=last.standstill_us - last.deadline_us,
             stopping_distance_m=last.distance_m - removed.distance_m,
-            picture=str(picture),
+            picture=None if picture_error else str(picture),
+            picture_error=picture_error,
         )
+
+    def _save(self, picture: Path) -> str | None:
+        """Write the picture; returns why it could not be written. The figures are told anyway."""
+        true_path = [Pose(state.x_m, state.y_m, state.heading_rad) for state in self._true]
+        commanded = commanded_path(DURATION_S + STRAIGHT_S)
+        try:
+            save_trajectory(picture, commanded, self._path, true_path)
+        except ImportError as error:
+            return f"it needs {error.name}: pip install 'wheelwire[tools]'"
+        except OSError as error:
+            return f"{picture}: {error.strerror}"
+        return None
+
+
+def _check_folder(folder: Path) -> None:
+    """Find out now what would cost the picture after the run."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputFailed(
+            f"cannot write in {folder}: {error.strerror}; choose another folder with --output"
+        ) from error
 
 
 def _drive_removed(states: list[TrueState]) -> TrueState:

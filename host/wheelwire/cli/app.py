@@ -1,0 +1,103 @@
+"""All commands in one application, and how each of them ends.
+
+Exit codes: 0 done; 2 wrong usage; 130 interrupted; else the error's, see `wheelwire.errors`.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from wheelwire import __version__
+from wheelwire.errors import OutputFailed, WheelwireError
+
+from . import INTERRUPTED
+from .flash import flash
+from .local import demo, ports, sim
+from .mcu import mcu
+from .output import print_error, show_help_alone
+from .parameters import app as parameters_app
+from .robot import clear, drive, estop, info, monitor
+
+USAGE = 2
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+"""Click's, or that of the copy of Click inside Typer: releases differ."""
+
+app = typer.Typer(
+    name="wheelwire",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (sim, ports, info, drive, monitor, estop, clear, flash, demo, mcu):
+    app.command()(command)
+app.add_typer(parameters_app, name="params")
+
+
+@app.callback(invoke_without_command=True)
+def wheelwire(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Drive, watch and set up a Wheelwire robot."""
+    if version:
+        typer.echo(f"wheelwire {__version__}")
+        raise typer.Exit
+    show_help_alone(context)
+
+
+def run() -> None:
+    """Carry out the command line, and exit."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # an ASCII terminal is no reason to fail
+    sys.exit(_result(sys.argv[1:]))
+
+
+def _result(arguments: list[str]) -> int:
+    as_json = "--json" in arguments
+    try:
+        return _carry_out(arguments)
+    except WheelwireError as error:
+        print_error(str(error), type(error).__name__, error.exit_code, as_json=as_json)
+        return error.exit_code
+    except UsageError as error:
+        print_error(_usage(error), "UsageError", USAGE, as_json=as_json)
+        return USAGE
+    except (KeyboardInterrupt, typer.Abort):
+        return INTERRUPTED
+
+
+def _carry_out(arguments: list[str]) -> int:
+    try:
+        code = app(arguments, prog_name="wheelwire", standalone_mode=False)
+        sys.stdout.flush()  # now, while a failure can still be told
+    except BrokenPipeError:
+        _discard_output()
+        return 0  # `wheelwire monitor | head` is no failure
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        _discard_output()
+        raise OutputFailed(f"cannot write the output: {error.strerror}") from error
+    return code if isinstance(code, int) else 0
+
+
+def _usage(error: Exception) -> str:
+    """What is wrong, and where it is explained. `error` is a UsageError, of whichever Click."""
+    message = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context else "wheelwire"
+    return f"{message}; see `{path} --help`"
+
+
+def _discard_output() -> None:
+    """What is left in the buffer would fail once more at the interpreter's exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
