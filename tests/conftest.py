@@ -1,10 +1,17 @@
-"""Which tests must not run at the same time, where there are several processes."""
+"""Which tests must not run at the same time, where there are several processes.
+
+Hypothesis measures no example's time: how long one takes says how busy the computer is.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("wheelwire", deadline=None)
+settings.load_profile("wheelwire")
 
 HERE = Path(__file__).parent
 ALONE = {

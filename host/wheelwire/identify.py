@@ -20,8 +20,8 @@ from wheelwire_protocol.types import DeviceHello, Hello
 
 from .clock import host_clock_us
 from .errors import LinkLost, PortUnavailable
-from .greeting import PERIOD_US
 from .ports import PSEUDO_TERMINALS, final_name, is_in_use
+from .session import HELLO_PERIOD_US
 from .transport import Transport, open_transport
 
 NO_VERSION = 0
@@ -113,7 +113,7 @@ def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:
     end_us = now_us + PATIENCE_US
     while now_us < end_us and any(not one.board_id for one in by_descriptor.values()):
         if now_us >= due_us:
-            due_us = now_us + PERIOD_US
+            due_us = now_us + HELLO_PERIOD_US
             for one in by_descriptor.values():
                 one.ask()
         for descriptor, _ in poller.poll((due_us - now_us) / 1000):

@@ -280,7 +280,7 @@ class PortLoop:
             since_us = session.unanswered_since_us
             if since_us is not None and now_us >= since_us + UNANSWERED_US:
                 raise _Unanswered("the device does not answer any more; opening the port anew")
-        if session.phase is Phase.GREETING and isinstance(session.error, WrongBoard):
+        if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
             self._leave_alone(session.error)
 
     def _leave_alone(self, error: WrongBoard) -> None:

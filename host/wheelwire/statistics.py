@@ -7,15 +7,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 
-@dataclass
-class Tally:
-    """What is wrong with messages that arrived whole; as in `LinkStatistics`."""
-
-    invalid: int = 0
-    foreign: int = 0
-    refused: int = 0
-
-
 @dataclass(frozen=True)
 class LinkStatistics:
     """A snapshot. Counts never go back, but for `frames_lost`.

@@ -28,7 +28,6 @@ def check_alive_and_still(host: RawHost) -> LinkCounters:
     return found
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=2000))
 def test_random_bytes(data: bytes) -> None:
     host = RawHost().open()
@@ -40,7 +39,7 @@ def test_random_bytes(data: bytes) -> None:
     assert bad == chunks
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.data())
 def test_a_setpoint_with_any_change_is_not_obeyed(data: st.DataObject) -> None:
     host = RawHost().open()

@@ -30,7 +30,7 @@ line = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=500)
+@settings(max_examples=500)
 @given(data=line, at=st.lists(st.integers(0, 1000), max_size=6))
 def test_any_bytes_in_any_chunking(data: bytes, at: list[int]) -> None:
     bounds = [0, *sorted(position % (len(data) + 1) for position in at), len(data)]

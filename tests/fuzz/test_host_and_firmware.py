@@ -236,5 +236,5 @@ class HostAndFirmware(RuleBasedStateMachine):
 def test_any_interleaving_agrees_with_the_model() -> None:
     run_state_machine_as_test(
         HostAndFirmware,
-        settings=settings(max_examples=100, stateful_step_count=50, deadline=None),
+        settings=settings(max_examples=100, stateful_step_count=50),
     )

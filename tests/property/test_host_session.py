@@ -42,7 +42,7 @@ def test_random_bytes_never_raise_and_are_never_a_sample(chunks: list[bytes]) ->
         session.advance(now * 1000)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(messages=st.lists(any_message(), max_size=20), mine=st.booleans())
 def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: bool) -> None:
     line = VirtualLine(watched=(1,)).open()
@@ -61,7 +61,7 @@ def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: boo
             continue
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**16),
     loss=st.floats(0, 0.2),

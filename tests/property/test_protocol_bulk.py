@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from unittest.mock import patch
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of
@@ -36,7 +36,6 @@ def test_any_message_in_a_mixed_capture(data: bytes, message_type: type[AnyMessa
     check(data, message_type)
 
 
-@settings(deadline=None)  # the table of the CRC is built in the first example
 @given(
     data=corrupted_captures(st.one_of(messages_of(WheelState), any_message)),
     block=st.integers(1, 200),

@@ -54,7 +54,7 @@ def test_a_silent_port() -> None:
 def test_a_device_that_is_not_ours() -> None:
     gps = pty_with(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n")
     with gps as port, pytest.raises(errors.ForeignDevice, match="no Wheelwire frame"):
-        SerialDriver(port, connect_timeout=0.3)
+        SerialDriver(port, connect_timeout=1.5)
 
 
 def test_silence_leads_through_the_usual_baud_rates() -> None:

@@ -300,7 +300,7 @@ def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
     theirs = hello._replace(nonce=hello.nonce ^ 1)
     line.device.feed(Encoder().encode(theirs), line.now_us)
     line.run(0.1)
-    assert line.session.phase is Phase.GREETING
+    assert line.session.phase is Phase.HELLO
     assert line.session.statistics(line.now_us).foreign > 0
 
 
@@ -310,7 +310,7 @@ def test_what_a_device_says_to_others_does_not_keep_a_session_alive() -> None:
     for _ in range(5):
         line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 0.5))
         line.run(0.5)
-    assert line.session.phase is Phase.GREETING
+    assert line.session.phase is Phase.HELLO
 
 
 def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
@@ -323,7 +323,7 @@ def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
     line = VirtualLine(device=Unwilling())
     line.session.connect(line.now_us)
     line.run(0.2)
-    assert line.session.phase is Phase.GREETING
+    assert line.session.phase is Phase.HELLO
     assert isinstance(line.session.error, DeviceRefused)
 
 
