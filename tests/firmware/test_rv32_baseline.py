@@ -35,3 +35,33 @@ def test_the_committed_baseline_is_whole() -> None:
     assert baseline.compiler
     assert all(figure > 0 for figure in baseline.figures.values())
     assert json.loads(rv32_baseline.FILE.read_text("utf-8")) == baseline._asdict()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "required: release"),
+        (["--help"], "such as 0.1.0"),
+        (["next"], "'next' is no release's number, such as 0.1.0"),
+        (["0.1.0", "0.2.0"], "unrecognized arguments: 0.2.0"),
+    ],
+)
+def test_a_wrong_command_line_says_what_is_wanted_and_writes_nothing(
+    arguments: list[str],
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(rv32_baseline, "write", written.append)
+    with pytest.raises(SystemExit):
+        rv32_baseline.main(arguments)
+    assert told in "".join(capsys.readouterr())
+    assert not written
+
+
+def test_the_release_on_the_command_line_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(rv32_baseline, "write", written.append)
+    rv32_baseline.main(["0.1.0"])
+    assert written == ["0.1.0"]

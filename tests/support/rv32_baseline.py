@@ -5,9 +5,11 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -67,5 +69,19 @@ def write(release: str) -> None:
     FILE.write_text(json.dumps(baseline._asdict(), indent=2) + "\n", "utf-8")
 
 
+def release_number(text: str) -> str:
+    """`text`, if it is a release's number; an error of the command line otherwise."""
+    if not re.fullmatch(r"\d+\.\d+\.\d+", text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no release's number, such as 0.1.0")
+    return text
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Write the core's cost as a release's baseline.")
+    parser.add_argument("release", type=release_number, help="which one, such as 0.1.0")
+    write(parser.parse_args(arguments).release)
+
+
 if __name__ == "__main__":
-    write(sys.argv[1])
+    main()
