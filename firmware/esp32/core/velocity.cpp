@@ -12,7 +12,10 @@ constexpr uint32_t kStandstill_us = 500'000;
 constexpr uint32_t kGoldenRatio_q16 = 40'503;
 
 // A whole cycle of A and B: its four edges are not equally far apart, a cycle and the next one are.
-constexpr uint32_t kCycle = 4;
+constexpr int32_t kCycle = 4;
+
+// So many control steps in a window tell when a tick came.
+constexpr uint32_t kFineSteps = 16;
 
 // A tick that comes after so many of its periods ends a standstill: what was before says nothing
 // about the speed now.
@@ -23,13 +26,14 @@ constexpr uint32_t kPeriodsOfAPause = 4;
 void VelocityEstimator::reset() {
   count_ = 0;
   direction_ = 0;
+  cycle_us_ = 0;
   baseline_ = {};
   rate_q8_ = 0;
   falling_behind_umps_ = 0;
 }
 
 void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_us,
-                               uint32_t window_us) {
+                               uint32_t period_us, uint32_t window_us) {
   const uint32_t t_us = static_cast<uint32_t>(now_us);
   if (change != 0) {
     // The time between two ticks of opposite direction says nothing about speed.
@@ -46,7 +50,7 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
   const int32_t limit_q8 =
       silence_us_ > 0 ? static_cast<int32_t>(384'000'000u / silence_us_) : INT32_MAX;
   if (magnitude(rate_q8_) < limit_q8) {
-    drop_old(t_us, window_us);
+    drop_old(t_us, window_us, period_us * kFineSteps < window_us);
     measure();
   }
   rate_q8_ = clamp(rate_q8_, -limit_q8, limit_q8);
@@ -76,14 +80,22 @@ void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
 }
 
 /// Leaves two marks that are far enough away: a window on the average.
-void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us) {
+void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
   const uint32_t least_us = window_us - window_us / (2 * kMarksPerWindow);
   while (count_ > 2) {
     const Mark& next = mark(2);
     const uint32_t age_us = t_us - next.noted_us;
-    const auto ticks = static_cast<int32_t>(newest_.ticks - next.newest.ticks);
-    const bool whole_cycle = magnitude(ticks) >= static_cast<int32_t>(kCycle);
-    if (age_us < least_us || (!whole_cycle && age_us < kPatience * window_us)) return;
+    if (age_us < least_us) return;
+    const int32_t ticks = magnitude(static_cast<int32_t>(newest_.ticks - next.newest.ticks));
+    // Where steps are coarse, a tick to spare before the baseline gets shorter: so at a constant
+    // speed its length is constant. Chosen by the ticks that happen to be in it, a short one would
+    // have many of them.
+    const int32_t needed = fine || age_us >= cycle_us_ ? kCycle : kCycle + 1;
+    if (ticks < needed && age_us < kPatience * window_us) {
+      if (cycle_us_ <= age_us) cycle_us_ = age_us + 1;
+      return;
+    }
+    if (cycle_us_ > age_us) cycle_us_ = age_us;
     first_ = first_ + 1 < kMarks ? first_ + 1 : 0;
     --count_;
   }

@@ -7,7 +7,8 @@
 // A tick is seen up to one control period late, by an amount that depends on the ratio of ticks to
 // steps. So that it cancels in the mean at every speed, both ends of the measurement are chosen in
 // the same way, at every step: the newest tick that is known now, and the one that was the newest a
-// window ago. Choosing either end by when its tick was seen makes the mean wrong by up to 1.6 %.
+// window ago. Choosing either end by when its tick was seen makes the mean wrong by up to 1.6 %,
+// and choosing the length by the ticks of the moment by up to 3.3 % at 100 control steps a second.
 #pragma once
 
 #include <stddef.h>
@@ -19,7 +20,8 @@ class VelocityEstimator {
  public:
   /// Call at every control step with the ticks since the last call, and with how far the wheel is
   /// behind its setpoint, um x 16 (modulo 2^32).
-  void update(int32_t change, uint32_t behind_q4, uint64_t now_us, uint32_t window_us);
+  void update(int32_t change, uint32_t behind_q4, uint64_t now_us, uint32_t period_us,
+              uint32_t window_us);
   void reset();
 
   /// Ticks per second x 256, forward positive.
@@ -50,7 +52,7 @@ class VelocityEstimator {
   }
   bool follows_a_pause() const;
   void note(uint32_t t_us, uint32_t window_us);
-  void drop_old(uint32_t t_us, uint32_t window_us);
+  void drop_old(uint32_t t_us, uint32_t window_us, bool fine);
   void measure();
   const Mark& mark(size_t index) const {
     const size_t slot = first_ + index;
@@ -64,6 +66,7 @@ class VelocityEstimator {
   int32_t direction_ = 0;    // 0: stands
   uint32_t spacing_us_ = 0;  // To the next mark.
   uint16_t dither_q16_ = 0;
+  uint32_t cycle_us_ = 0;    // How old a mark must be for a whole cycle since then.
   uint32_t silence_us_ = 0;  // Without a tick, at the last step.
   Tick baseline_{};          // What was measured last: so many ticks in that time.
   int32_t rate_q8_ = 0;

@@ -6,7 +6,8 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
                         const ControlConfig& config) {
   const int32_t change = total_.update(counter, encoder_inverted);
   following_.update(change, now_us, config.period_us, config.um_per_tick_q10);
-  estimator_.update(change, following_.total_q4(), now_us, config.velocity_window_us);
+  estimator_.update(change, following_.total_q4(), now_us, config.period_us,
+                    config.velocity_window_us);
   velocity_umps_ = multiply_shift(estimator_.ticks_per_s_q8(), config.um_per_tick_q10, 18);
   const WheelFault fault =
       monitor_.update(duty_q15_, total_.ticks(), velocity_umps_, now_us, config.faults);
