@@ -118,9 +118,10 @@ def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> 
         except ConnectionError:
             data = b""
         if not data:
+            end(process)
             raise errors.DriverUnavailable(
                 "the process that moves the pins ended at its start, with status "
-                f"{process.wait()}: its own message is on standard error"
+                f"{process.returncode}: its own message is on standard error"
             )
         line += data
     connection.setblocking(False)
