@@ -44,6 +44,8 @@ Heard = Callable[[Answer | WheelwireError], None]
 JOIN_S = 10.0
 """Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
 thread is a daemon in any case."""
+PORT_TIMEOUT_S = 60.0
+"""A process that moves pins needs up to 28 s, a resolver that is out of reach half a minute."""
 CALL_TIMEOUT_S = 5.0
 """A request that is given up takes about one second, and others may be before it in the queue."""
 
@@ -75,8 +77,8 @@ class Link:
             glob patterns, separated by commas.
         any_board: Whether to go on with another board than the first, where a port leads to one.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
-            again whenever it was lost. It may raise any WheelwireError. It decides which board
-            is the right one: any is.
+            again whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
+            It decides which board is the right one: any is.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -105,12 +107,10 @@ class Link:
         self._session = Session(
             _random_nonce, stream_rate_hz, watched, any_board=any_board or open_port is not None
         )
-        open_port = open_port or partial(_open_port, port, board_id)
-        transport = open_port(baud_rate)
         this = weakref.ref(self)
         self._loop = PortLoop(
-            transport,
-            open_port,
+            open_port or partial(_open_port, port, board_id),
+            baud_rate,
             self._session,
             self._changed,
             inbox,
@@ -123,6 +123,7 @@ class Link:
             # Thread.start() waits for an Event: an exception out of a signal handler in there can
             # leave the new thread waiting for ever. No handler interrupts a thread but the main.
             _thread.start_new_thread(_start, (self._thread, self._loop))
+            self._wait_for_port()
             self._wait_until_open(connect_timeout_s)
         except BaseException:
             self.close()
@@ -224,7 +225,7 @@ class Link:
         # Not join() alone: interrupted by a signal handler's exception it may take the thread for
         # ended, so that whoever closes once more would not wait.
         ended = self._changed.wait_for(lambda: self._loop.end is not None, JOIN_S)
-        if ended and self._thread.ident is not None:
+        if ended and self._thread.is_alive():  # it may have ended without a thread, too
             self._thread.join(JOIN_S)
 
     def _call(self, task: Task) -> Answer | None:
@@ -247,6 +248,22 @@ class Link:
     def _check_alive(self) -> None:
         if self._loop.end is not None:
             raise self._loop.end.with_traceback(None)
+
+    def _wait_for_port(self) -> None:
+        """Wait until the link's thread has opened the port; raise why it could not."""
+        try:
+            error = self._loop.opened.get(timeout=PORT_TIMEOUT_S)
+        except Empty:
+            raise PortUnavailable(
+                self._port,
+                f"opening it takes longer than {PORT_TIMEOUT_S:g} s: plug it in again, or restart "
+                "the peer",
+            ) from None
+        if error is not None:
+            try:
+                raise error
+            finally:
+                del error  # its traceback holds this frame
 
     def _wait_until_open(self, timeout_s: float) -> None:
         def decided() -> bool:

@@ -10,9 +10,11 @@ from __future__ import annotations
 import logging
 import select
 import socket
+import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from queue import SimpleQueue
 from typing import TypeAlias
 
 from wheelwire_protocol.codes import StopMode
@@ -42,6 +44,7 @@ WRONG_BOARD_PAUSE_S = 1.0
 """Opening a port may reset the board there, and another program may want that one."""
 OUTPUT_LIMIT = 4096
 """Bytes that wait for the port at most: older ones are worth nothing to a robot."""
+CLOSED = "the link is closed; open it again"
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
@@ -59,8 +62,9 @@ class PortLoop:
     """Serves a session on a port, through every loss of the port, until `finish`.
 
     Args:
-        transport: The open port; the loop closes it.
-        reopen: Opens it again at a baud rate, or raises a WheelwireError.
+        open_port: Opens the port at a baud rate, or raises why not; called again whenever the port
+            was lost. The loop closes what it returns.
+        baud_rate: Tried first.
         session: Not connected yet. Others may look at it, and change nothing.
         changed: Notified when the session opens, ends or fails to open.
         inbox: Takes the samples.
@@ -69,8 +73,8 @@ class PortLoop:
 
     def __init__(
         self,
-        transport: Transport,
-        reopen: Callable[[int], Transport],
+        open_port: Callable[[int], Transport],
+        baud_rate: int,
         session: Session,
         changed: Notifier,
         inbox: SampleInbox,
@@ -81,17 +85,19 @@ class PortLoop:
         """Why the loop ended, once it has."""
         self.lost: LinkLost | None = None
         """Why the port was lost last, if it was."""
-        self.search = BaudSearch(transport.baud_rate, host_clock_us())
-        self.low_latency = transport.low_latency
-        self.baud_rate = transport.baud_rate
-        self.port = transport.port
-        self._first_transport = transport
+        self.opened: SimpleQueue[BaseException | None] = SimpleQueue()
+        """Gets None when the port has been opened for the first time, or why it was not."""
+        self.search = BaudSearch(None, host_clock_us())
+        self.low_latency: bool | None = None
+        self.baud_rate: int | None = None
+        self.port = ""
+        self._first_baud_rate = baud_rate
         self._suspend = SuspendWatch()
         self._check_due_us = 0
         self._answers_before = 0
         self._wrong_board = ""
-        self._reopen_port = reopen
-        self._longest_pause_s = transport.longest_pause_s
+        self._open_port = open_port
+        self._longest_pause_s = FIRST_PAUSE_S
         self._pause_s = 0.0
         """Before the next attempt. No session since the last one: it did not help."""
         self._session = session
@@ -106,6 +112,8 @@ class PortLoop:
         self._expectant = True
         """Another thread, or an answer that is under way, may have given the session work."""
         self._finishing = False
+        self._begun = threading.Lock()
+        """Taken for good, by `run` or by a `finish` that came before it."""
         self._farewell_until_us: int | None = None
         self._farewell_done = False
         self._wake_read, self._wake_write = socket.socketpair()
@@ -139,15 +147,22 @@ class PortLoop:
             raise LinkLost("the port takes nothing that is sent to it; the setpoint was not sent")
 
     def finish(self) -> None:
-        """Stop the robot, close the port and end; from any thread, even from a finaliser."""
+        """Stop the robot, close the port and end; from any thread, even from a finaliser.
+
+        A loop that does not run yet ends here, and never will.
+        """
         self._finishing = True
         self.wake()
+        if self._begun.acquire(blocking=False):
+            self._die(LinkClosed(CLOSED))
 
     def run(self) -> None:
         """The thread's whole life."""
-        end: WheelwireError = LinkClosed("the link is closed; open it again")
+        if not self._begun.acquire(blocking=False):
+            return
+        end: WheelwireError = LinkClosed(CLOSED)
         try:
-            transport: Transport | None = self._first_transport
+            transport = self._open()
             while transport is not None:
                 self._connect(transport)
                 lost = self._serve(transport)
@@ -160,6 +175,22 @@ class PortLoop:
             self._die(end)
 
     # --- the port ------------------------------------------------------------------------------
+
+    def _open(self) -> Transport | None:
+        """Open the port for the first time; None when that failed.
+
+        Here and not where the link is opened: no signal handler interrupts this thread. An
+        exception out of one, before the new descriptor is noted, would leave the port locked.
+        """
+        try:
+            transport = self._open_port(self._first_baud_rate)
+        except BaseException as error:
+            self.opened.put(error)  # whatever it is: it is raised there
+            return None
+        self.search = BaudSearch(transport.baud_rate, host_clock_us())
+        self._longest_pause_s = transport.longest_pause_s
+        self.opened.put(None)
+        return transport
 
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost: True; or until the end: False. Closes the port."""
@@ -326,7 +357,7 @@ class PortLoop:
             self._do_calls(host_clock_us())  # they learn why there is no session
             self._pause_s = min(max(2 * self._pause_s, FIRST_PAUSE_S), self._longest_pause_s)
             try:
-                transport = self._reopen_port(self.search.rate or 0)
+                transport = self._open_port(self.search.rate or 0)
             except PortUnavailable:
                 continue
             except WheelwireError as error:
@@ -370,7 +401,6 @@ class PortLoop:
 
     def fail(self, error: Exception) -> None:
         """End before the beginning: there is no thread to run in."""
-        self._first_transport.close()
         self._die(
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
@@ -386,6 +416,7 @@ class PortLoop:
 
     def _die(self, end: WheelwireError) -> None:
         self.end = end
+        self.opened.put(end)
         self._session.disconnect(end)
         self._refuse_calls(end)
         self._inbox.fail(end)

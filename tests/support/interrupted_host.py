@@ -11,12 +11,12 @@ import json
 import random
 import signal
 import sys
-import threading
 import time
 from collections import Counter
 from types import FrameType
 
 import wheelwire
+from support.threads import link_threads
 from wheelwire.drivers.serial import SerialDriver
 
 LONGEST_S = 6.0
@@ -113,7 +113,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     host.robot.read(timeout=5.0)
     host.robot.stop()
-    alive = [t.name for t in threading.enumerate() if t.name.startswith("wheelwire")]
+    alive = len(link_threads())
     host.robot.shutdown()
     report = {
         "interrupts": host.interrupts,
@@ -122,8 +122,8 @@ def main() -> None:
         "stops": host.succeeded["stop"],
         "errors": host.errors,
         "longest_s": host.longest_s,
-        "alive": len(alive),
-        "left": sum(t.name.startswith("wheelwire") for t in threading.enumerate()),
+        "alive": alive,
+        "left": len(link_threads()),
     }
     _say(json.dumps(report))
 

@@ -198,7 +198,8 @@ class TransportDriver(DeviceDriver):
     Args:
         name: What the transport leads to, for messages: `l298n`, `/dev/ttyUSB0`.
         open_transport: Opens the byte stream, at a baud rate where there is one; called again
-            whenever it was lost. It may raise any WheelwireError. Without it `name` is a port.
+            whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
+            Without it `name` is a port.
         baud_rate: Tried first.
         connect_timeout: How long to look for the device, once the transport is open. [s]
         stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has

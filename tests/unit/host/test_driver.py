@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ import wheelwire
 from support.fake_device import FakeDevice
 from support.processes import interruptible
 from support.pty_device import PtyDevice
+from support.threads import link_threads
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
@@ -39,10 +39,6 @@ def robot(tmp_path: Path) -> Iterator[PtyDevice]:
 def driver(robot: PtyDevice) -> Iterator[SerialDriver]:
     with SerialDriver(str(robot.path)) as driver:
         yield driver
-
-
-def wheel_threads() -> list[threading.Thread]:
-    return [t for t in threading.enumerate() if t.name.startswith("wheelwire")]
 
 
 def open_files() -> int:
@@ -153,7 +149,7 @@ def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(robot: PtyDe
         driver.set_velocity(0.2, 0.0)
         wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
     assert robot.device.supervisor is SupervisorState.IDLE
-    assert wheel_threads() == []
+    assert link_threads() == []
     assert open_files() == before
     driver.shutdown()
     with pytest.raises(errors.LinkClosed, match="closed"):
@@ -171,7 +167,7 @@ def test_a_forgotten_driver_stops_the_robot(robot: PtyDevice) -> None:
     del driver
     gc.collect()
     assert robot.device.supervisor is SupervisorState.IDLE
-    assert wheel_threads() == []
+    assert link_threads() == []
 
 
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
@@ -293,7 +289,7 @@ def test_a_driver_may_be_shut_down_while_unplugged(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         robot.unplug()
         wait_until(lambda: is_lost(driver))
-    assert wheel_threads() == []
+    assert link_threads() == []
 
 
 def test_the_death_of_the_links_thread_is_told(

@@ -14,9 +14,12 @@ import pytest
 
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
-from wheelwire import errors
+from support.threads import link_threads
+from support.waiting import wait_until
+from wheelwire import errors, link
+from wheelwire.drivers.device import TransportDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.transport import SerialTransport
+from wheelwire.transport import SerialTransport, SocketTransport, Transport
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.types import SetWheelVelocity
 
@@ -108,6 +111,33 @@ def test_a_port_that_is_in_use(tmp_path: Path) -> None:
 def test_no_port() -> None:
     with pytest.raises(errors.PortUnavailable, match="no such port"):
         SerialDriver("/dev/does-not-exist")
+
+
+def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair()
+    go_on = threading.Event()
+
+    def open_port(_baud_rate: int) -> Transport:
+        go_on.wait()
+        return SocketTransport(ours)
+
+    monkeypatch.setattr(link, "PORT_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(link, "JOIN_S", 0.05)
+    with theirs:
+        with pytest.raises(errors.PortUnavailable, match="takes longer than"):
+            TransportDriver("robot", open_port)
+        go_on.set()
+        wait_until(lambda: not link_threads())
+        assert ours.fileno() < 0
+
+
+def test_any_error_of_the_opening_is_raised_where_the_driver_is() -> None:
+    def open_port(_baud_rate: int) -> Transport:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        TransportDriver("robot", open_port)
+    assert not link_threads()
 
 
 def test_a_file_that_is_no_port(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from support.fake_device import FakeDevice
 from wheelwire.clock import host_clock_us
-from wheelwire.errors import LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.inbox import SampleInbox
 from wheelwire.port_loop import OUTPUT_LIMIT, PortLoop
 from wheelwire.session import Phase, Session
@@ -71,11 +71,12 @@ class Rig:
     def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
         self.session = Session(lambda: 7)
         self.inbox = SampleInbox()
+        self.unopened: Port | None = port
         self._lost = lost
-        self.loop = PortLoop(port, self._reopen, self.session, Notifier(), self.inbox, lambda: True)
+        self.loop = PortLoop(self._open, 0, self.session, Notifier(), self.inbox, lambda: True)
 
-    def _reopen(self, _baud_rate: int) -> Transport:
-        port = self._lost()
+    def _open(self, _baud_rate: int) -> Transport:
+        port, self.unopened = self.unopened or self._lost(), None
         if port is None:
             self.loop.finish()
             raise PortUnavailable("port", "gone")
@@ -87,11 +88,26 @@ def ignore(_result: object) -> None:
 
 
 def test_the_robot_is_stopped_before_the_port_is_closed() -> None:
+    rig: Rig
+
+    def finish() -> bool:
+        rig.loop.finish()
+        return True
+
+    port = Port(accepts=finish)
+    rig = Rig(port)
+    rig.loop.run()
+    assert isinstance(port.messages()[-1], Stop)
+
+
+def test_a_loop_that_is_finished_before_it_runs_opens_no_port() -> None:
     port = Port()
     rig = Rig(port)
     rig.loop.finish()
+    assert isinstance(rig.loop.end, LinkClosed)
     rig.loop.run()
-    assert any(isinstance(message, Stop) for message in port.messages())
+    assert rig.unopened is port
+    port.close()
 
 
 def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> None:

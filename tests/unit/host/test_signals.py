@@ -1,27 +1,33 @@
 """Calls in signal handlers, and exceptions out of them, at every step of the calls they interrupt.
 
-A trace function stands in for the handler: like one, it runs between two bytecodes of the main
-thread, in the library's frames and in the standard library's. It runs at each of them in turn.
+The handler is called between two bytecodes of the main thread, as a signal's is, in the library's
+frames and in the standard library's, and at each of them in turn.
 """
 
-import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import pytest
 
+from support.bytecodes import interrupted
 from support.interrupted_host import LONGEST_S
 from support.interrupts import storm
 from support.pty_device import PtyDevice
+from support.threads import link_threads
+from support.waiting import wait_until
 from wheelwire import errors
+from wheelwire.drivers.device import TransportDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.inbox import SampleInbox
+from wheelwire.link import Link
+from wheelwire.transport import Transport, open_transport
 from wheelwire.waiting import Notifier
 
 CALLS: dict[str, Callable[[SerialDriver], object]] = {
-    "set_duty": lambda robot: robot.set_duty(0.1, 0.1),
+    "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=60.0),
     "stop": lambda robot: robot.stop(),
     "read": lambda robot: robot.read(),
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
@@ -30,33 +36,14 @@ CALLS: dict[str, Callable[[SerialDriver], object]] = {
 }
 
 
+STRIDE = 7
+"""An opening has a thousand bytecodes and more: every seventh takes a few seconds."""
+
+
 @pytest.fixture
 def driver(tmp_path: Path) -> Iterator[SerialDriver]:
     with PtyDevice(tmp_path / "robot") as device, SerialDriver(str(device.path)) as driver:
         yield driver
-
-
-def interrupted(call: Callable[[], object], step: int, handler: Callable[[], object]) -> bool:
-    """Make `call`, and `handler` before its `step`th bytecode; False when it has fewer."""
-    left = step
-
-    def trace(frame: FrameType, event: str, _argument: Any) -> Any:
-        nonlocal left
-        frame.f_trace_opcodes, frame.f_trace_lines = True, False
-        if event == "opcode":
-            left -= 1
-            if left == 0:
-                sys.settrace(None)
-                handler()
-        return trace
-
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        call()
-    finally:
-        sys.settrace(before)
-    return left <= 0
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -91,16 +78,48 @@ def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
         step += 1
 
 
-@pytest.mark.parametrize("step", range(1, 400, 7))
-def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path, step: int) -> None:
+# Of an exception in a finaliser, and of an interrupted constructor's sockets when they are freed.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
     def interrupt() -> None:
         raise KeyboardInterrupt
 
+    step, done = 1, False
     with PtyDevice(tmp_path / "robot") as device:
-        with pytest.raises(KeyboardInterrupt):
-            interrupted(lambda: SerialDriver(str(device.path)), step, interrupt)
-        with SerialDriver(str(device.path)) as driver:
-            driver.stop()
+        path = str(device.path)
+        while not done:
+            opened: list[SerialDriver] = []
+            with suppress(KeyboardInterrupt):
+                done = not interrupted(partial(_open_into, opened, path), step, interrupt)
+            for driver in opened:
+                driver.shutdown()
+            wait_until(lambda: not link_threads())
+            step += STRIDE
+        SerialDriver(path).shutdown()
+    assert step > 500
+
+
+def _open_into(opened: list[SerialDriver], path: str) -> None:
+    opened.append(SerialDriver(path))
+
+
+def test_no_handler_interrupts_the_opening_itself(tmp_path: Path) -> None:
+    threads: list[threading.Thread] = []
+
+    def open_port(baud_rate: int) -> Transport:
+        threads.append(threading.current_thread())
+        return open_transport(str(tmp_path / "robot"), baud_rate)
+
+    with PtyDevice(tmp_path / "robot"), TransportDriver("robot", open_port, baud_rate=921_600):
+        assert threads
+        assert threading.main_thread() not in threads
+
+
+def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "robot") as device:
+        Link(str(device.path), SampleInbox(), baud_rate=921_600, connect_timeout_s=5.0)
+        wait_until(lambda: not link_threads())
+        SerialDriver(str(device.path)).shutdown()
 
 
 def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
