@@ -36,7 +36,7 @@ class PortUnavailable(WheelwireError):  # noqa: N818 - the design's names say th
 
 
 class DeviceSilent(WheelwireError):  # noqa: N818
-    """Not one byte came from the device."""
+    """The device sent nothing."""
 
     exit_code = 4
 
@@ -94,11 +94,14 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         code: Of `RefusalCode`, if this library knows it.
         subject: What was refused.
         faults: Those latched, if they are why.
+        hint: What to do beyond what the code says.
     """
 
     exit_code = 7
 
-    def __init__(self, code: int, subject: str, faults: Fault = NO_FAULT) -> None:
+    def __init__(
+        self, code: int, subject: str, faults: Fault = NO_FAULT, *, hint: str = ""
+    ) -> None:
         self.code = code
         self.faults = faults
         try:
@@ -106,7 +109,8 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         except ValueError:
             text = f"Code {code}, which this host library does not know."
         latched = [f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults]
-        super().__init__(" ".join([f"the device refused {subject}: {text}", *latched]))
+        sentences = [f"the device refused {subject}: {text}", *latched, hint]
+        super().__init__(" ".join(filter(None, sentences)))
 
 
 class LinkLost(WheelwireError):  # noqa: N818
@@ -168,12 +172,12 @@ class UnknownParameter(WheelwireError):  # noqa: N818
 
 
 class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
-    """A parameter's value is outside its bounds, or no number of its kind."""
+    """A parameter's value is outside its bounds, or not a number of its kind."""
 
     exit_code = 12
 
     def __init__(self, key: str, value: float, bound: str) -> None:
-        super().__init__(f"{key} = {shown(value)} is not possible: it must be {bound}")
+        super().__init__(f"{key} = {shown(value)} is out of range: it must be {bound}")
         self.key = key
         self.value = value
         self.bound = bound
@@ -192,7 +196,7 @@ class SimulatorNotFound(WheelwireError):  # noqa: N818
 
 
 class ConfigurationError(WheelwireError):
-    """A file of settings says something that cannot be."""
+    """A configuration file is invalid."""
 
     exit_code = 15
 

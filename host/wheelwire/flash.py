@@ -69,9 +69,15 @@ def only_likely_port() -> str:
         FlashFailed: There is none, or more than one.
     """
     likely = [port.device for port in list_serial_ports() if port.likely_esp32]
-    if len(likely) != 1:
-        found = ", ".join(likely) or "none"
-        raise FlashFailed(f"ports that may be a board: {found}; name one with --port")
+    if not likely:
+        raise FlashFailed(
+            "no board is found: plug it in with a cable that carries data (many only charge), and "
+            "look whether `wheelwire ports` lists it; any port can be named with --port"
+        )
+    if len(likely) > 1:
+        raise FlashFailed(
+            f"several ports may be the board: {', '.join(likely)}; name one with --port"
+        )
     return likely[0]
 
 

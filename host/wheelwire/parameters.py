@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
+from wheelwire_protocol.units import Unit
 
 from .arguments import is_number
 from .errors import InvalidArgument, ParameterOutOfRange, UnknownParameter, shown
@@ -64,13 +65,21 @@ class Parameters(ABC):
     def list(self) -> tuple[ParameterInfo, ...]:
         """All parameters, with the bounds that the device holds them to."""
 
-    @abstractmethod
-    def save(self) -> None:
-        """Keep the values across resets. Only while stopped."""
+    def save(self, name: str | None = None) -> None:
+        """Keep values across resets. Only while stopped.
+
+        Args:
+            name: The only one to save; all others stay as they were saved. None saves all, also
+                those that were only tried.
+        """
+        self._save(0 if name is None else _definition(name).id)
 
     @abstractmethod
     def reset(self) -> None:
         """Go back to the defaults, and forget what was saved. Only while stopped."""
+
+    @abstractmethod
+    def _save(self, parameter: int) -> None: ...
 
     @abstractmethod
     def _read(self, definition: Parameter) -> float: ...
@@ -118,16 +127,29 @@ def checked_values(values: Mapping[str, float] | None) -> dict[str, float]:
     return {name: checked_value(name, value) for name, value in (values or {}).items()}
 
 
+def _millimetres(definition: Parameter, value: float) -> str:
+    """A hint where somebody gave millimetres for metres."""
+    metres = value / 1000
+    if definition.unit is not Unit.METRE or not definition.minimum <= metres <= definition.maximum:
+        return ""
+    return f" ({metres:g} is {value:g} mm)"
+
+
 def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> float:
     name, (low, high) = definition.name, bounds
     if definition.kind is Kind.SWITCH and isinstance(value, bool):
         value = float(value)
+    if definition.kind is Kind.SWITCH and not (is_number(value) and value in (0, 1)):
+        raise ParameterOutOfRange(name, value, "0 (off) or 1 (on)")
     if not is_number(value):
         raise ParameterOutOfRange(name, value, "a finite number")
+    unit = f" {definition.unit.value}".rstrip()
     if value < low:
-        raise ParameterOutOfRange(name, value, f"at least {low:g}")
+        raise ParameterOutOfRange(name, value, f"at least {low:g}{unit}")
     if value > high:
-        raise ParameterOutOfRange(name, value, f"at most {high:g}")
+        raise ParameterOutOfRange(
+            name, value, f"at most {high:g}{unit}{_millimetres(definition, value)}"
+        )
     if definition.kind is not Kind.REAL and value != int(value):
         raise ParameterOutOfRange(name, value, "a whole number")
     return float(value)

@@ -5,7 +5,10 @@ Opening a port asserts DTR, which stops a lidar's motor and may reset a board.
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 from serial.tools import list_ports
@@ -80,6 +83,23 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     if True in answers:
         return True
     return None if None in answers else False
+
+
+def lock_holder(device: str, proc: Path = Path("/proc")) -> str | None:
+    """Name and process id of who holds the lock that pyserial takes on a port; None: not known.
+
+    One small file tells, where `is_in_use` looks into every process.
+    """
+    with suppress(OSError):
+        status = Path(device).stat()
+        major, minor = os.major(status.st_dev), os.minor(status.st_dev)
+        target = f"{major:02x}:{minor:02x}:{status.st_ino}"
+        for line in (proc / "locks").read_text().splitlines():
+            # 1: FLOCK  ADVISORY  WRITE 4711 00:16:9 0 EOF
+            kind, pid, file = itemgetter(1, 4, 5)(line.split())
+            if kind == "FLOCK" and file == target:
+                return f"{(proc / pid / 'comm').read_text().strip()}, process {pid}"
+    return None
 
 
 def final_name(device: str | Path) -> str:

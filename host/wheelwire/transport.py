@@ -20,21 +20,22 @@ import serial
 
 from .errors import LinkLost, PortUnavailable
 from .forking import forsake_in_child
-from .ports import PSEUDO_TERMINALS, final_name
+from .ports import PSEUDO_TERMINALS, final_name, lock_holder
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0
 UNIX = "unix:"
 
 _REMEDIES = {
-    errno.ENOENT: "there is no such port; `wheelwire ports` lists those there are",
+    errno.ENOENT: (
+        "there is no such port; `wheelwire ports` lists those there are, "
+        "`wheelwire sim` starts a simulated robot"
+    ),
     errno.ENODEV: "the device behind it is gone; plug it in again",
     errno.ENXIO: "the device behind it is gone; plug it in again",
     errno.EIO: "the device behind it is gone; plug it in again",
     errno.EACCES: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
     errno.EPERM: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
-    errno.EBUSY: "another program uses it; close that one",
-    errno.EAGAIN: "another program uses it; close that one",
     errno.ENOTTY: "it is no serial port; `wheelwire ports` lists those there are",
     errno.EISDIR: "it is no serial port; `wheelwire ports` lists those there are",
     errno.ECONNREFUSED: "nobody listens there; start the peer first",
@@ -282,9 +283,14 @@ def _connect(port: str, connect: Callable[[str], socket.socket]) -> socket.socke
 
 
 def _connect_tcp(url: str) -> socket.socket:
-    parts = urlsplit(url)
-    address = (parts.hostname or "", parts.port or 0)
-    connection = socket.create_connection(address, timeout=SOCKET_TIMEOUT_S)
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not host or not port:
+        raise ValueError("write it as socket://HOST:PORT, such as socket://192.168.1.7:3333")
+    connection = socket.create_connection((host, port), timeout=SOCKET_TIMEOUT_S)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
 
@@ -305,7 +311,18 @@ def _unavailable(port: str, error: Exception) -> PortUnavailable:
     number = getattr(error, "errno", None)
     if number is None and "Inappropriate ioctl" in str(error):
         number = errno.ENOTTY
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return PortUnavailable(port, _in_use(port))
     return PortUnavailable(port, _REMEDIES.get(number or 0, _text(error)))
+
+
+def _in_use(port: str) -> str:
+    holder = lock_holder(port)
+    return (
+        f"another program uses it{f' ({holder})' if holder else ''}, and only one can: end that "
+        "one with Ctrl-C (a Wheelwire program stops the robot as it ends), or use the robot's "
+        "e-stop button"
+    )
 
 
 def _text(error: Exception) -> str:

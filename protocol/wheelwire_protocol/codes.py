@@ -38,8 +38,8 @@ class SupervisorState(DocumentedEnum):
     IDLE = 1, "Stopped, ready for a setpoint."
     DRIVING = 2, "Obeying a setpoint that has not expired."
     TIMED_OUT = 3, "The setpoint expired; the next fresh one drives again."
-    ESTOPPED = 4, "Latched emergency stop; ends by ClearEstop."
-    FAULT = 5, "Latched fault; ends by ClearFault."
+    ESTOPPED = 4, "Emergency stop, latched until it is cleared."
+    FAULT = 5, "A fault, latched until it is cleared."
 
 
 class SupervisorEvent(DocumentedEnum):

@@ -158,8 +158,17 @@ PARAMETER_SET = Message(
 PARAMETER_SAVE = Message(
     id=0x0C,
     name="ParameterSave",
-    doc="Writes all parameters to the store. Only while stopped: flash writes stall the chip.",
-    body=Struct(_session(), _request()),
+    doc="Writes parameters to the store. Only while stopped: flash writes stall the chip.",
+    body=Struct(
+        _session(),
+        _request(),
+        field(
+            "parameter",
+            Int8ul,
+            Unit.NONE,
+            "Id of the only one to save: all others stay as the store has them. 0: save all.",
+        ),
+    ),
 )
 PARAMETER_RESET = Message(
     id=0x0D,

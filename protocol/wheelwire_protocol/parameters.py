@@ -41,6 +41,8 @@ class Parameter:
     minimum: float
     maximum: float
     doc: str
+    after_reset: bool = False
+    """Another value is in force from the next reset on."""
 
 
 def _real(
@@ -57,9 +59,19 @@ def _real(
 
 
 def _whole(
-    id_: int, name: str, changes: Changes, unit: Unit, default: int, low: int, high: int, doc: str
+    id_: int,
+    name: str,
+    changes: Changes,
+    unit: Unit,
+    default: int,
+    low: int,
+    high: int,
+    doc: str,
+    *,
+    after_reset: bool = False,
 ) -> Parameter:
-    return Parameter(id_, name, changes, unit, Kind.WHOLE, default, low, high, doc)
+    doc += " In force after a reset." if after_reset else ""
+    return Parameter(id_, name, changes, unit, Kind.WHOLE, default, low, high, doc, after_reset)
 
 
 def _switch(id_: int, name: str, changes: Changes, default: bool, doc: str) -> Parameter:
@@ -79,7 +91,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _whole(4, "control_rate_hz", _STOPPED, Unit.HERTZ, 1000, 100, 5000,
            "Rate of the control loop. Beyond 1000 it has been run in simulation only."),
     _whole(5, "pwm_frequency_hz", _ALWAYS, Unit.HERTZ, 20_000, 100, 40_000,
-           "PWM frequency on the bridge's enable inputs. In force after a restart."),
+           "PWM frequency on the bridge's enable inputs.", after_reset=True),
     _real(6, "max_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
           "Limit of either wheel; beyond it both setpoints are scaled by one factor."),
     _real(7, "max_acceleration_mps2", _ALWAYS, Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
@@ -120,7 +132,7 @@ PARAMETERS: tuple[Parameter, ...] = (
             "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop. "
             "Where none is fitted, join its pin to ground while you set this to 0."),
     _whole(29, "glitch_filter_ns", _ALWAYS, Unit.NANOSECOND, 1000, 0, 12_787,
-           "Shorter encoder pulses are ignored. In force after a restart."),
+           "Shorter encoder pulses are ignored.", after_reset=True),
     _whole(30, "stream_rate_hz", _ALWAYS, Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
     _real(31, "path_gain", _ALWAYS, Unit.PER_SECOND, 2.0, 0, 20,

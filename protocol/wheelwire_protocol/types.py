@@ -136,12 +136,14 @@ class ParameterSet(NamedTuple):
 
 
 class ParameterSave(NamedTuple):
-    """Writes all parameters to the store. Only while stopped: flash writes stall the chip."""
+    """Writes parameters to the store. Only while stopped: flash writes stall the chip."""
 
     session_id: int
     """Nonce XOR boot_id of the session this is in."""
     request_id: int
     """Counts up in a session; an answer repeats it."""
+    parameter: int
+    """Id of the only one to save: all others stay as the store has them. 0: save all."""
 
 
 class ParameterReset(NamedTuple):
@@ -429,7 +431,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x09, SetStreamRate, "LHH"),
     (0x0A, ParameterGet, "LHB"),
     (0x0B, ParameterSet, "LHBf"),
-    (0x0C, ParameterSave, "LH"),
+    (0x0C, ParameterSave, "LHB"),
     (0x0D, ParameterReset, "LH"),
     (0x0E, ParameterList, "LHB"),
     (0x0F, LinkCountersGet, "LH"),
@@ -447,4 +449,4 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
 )
 """Id, class, and the body in the letters of `struct`, one a field."""
 
-SCHEMA_HASH = 0x7FF438D0
+SCHEMA_HASH = 0x8481459B

@@ -230,18 +230,24 @@ def test_what_was_saved_comes_back_and_precedes_presets() -> None:
     robot = LibraryRobot(save=save).open()
     radius = PARAMETER_BY_NAME["wheel_radius"].id
     robot.request(ParameterSet(0, 0, radius, 0.07))
-    robot.request(ParameterSave(0, 0))
+    robot.request(ParameterSave(0, 0, 0))
     again = LibraryRobot(stored=blocks[-1])
     again.core.preset(radius, 0.05)
     again.open()
     assert parameter(again, "wheel_radius") == pytest.approx(0.07)
+    robot.request(ParameterSet(0, 0, radius, 0.08))
+    robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
+    assert blocks[-1] == blocks[0]  # the radius was only tried
     robot.request(ParameterReset(0, 0))
     assert blocks[-1] == b""
+    robot.request(ParameterSave(0, 0, PARAMETER_BY_NAME["max_duty"].id))
+    third = LibraryRobot(stored=blocks[-1]).open()
+    assert parameter(third, "wheel_radius") == pytest.approx(0.033)
 
 
 def test_a_store_that_fails_is_a_refusal() -> None:
     with pytest.raises(DeviceRefused) as refused:
-        LibraryRobot(save=lambda _block: False).open().request(ParameterSave(0, 0))
+        LibraryRobot(save=lambda _block: False).open().request(ParameterSave(0, 0, 0))
     assert refused.value.code == RefusalCode.STORE_FAILED
 
 

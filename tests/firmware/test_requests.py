@@ -118,7 +118,7 @@ def test_the_list_is_the_table(host: RawHost) -> None:
 
 def test_saved_values_survive_a_reset_and_others_do_not(host: RawHost) -> None:
     host.ask(set_radius(host, 1, 0.05), ParameterValue)
-    host.ask(ParameterSave(host.session_id, 2), Ack)
+    host.ask(ParameterSave(host.session_id, 2, 0), Ack)
     host.ask(set_radius(host, 3, 0.06), ParameterValue)
     host.sim.reset()
     host.run_ms(100)
@@ -132,19 +132,56 @@ def test_saved_values_survive_a_reset_and_others_do_not(host: RawHost) -> None:
     assert get(host, 1) == pytest.approx(0.033)
 
 
-@pytest.mark.parametrize("kind", [ParameterSave, ParameterReset])
+def test_one_value_is_saved_and_others_stay_as_they_were_saved(host: RawHost) -> None:
+    """A value that was only tried is not kept by saving another one."""
+    separation = PARAMETER_BY_NAME["wheel_separation"].id
+    host.ask(set_radius(host, 1, 0.05), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 2, 0), Ack)
+    host.ask(set_radius(host, 3, 0.06), ParameterValue)
+    host.ask(ParameterSet(host.session_id, 4, separation, 0.3), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 5, separation), Ack)
+    host.sim.reset()
+    host.run_ms(100)
+    host.open()
+    assert get(host, 1) == pytest.approx(0.05)
+    entry = host.ask(ParameterGet(host.session_id, 2, separation), ParameterValue)
+    assert entry.value == pytest.approx(0.3)
+
+
+def test_one_value_is_saved_to_an_empty_store(host: RawHost) -> None:
+    max_duty = PARAMETER_BY_NAME["max_duty"].id
+    host.ask(ParameterSet(host.session_id, 1, max_duty, 0.5), ParameterValue)
+    host.ask(set_radius(host, 2, 0.05), ParameterValue)
+    host.ask(ParameterSave(host.session_id, 3, PARAMETER_BY_NAME["wheel_radius"].id), Ack)
+    host.sim.reset()
+    host.run_ms(100)
+    host.open()
+    assert get(host, 1) == pytest.approx(0.05)
+    entry = host.ask(ParameterGet(host.session_id, 2, max_duty), ParameterValue)
+    assert entry.value == 1.0
+
+
+def test_no_parameter_that_is_not_there_is_saved(host: RawHost) -> None:
+    message = ParameterSave(host.session_id, 1, len(PARAMETERS) + 1)
+    assert refusal(host, message) is RefusalCode.UNKNOWN_PARAMETER
+
+
+@pytest.mark.parametrize(
+    "message", [ParameterSave(0, 1, 0), ParameterSave(0, 1, 1), ParameterReset(0, 1)]
+)
 def test_the_store_is_not_touched_while_driving(
-    host: RawHost, kind: type[ParameterSave] | type[ParameterReset]
+    host: RawHost, message: ParameterSave | ParameterReset
 ) -> None:
     host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 500_000, 0.2, 0.2))
     host.run_ms(50)
-    assert refusal(host, kind(host.session_id, 1)) is RefusalCode.NOT_STOPPED
+    message = message._replace(session_id=host.session_id)
+    assert refusal(host, message) is RefusalCode.NOT_STOPPED
     assert host.state().supervisor == SupervisorState.DRIVING
 
 
 def test_a_store_that_fails_is_told(host: RawHost) -> None:
     host.sim.set("store_failing", 1)
-    assert refusal(host, ParameterSave(host.session_id, 1)) is RefusalCode.STORE_FAILED
+    assert refusal(host, ParameterSave(host.session_id, 1, 0)) is RefusalCode.STORE_FAILED
 
 
 def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
@@ -152,7 +189,7 @@ def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
     host = RawHost(store=store).open()
     assert [event.code for event in host.of(Event)] == [EventCode.STORE_EMPTY]
     host.ask(set_radius(host, 1, 0.05), ParameterValue)
-    host.ask(ParameterSave(host.session_id, 2), Ack)
+    host.ask(ParameterSave(host.session_id, 2, 0), Ack)
     block = bytearray(store.read_bytes())
     block[10] ^= 0x40
     store.write_bytes(block)
@@ -163,7 +200,7 @@ def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("found", [Fault.STORE_FULL, Fault.STORE_NEWER, Fault.STORE_UNREADABLE])
 def test_a_store_that_cannot_be_read_lets_nothing_drive(host: RawHost, found: Fault) -> None:
-    host.ask(ParameterSave(host.session_id, 1), Ack)
+    host.ask(ParameterSave(host.session_id, 1, 0), Ack)
     host.sim.set("store_unreadable", found)
     host.sim.reset()
     host.run_ms(100)
@@ -174,12 +211,12 @@ def test_a_store_that_cannot_be_read_lets_nothing_drive(host: RawHost, found: Fa
     setpoint = SetWheelVelocity(host.session_id, 1, host.device_us + 500_000, 0.2, 0.2)
     assert refusal(host, setpoint) is RefusalCode.FAULT
     assert refusal(host, ClearFault(host.session_id, 1)) is RefusalCode.CAUSE_PRESENT
-    assert refusal(host, ParameterSave(host.session_id, 2)) is RefusalCode.STORE_FAILED
+    assert refusal(host, ParameterSave(host.session_id, 2, 0)) is RefusalCode.STORE_FAILED
     host.ask(ParameterReset(host.session_id, 3), Ack)
     host.ask(ClearFault(host.session_id, 4), Ack)
     host.run_ms(20)
     assert host.state().supervisor == SupervisorState.IDLE
-    host.ask(ParameterSave(host.session_id, 5), Ack)
+    host.ask(ParameterSave(host.session_id, 5, 0), Ack)
 
 
 @pytest.mark.parametrize("rate_hz", [1000, 333, 100, 10])

@@ -149,7 +149,7 @@ class HostAndFirmware(RuleBasedStateMachine):
     def save(self) -> None:
         values, boots = dict(self.model.values), self.model.boots
         self.model.asked_to_save()
-        self.ask(ParameterSave(0, 0), lambda _: self.model.has_saved(values, boots))
+        self.ask(ParameterSave(0, 0, 0), lambda _: self.model.has_saved(values, boots))
 
     # --- what happens --------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -65,7 +66,14 @@ def test_an_estop_holds_until_it_is_cleared(simulator: Simulator) -> None:
     assert "wheelwire clear" in run("estop", simulator.port).stdout
     line = check_error(run("drive", simulator.port, "--linear", "0.2"), errors.DeviceRefused)
     assert "Emergency stop is latched" in line
-    assert run_json("clear", simulator.port) == {"ended": "ESTOPPED"}
+    assert f"`wheelwire clear {simulator.port}` ends it" in line
+    assert "estop_input_enabled 0 --save" in line
+    assert (
+        f"`wheelwire clear {simulator.port}` ends it"
+        in run("info", simulator.port, COLUMNS="200").stdout
+    )
+    told = {"ended": "ESTOPPED", "state": "IDLE", "faults": []}
+    assert run_json("clear", simulator.port) == told
     assert run("clear", simulator.port).stdout == "nothing was latched\n"
     assert run_json("info", simulator.port)["state"] == "IDLE"
 
@@ -78,6 +86,40 @@ def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
         simulator.set("left.encoder_dead", 0)
     assert "LEFT_NOT_COUNTING: The left wheel" in check_error(result, errors.DeviceRefused)
     assert run("clear", simulator.port).stdout == "FAULT ended\n"
+
+
+def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(simulator: Simulator) -> None:
+    simulator.set("left.encoder_dead", 1)
+    try:
+        run("drive", simulator.port, "--linear", "0.3", "--seconds", "30")
+    finally:
+        simulator.set("left.encoder_dead", 0)
+    run("estop", simulator.port)
+    text = run("clear", simulator.port).stdout
+    assert text.startswith("ESTOPPED ended\nFAULT remains. LEFT_NOT_COUNTING: ")
+    assert f"`wheelwire clear {simulator.port}` again" in text
+    assert run("clear", simulator.port).stdout == "FAULT ended\n"
+
+
+def test_an_open_contact_says_what_to_do_where_none_is_fitted(simulator: Simulator) -> None:
+    simulator.set("estop_open", 1)
+    try:
+        line = check_error(run("clear", simulator.port), errors.DeviceRefused)
+    finally:
+        simulator.set("estop_open", 0)
+        run("clear", simulator.port)
+    assert "join its pin to ground" in line
+
+
+def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(simulator: Simulator) -> None:
+    text = run("drive", simulator.port, "--linear", "5", "--seconds", "0.3").stdout
+    assert "drove at 0.4 m/s and 0 rad/s: no wheel turns faster than 0.4 m/s" in text
+    text = run("drive", simulator.port, "--linear", "0.2", "--seconds", "1").stdout
+    assert "no wheel" not in text
+    assert "m of it coming to a stop; stopped" in text
+    told = run_json("drive", simulator.port, "--linear", "-5", "--seconds", "0.3")
+    assert told["linear_mps"] == pytest.approx(-0.4)
+    assert 0 < told["rolled_out_m"] < -told["x_m"]
 
 
 def test_monitor_lines_are_json(simulator: Simulator) -> None:
@@ -96,8 +138,38 @@ def test_parameters_are_listed_set_saved_and_reset(simulator: Simulator) -> None
     }
     simulator.reset()
     assert run("params", "get", simulator.port, "wheel_radius").stdout == "0.04\n"
-    assert run("params", "reset", simulator.port).returncode == 0
+    assert run_json("params", "reset", simulator.port) == {"reset": True}
     assert run_json("params", "get", simulator.port, "wheel_radius") == {"wheel_radius": 0.033}
+
+
+def test_only_the_value_that_is_named_is_saved(simulator: Simulator) -> None:
+    port = simulator.port
+    text = run("params", "set", port, "integral_gain", "12").stdout
+    assert text == "integral_gain = 12, until the next reset; --save keeps it\n"
+    text = run("params", "set", port, "proportional_gain", "1.5", "--save").stdout
+    assert text == "proportional_gain = 1.5, saved\n"
+    simulator.reset()
+    assert run("params", "get", port, "integral_gain").stdout == "16\n"
+    assert run("params", "get", port, "proportional_gain").stdout == "1.5\n"
+    run("params", "set", port, "integral_gain", "12")
+    run("params", "set", port, "path_gain", "1")
+    assert run("params", "save", port, "path_gain").stdout == "saved: path_gain = 1\n"
+    assert run("params", "save", port).stdout == (
+        "all values saved; other than their defaults: "
+        "proportional_gain = 1.5, integral_gain = 12, path_gain = 1\n"
+    )
+    saved = run_json("params", "save", port, "path_gain", "max_duty")
+    assert saved == {"saved": {"path_gain": 1, "max_duty": 1}}
+    check_error(run("params", "save", port, "max_duty", "max_dooty"), errors.UnknownParameter)
+    run("params", "reset", port)
+
+
+def test_a_value_that_acts_after_a_reset_says_so(simulator: Simulator) -> None:
+    text = run("params", "set", simulator.port, "pwm_frequency_hz", "18000").stdout
+    assert "without effect: it acts after a reset, which forgets it; give --save" in text
+    text = run("params", "set", simulator.port, "pwm_frequency_hz", "18000", "--save").stdout
+    assert text == "pwm_frequency_hz = 18000, saved; in force after the next reset\n"
+    run("params", "reset", simulator.port)
 
 
 def test_ports_is_json_without_a_robot() -> None:
@@ -109,7 +181,19 @@ def test_ports_is_json_without_a_robot() -> None:
     [
         (("drive", "{port}", "--linear", "nan"), errors.InvalidCommand, "finite"),
         (("drive", "{port}", "--angular", "inf"), errors.InvalidCommand, "finite"),
-        (("params", "set", "{port}", "wheel_radius", "3"), errors.ParameterOutOfRange, "at most 1"),
+        (("drive", "{port}"), errors.InvalidCommand, "give --linear, --angular or both"),
+        (
+            ("params", "set", "{port}", "wheel_radius", "33"),
+            errors.ParameterOutOfRange,
+            "wheel_radius = 33.0 is out of range: it must be at most 1 m (0.033 is 33 mm)",
+        ),
+        (("params", "set", "{port}", "integral_gain", "-1"), errors.ParameterOutOfRange, "least 0"),
+        (
+            ("params", "set", "{port}", "estop_input_enabled", "true"),
+            errors.ParameterOutOfRange,
+            "it must be 0 (off) or 1 (on)",
+        ),
+        (("params", "set", "{port}", "max_duty", "much"), errors.ParameterOutOfRange, "a finite"),
         (("params", "set", "{port}", "stop_mode", "1.5"), errors.ParameterOutOfRange, "whole"),
         (("params", "get", "{port}", "wheel_radus"), errors.UnknownParameter, "wheel_radius"),
         (("info", "/dev/no-such-port"), errors.PortUnavailable, "wheelwire ports"),
@@ -131,6 +215,8 @@ def test_errors_are_one_line_that_helps(
 def test_wrong_usage_is_exit_code_2() -> None:
     assert run("drive").returncode == 2
     assert run("nonsense").returncode == 2
+    assert run("monitor", "/dev/none", "--seconds", "-1").returncode == 2
+    assert run("params", "set", "/dev/none", "max_duty", "1", "--svae").returncode == 2
 
 
 def test_no_simulator_says_how_to_build_it(tmp_path: Path) -> None:
@@ -138,20 +224,63 @@ def test_no_simulator_says_how_to_build_it(tmp_path: Path) -> None:
     assert str(tmp_path) in check_error(result, errors.SimulatorNotFound)
 
 
-@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
-def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
-    link = tmp_path / "robot"
+@contextmanager
+def sim(link: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A simulator in a process of its own, and the first line that it printed."""
     command = [*PROGRAM, "sim", "--link", str(link), *options]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout
-        process.stdout.readline()
-        assert run("info", str(link)).returncode == 0
+        yield process, process.stdout.readline()
     finally:
         process.terminate()
         process.communicate(timeout=PATIENCE_S)
+
+
+BAD_LINE = [(), ("--faults", "noisy")]
+
+
+@pytest.mark.parametrize("options", BAD_LINE)
+def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
+    link = tmp_path / "robot"
+    with sim(link, *options) as (process, line):
+        assert line == f"A simulated robot is at {link}, until Ctrl-C. In another terminal:\n"
+        assert run("info", str(link)).returncode == 0
     assert process.returncode == 0
-    assert not link.is_symlink()
+    assert list(tmp_path.iterdir()) == []
+    with sim(link, *options, "--json") as (process, line):
+        assert json.loads(line)["event"] == "ready"
+
+
+@pytest.mark.parametrize("second", BAD_LINE)
+@pytest.mark.parametrize("first", BAD_LINE)
+def test_a_second_sim_leaves_the_first_ones_link_alone(
+    tmp_path: Path, first: tuple[str, ...], second: tuple[str, ...]
+) -> None:
+    link = tmp_path / "robot"
+    with sim(link, *first) as (process, _):
+        target = link.readlink()
+        result = run("sim", "--link", str(link), *second)
+        assert result.returncode == 1
+        assert result.stdout == ""
+        assert f"{link} is the port of another simulator (process " in result.stderr
+        assert "give another --link" in result.stderr
+        if not first:
+            assert f"(process {process.pid})" in result.stderr
+        assert link.readlink() == target
+        assert run("info", str(link)).returncode == 0
+
+
+@pytest.mark.parametrize("options", BAD_LINE)
+def test_the_link_of_a_killed_sim_is_taken_over(tmp_path: Path, options: tuple[str, ...]) -> None:
+    link = tmp_path / "robot"
+    with sim(link) as (process, _):
+        process.kill()
+        process.wait()
+    assert link.is_symlink()
+    with sim(link, *options):
+        assert run("info", str(link)).returncode == 0
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_sim_on_a_line_that_cannot_be(tmp_path: Path) -> None:

@@ -90,10 +90,19 @@ class Store final : public ParameterStore {
     memcpy(out, block_, kept < capacity ? kept : capacity);
     return size_;
   }
-  bool save(const uint8_t* data, size_t size) override { return save_(context_, data, size) != 0; }
-  bool erase() override { return save_(context_, nullptr, 0) != 0; }
+  bool save(const uint8_t* data, size_t size) override {
+    return size <= sizeof block_ && hand_over(data, size);
+  }
+  bool erase() override { return hand_over(nullptr, 0); }
 
  private:
+  bool hand_over(const uint8_t* data, size_t size) {
+    if (save_(context_, data, size) == 0) return false;
+    if (size > 0) memcpy(block_, data, size);
+    size_ = size;
+    return true;
+  }
+
   wheelwire_save save_;
   void* context_;
   uint8_t block_[kMaxParameterBlock];

@@ -87,6 +87,14 @@ bool Parameters::save(ParameterStore& store) const {
   return store.save(block, sizeof block);
 }
 
+bool Parameters::save_one(ParameterStore& store, ParameterId id) const {
+  Parameters stored(specs_);
+  stored.load(store);
+  if (store.faults() != 0) return false;  // or what it holds would be overwritten
+  stored.values_[static_cast<size_t>(id) - 1] = get(id);
+  return stored.save(store);
+}
+
 void platform_specs(Board board, ParameterSpec* out) {
   for (size_t i = 0; i < kParameterCount; ++i) out[i] = kParameters[i];
   for (const PlatformDefault& row : kPlatformDefaults) {

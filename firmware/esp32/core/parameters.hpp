@@ -29,6 +29,8 @@ class Parameters {
   /// bounds changes nothing.
   Load load(ParameterStore& store);
   bool save(ParameterStore& store) const;
+  /// Saves this one; of all others the store keeps what it holds, or the defaults.
+  bool save_one(ParameterStore& store, ParameterId id) const;
 
   static bool exists(ParameterId id);
   const ParameterSpec& spec(ParameterId id) const { return specs_[static_cast<size_t>(id) - 1]; }

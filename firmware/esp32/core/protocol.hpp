@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x7ff438d0;
+constexpr uint32_t kHash = 0x8481459b;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -21,8 +21,8 @@ enum class SupervisorState : uint8_t {
   kIdle = 1,      ///< Stopped, ready for a setpoint.
   kDriving = 2,   ///< Obeying a setpoint that has not expired.
   kTimedOut = 3,  ///< The setpoint expired; the next fresh one drives again.
-  kEstopped = 4,  ///< Latched emergency stop; ends by ClearEstop.
-  kFault = 5,     ///< Latched fault; ends by ClearFault.
+  kEstopped = 4,  ///< Emergency stop, latched until it is cleared.
+  kFault = 5,     ///< A fault, latched until it is cleared.
 };
 
 enum class SupervisorEvent : uint8_t {
@@ -448,13 +448,15 @@ struct ParameterSet {
   }
 };
 
-/// Writes all parameters to the store. Only while stopped: flash writes stall the chip.
+/// Writes parameters to the store. Only while stopped: flash writes stall the chip.
 struct ParameterSave {
   static constexpr uint8_t kId = 0x0c;
-  static constexpr size_t kSize = 6;
+  static constexpr size_t kSize = 7;
 
   uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
   uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint8_t parameter{};    ///< Id of the only one to save: all others stay as the store has them. 0:
+                          ///< save all.
 
   bool operator==(const ParameterSave&) const = default;
 
@@ -462,6 +464,7 @@ struct ParameterSave {
   void encode(uint8_t* out) const {
     wire::put(out, session_id);
     wire::put(out, request_id);
+    wire::put(out, parameter);
   }
 
   /// Reads kSize bytes.
@@ -469,6 +472,7 @@ struct ParameterSave {
     ParameterSave message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
+    wire::get(in, message.parameter);
     return message;
   }
 };
@@ -1070,7 +1074,7 @@ enum class ParameterId : uint8_t {
   kControlRateHz =
       4,  ///< Rate of the control loop. Beyond 1000 it has been run in simulation only. [Hz]
   kPwmFrequencyHz =
-      5,  ///< PWM frequency on the bridge's enable inputs. In force after a restart. [Hz]
+      5,  ///< PWM frequency on the bridge's enable inputs. In force after a reset. [Hz]
   kMaxVelocityMps =
       6,  ///< Limit of either wheel; beyond it both setpoints are scaled by one factor. [m/s]
   kMaxAccelerationMps2 = 7,   ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
@@ -1102,7 +1106,7 @@ enum class ParameterId : uint8_t {
   kEstopInputEnabled =
       28,  ///< The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop.
            ///< Where none is fitted, join its pin to ground while you set this to 0.
-  kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. In force after a restart. [ns]
+  kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. In force after a reset. [ns]
   kStreamRateHz = 30,    ///< Rate of WheelState when a session opens. [Hz]
   kPathGain = 31,  ///< Speed that a wheel adds for each metre that it is behind the integral of its
                    ///< setpoint. With heading_gain 0 too, the loop follows velocity alone. [1/s]

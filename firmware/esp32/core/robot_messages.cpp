@@ -202,10 +202,15 @@ RefusalCode Robot::carry_out(const SetStreamRate& request, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-RefusalCode Robot::carry_out(const ParameterSave&, uint64_t) {
+RefusalCode Robot::carry_out(const ParameterSave& request, uint64_t) {
+  const auto id = static_cast<ParameterId>(request.parameter);
+  const bool all = request.parameter == 0;
+  if (!all && !Parameters::exists(id)) return RefusalCode::kUnknownParameter;
   const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
   if (refusal != RefusalCode::kNone) return refusal;
-  if (store_faults_ != 0 || !parameters_.save(hal_.store)) return RefusalCode::kStoreFailed;
+  if (store_faults_ != 0) return RefusalCode::kStoreFailed;
+  if (!(all ? parameters_.save(hal_.store) : parameters_.save_one(hal_.store, id)))
+    return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kLoaded;
   return RefusalCode::kNone;
 }

@@ -26,26 +26,40 @@ def sim(
     link: Annotated[Path, typer.Option(help="Where the robot's port is to appear.")] = DEFAULT_LINK,
     faults: Annotated[
         str | None,
-        typer.Option(help="Put a bad line before it: a profile's file, or a shipped one's name."),
+        typer.Option(help="Simulate a bad serial line: a built-in profile's name or a YAML file."),
     ] = None,
     arguments: Annotated[
         list[str] | None, typer.Argument(help="For wheelwire-fwsim; see `wheelwire sim -- --help`.")
     ] = None,
+    as_json: JsonFlag = False,
 ) -> None:
     """Run a simulated robot, with the real firmware's core, until Ctrl-C."""
     if faults is not None:
-        _sim_on_a_bad_line(link, load_profile(faults), arguments or [])
+        _sim_on_a_bad_line(link, load_profile(faults), arguments or [], as_json=as_json)
         return
     program = str(find_simulator())
+    announce = [] if as_json else ["--announce", _announcement(link)]
     # In our place: whatever signal ends this command ends the simulator, and takes its port away.
-    os.execv(program, [program, "--link", str(link), *(arguments or [])])  # noqa: S606
+    os.execv(program, [program, "--link", str(link), *announce, *(arguments or [])])  # noqa: S606
 
 
-def _sim_on_a_bad_line(link: Path, profile: LineProfile, arguments: list[str]) -> None:
+def _announcement(port: str | Path) -> str:
+    return (
+        f"A simulated robot is at {port}, until Ctrl-C. In another terminal:\n"
+        f"    wheelwire drive {port} --linear 0.2 --seconds 2"
+    )
+
+
+def _sim_on_a_bad_line(
+    link: Path, profile: LineProfile, arguments: list[str], *, as_json: bool
+) -> None:
     # SIGTERM as Ctrl-C: the block's end takes the port away.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with FaultySimulator(profile, link=link, arguments=arguments) as simulator:
-        console.print(f"a simulated robot on a bad line is at {simulator.port}; Ctrl-C ends it")
+        if as_json:
+            print_json({"event": "ready", "port": simulator.port})
+        else:
+            console.print(_announcement(simulator.port), soft_wrap=True)
         with contextlib.suppress(KeyboardInterrupt):
             simulator.wait()
 

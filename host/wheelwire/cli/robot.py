@@ -9,9 +9,11 @@ from typing import Annotated
 import typer
 
 from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
-from wheelwire.odometry import Odometry
+from wheelwire.errors import DeviceRefused, InvalidCommand
+from wheelwire.kinematics import Twist
+from wheelwire.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 from .output import JsonFlag, console, plain, print_facts, print_json
 
@@ -23,6 +25,8 @@ BaudOption = Annotated[int, typer.Option(help="Tried first; then the usual rates
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
+CLEAR_PATIENCE_S = 1.0
+"""Until a state frame shows what came of a request; they come at 10 Hz at least."""
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
@@ -31,7 +35,7 @@ _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 def info(
     port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
 ) -> None:
-    """Tell who is at the port, and how well the link works."""
+    """Show the connected board, its state and link quality."""
     with SerialDriver(port, baud_rate=baud) as robot:
         sample = robot.read()
         link, statistics = robot.info, robot.statistics
@@ -57,7 +61,7 @@ def info(
             ("firmware", f"{device.release} {device.git_hash}".rstrip()),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
-            ("state", f"{sample.state.name}: {sample.state.doc}"),
+            ("state", _state(sample.state, port)),
             ("faults", ", ".join(plain(sample.faults)) or "none"),
             ("battery", "not measured" if sample.battery_v is None else f"{sample.battery_v} V"),
             ("baud rate", link.baud_rate or "not applicable"),
@@ -72,33 +76,76 @@ def info(
     )
 
 
+def _state(state: SupervisorState, port: str) -> str:
+    """The state, and what ends it where something has to be done."""
+    text = f"{state.name}: {state.doc}"
+    return f"{text} `wheelwire clear {port}` ends it" if state in _LATCHED else text
+
+
 def drive(
     port: PortArgument,
-    linear: Annotated[float, typer.Option(help="m/s, forward positive.")] = 0.0,
-    angular: Annotated[float, typer.Option(help="rad/s, counter-clockwise positive.")] = 0.0,
+    linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
+    angular: Annotated[
+        float | None, typer.Option(help="rad/s, counter-clockwise positive.")
+    ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long.")] = 1.0,
     baud: BaudOption = DEFAULT_BAUD_RATE,
     as_json: JsonFlag = False,
 ) -> None:
-    """Drive at one velocity for some time, stop, and tell what was driven."""
+    """Drive at a constant velocity for a set time, stop, and report the distance."""
+    if linear is None and angular is None:
+        raise InvalidCommand("say how fast: give --linear, --angular or both")
+    asked = Twist(linear or 0.0, angular or 0.0)
     with SerialDriver(port, baud_rate=baud) as robot:
-        odometry = Odometry(robot.geometry)
-        odometry.update(robot.read())
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            robot.set_velocity(linear, angular, ttl=min(TTL_S, left))
-            odometry.update(robot.read())
-            time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
-        robot.stop()
-        odometry.update(_standstill(robot))
-    pose = odometry.pose
+        geometry = robot.geometry
+        try:
+            end, pose = _drive(robot, asked, seconds)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.ESTOPPED:
+                raise
+            hint = f"`wheelwire clear {port}` ends it. {_without_contact(port)}"
+            raise DeviceRefused(error.code, "the setpoint", hint=hint) from error
+    driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
+    rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
     if as_json:
-        print_json(pose)
-    else:
+        print_json({**pose._asdict(), **driven._asdict(), "rolled_out_m": rolled_m})
+        return
+    if not math.isclose(driven.linear_mps, asked.linear_mps) or not math.isclose(
+        driven.angular_radps, asked.angular_radps
+    ):
         console.print(
-            f"drove to x {pose.x_m:+.3f} m, y {pose.y_m:+.3f} m, "
-            f"heading {math.degrees(pose.heading_rad):+.1f} deg; stopped"
+            f"drove at {driven.linear_mps:.3g} m/s and {driven.angular_radps:.3g} rad/s: no wheel "
+            f"turns faster than {geometry.max_velocity_mps:g} m/s, the robot's max_velocity_mps",
+            soft_wrap=True,
         )
+    console.print(
+        f"drove to x {pose.x_m:+.3f} m, y {pose.y_m:+.3f} m, "
+        f"heading {math.degrees(pose.heading_rad):+.1f} deg, the last {rolled_m:.3f} m of it "
+        f"coming to a stop; stopped",
+        soft_wrap=True,
+    )
+
+
+def _drive(robot: SerialDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]:
+    """Drive and stop; returns where the command ended, and where the robot stands."""
+    odometry = Odometry(robot.geometry)
+    odometry.update(robot.read())
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        robot.set_velocity(*twist, ttl=min(TTL_S, left))
+        odometry.update(robot.read())
+        time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
+    robot.stop()
+    stopped = odometry.update(robot.read()).pose
+    odometry.update(_standstill(robot))
+    return stopped, odometry.pose
+
+
+def _without_contact(port: str) -> str:
+    return (
+        "Where no e-stop contact is fitted, join its pin to ground, clear, and run "
+        f"`wheelwire params set {port} estop_input_enabled 0 --save`."
+    )
 
 
 def _standstill(robot: SerialDriver, patience_s: float = 3.0) -> WheelSample:
@@ -112,7 +159,7 @@ def _standstill(robot: SerialDriver, patience_s: float = 3.0) -> WheelSample:
 
 def monitor(
     port: PortArgument,
-    seconds: Annotated[float, typer.Option(help="For how long; 0: until Ctrl-C.")] = 0.0,
+    seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
     baud: BaudOption = DEFAULT_BAUD_RATE,
     as_json: JsonFlag = False,
 ) -> None:
@@ -131,7 +178,7 @@ def monitor(
 def estop(
     port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
 ) -> None:
-    """Stop the wheels, and let nobody drive until `clear`."""
+    """Emergency stop: stop the wheels and refuse to drive until `clear`."""
     with SerialDriver(port, baud_rate=baud) as robot:
         robot.estop()
     if as_json:
@@ -145,16 +192,36 @@ def clear(
 ) -> None:
     """End an e-stop or a fault; refused while its cause lasts."""
     with SerialDriver(port, baud_rate=baud) as robot:
-        state = robot.read().state
-        if state is SupervisorState.ESTOPPED:
-            robot.clear_estop()
-        elif state is SupervisorState.FAULT:
+        before = after = robot.read()
+        if before.state is SupervisorState.ESTOPPED:
+            _clear_estop(robot, port)
+        elif before.state is SupervisorState.FAULT:
             robot.clear_fault()
-    ended = state if state in _LATCHED else None
+        end = time.monotonic() + CLEAR_PATIENCE_S
+        while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
+            after = robot.read()
+    ended = before.state if before.state in _LATCHED else None
     if as_json:
-        print_json({"ended": ended})
-    else:
-        console.print("nothing was latched" if ended is None else f"{ended.name} ended")
+        print_json({"ended": ended, "state": after.state, "faults": after.faults})
+        return
+    if ended is None:
+        console.print("nothing was latched")
+        return
+    console.print(f"{ended.name} ended")
+    if after.state in _LATCHED:
+        faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
+        console.print(
+            f"{after.state.name} remains. {faults} Mend it, then `wheelwire clear {port}` again",
+            soft_wrap=True,
+        )
+
+
+def _clear_estop(robot: SerialDriver, port: str) -> None:
+    try:
+        robot.clear_estop()
+    except DeviceRefused as error:
+        hint = _without_contact(port)
+        raise DeviceRefused(error.code, "to end the e-stop", hint=hint) from error
 
 
 def _line(sample: WheelSample, lost: int) -> str:

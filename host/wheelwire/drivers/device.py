@@ -64,15 +64,14 @@ class DeviceParameters(Parameters):
         self._known_bounds = {e.parameter: (e.minimum, e.maximum) for e in entries}
         return tuple(_info(entry) for entry in entries)
 
-    def save(self) -> None:
-        """Write the values to the device's flash."""
-        self._link.request(ParameterSave(0, 0))
-
     def reset(self) -> None:
         """Restore the defaults and empty the device's store."""
         self._link.request(ParameterReset(0, 0))
         for parameter in GEOMETRY:
             self._get(parameter)  # the link keeps the answers
+
+    def _save(self, parameter: int) -> None:
+        self._link.request(ParameterSave(0, 0, parameter))
 
     def _read(self, definition: Parameter) -> float:
         return self._get(definition.id)

@@ -25,8 +25,9 @@ class FaultySimulator(Simulator):
     def __init__(self, profile: LineProfile, *, link: Path | None = None, **options: Any) -> None:
         self._folder = TemporaryDirectory(prefix="wheelwire-")
         device_port = Path(self._folder.name) / "device"
-        super().__init__(link=device_port, **options)
         port = link or Path(self._folder.name) / "robot"
+        arguments = [*options.pop("arguments", ()), f"--lock={port}"]
+        super().__init__(link=device_port, arguments=arguments, **options)
         self._relay = FaultRelay(device_port, port, profile, self.reset)
 
     @property

@@ -60,7 +60,7 @@ def _block(values: dict[str, float]) -> bytes:
     host = CoreHost(core)
     for name, value in values.items():
         host.ask(ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value))
-    host.ask(ParameterSave(0, 0))
+    host.ask(ParameterSave(0, 0, 0))
     return saved[-1]
 
 

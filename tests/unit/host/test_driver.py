@@ -238,7 +238,11 @@ def test_parameters_by_name(robot: PtyDevice, driver: SerialDriver) -> None:
     info = next(info for info in parameters.list() if info.name == "ttl_max_s")
     assert (info.default, info.minimum, info.maximum, info.unit) == (1.0, 0.02, 5.0, "s")
     parameters.save()
-    assert any(isinstance(message, ParameterSave) for message in robot.device.done)
+    parameters.save("integral_gain")
+    with pytest.raises(errors.UnknownParameter):
+        parameters.save("integral_gian")
+    saves = [m.parameter for m in robot.device.done if isinstance(m, ParameterSave)]
+    assert saves == [0, PARAMETER_BY_NAME["integral_gain"].id]
 
 
 def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: SerialDriver) -> None:

@@ -208,5 +208,5 @@ def test_the_port_is_chosen_only_when_there_is_no_choice(monkeypatch: pytest.Mon
     with pytest.raises(errors.FlashFailed, match="/dev/ttyUSB0, /dev/ttyACM0; name one"):
         flash.only_likely_port()
     found()
-    with pytest.raises(errors.FlashFailed, match="none"):
+    with pytest.raises(errors.FlashFailed, match="a cable that carries data"):
         flash.only_likely_port()

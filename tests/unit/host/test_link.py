@@ -103,14 +103,24 @@ def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:
 
 def test_a_port_that_is_in_use(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "robot") as robot, SerialDriver(str(robot.path)) as driver:
-        with pytest.raises(errors.PortUnavailable, match="another program uses it"):
+        with pytest.raises(errors.PortUnavailable, match="another program uses it") as caught:
             SerialDriver(str(robot.path))
         driver.read()
+    assert f"process {os.getpid()}), and only one can: end that one" in str(caught.value)
+    assert "e-stop button" in str(caught.value)
 
 
 def test_no_port() -> None:
     with pytest.raises(errors.PortUnavailable, match="no such port"):
         SerialDriver("/dev/does-not-exist")
+    with pytest.raises(errors.PortUnavailable, match="`wheelwire sim` starts a simulated robot"):
+        SerialDriver("/run/does-not-exist")
+
+
+@pytest.mark.parametrize("port", ["socket://", "socket://host", "socket://:1", "socket://host:x"])
+def test_an_address_without_host_or_port_says_how_to_write_one(port: str) -> None:
+    with pytest.raises(errors.PortUnavailable, match="write it as socket://HOST:PORT"):
+        SerialDriver(port)
 
 
 def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,7 +87,7 @@ def _save_on(settings: McuSettings) -> None:
     from wheelwire.linux_mcu.store import CoreHost
     from wheelwire_protocol.types import ParameterSave
 
-    CoreHost(make_core(settings)).ask(ParameterSave(0, 0))
+    CoreHost(make_core(settings)).ask(ParameterSave(0, 0, 0))
 
 
 def test_a_change_is_in_force_at_once() -> None:

@@ -34,6 +34,8 @@ uint64_t board_of(const std::string& link) {
 
 Device::Device(const Options& options)
     : link_(options.link), socket_(options.socket), simulator_(options.seed) {
+  const std::string& owned = options.lock.empty() ? link_ : options.lock;
+  if (!owned.empty()) lock_.emplace(owned);
   if (!link_.empty()) simulator_.set_board_id(board_of(link_));
   // To the host that started this process, each one that it starts is the same board.
   if (socket_ >= 0) simulator_.set_board_id(mix(static_cast<uint64_t>(options.parent)) >> 16);

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "host_port.hpp"
+#include "link_lock.hpp"
 #include "options.hpp"
 #include "simulator.hpp"
 
@@ -35,6 +37,7 @@ class Device {
   void send();
 
  private:
+  std::optional<LinkLock> lock_;
   std::string link_;
   int socket_;
   Simulator simulator_;

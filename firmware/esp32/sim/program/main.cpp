@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <exception>
 #include <stdexcept>
+#include <string>
 
 #include "commands.hpp"
 #include "console.hpp"
@@ -66,12 +67,7 @@ class Program {
         device_(options),
         truth_(options.truth_hz) {
     ask_for_exact_timers();
-    console_.print(JsonLine("ready")
-                       .add("port", device_.port_name())
-                       .add("link", options.link)
-                       .add("seed", options.seed)
-                       .add("boot_id", uint64_t{device_.simulator().boot_id()})
-                       .str());
+    console_.print(options.announcement.empty() ? ready(options) : options.announcement + "\n");
   }
 
   void run() {
@@ -88,6 +84,15 @@ class Program {
   }
 
  private:
+  std::string ready(const Options& options) const {
+    return JsonLine("ready")
+        .add("port", device_.port_name())
+        .add("link", options.link)
+        .add("seed", options.seed)
+        .add("boot_id", uint64_t{device_.simulator().boot_id()})
+        .str();
+  }
+
   bool finished() const {
     return g_stop_requested != 0 || commands_.quit() || (exit_with_stdin_ && console_.ended()) ||
            device_.host_ended() || parent_.ended();

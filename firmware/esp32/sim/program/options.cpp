@@ -18,6 +18,8 @@ constexpr double kMaxTruthHz = 1000.0;
 
 enum Option : int {
   kLink = 1,
+  kLock,
+  kAnnounce,
   kSeed,
   kBaud,
   kStore,
@@ -32,6 +34,8 @@ enum Option : int {
 
 constexpr option kOptions[] = {
     {"link", required_argument, nullptr, kLink},
+    {"lock", required_argument, nullptr, kLock},
+    {"announce", required_argument, nullptr, kAnnounce},
     {"seed", required_argument, nullptr, kSeed},
     {"baud", required_argument, nullptr, kBaud},
     {"store", required_argument, nullptr, kStore},
@@ -51,7 +55,10 @@ constexpr const char* kUsage =
 Runs the firmware's core with a simulated robot, in real time, behind a pseudo-terminal.
 The first line on standard output is JSON and names the port.
 
-  --link PATH        make a symbolic link to the port; PATH is one board, at every start
+  --link PATH        make a symbolic link to the port; PATH is one board, at every start, and
+                     belongs to one simulator at a time
+  --lock PATH        keep others from PATH as if it were the link, which somebody else makes
+  --announce TEXT    write TEXT once the port is there, in place of the first line of JSON
   --baud N           baud rate of the chip; a host at another rate gets and sends garbage
                      (default: 0, any rate will do, as on USB)
   --store FILE       keep saved parameters in FILE (default: in memory)
@@ -107,6 +114,12 @@ void apply(Options& options, int option, const std::string& value) {
   switch (option) {
     case kLink:
       options.link = value;
+      break;
+    case kLock:
+      options.lock = value;
+      break;
+    case kAnnounce:
+      options.announcement = value;
       break;
     case kSeed:
       try {

@@ -10,6 +10,8 @@ namespace wheelwire::sim {
 
 struct Options {
   std::string link;
+  std::string lock;          ///< In place of `link`, where somebody else makes the link.
+  std::string announcement;  ///< Empty: a line of JSON.
   std::string store;
   int socket = -1;  ///< A descriptor in place of the pseudo-terminal.
   int parent = -1;  ///< Process id: its end is ours too.
