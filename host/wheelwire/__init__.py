@@ -1,7 +1,9 @@
 """Wheelwire: drive a wheeled robot whose real-time half runs on an ESP32.
 
 with wheelwire.open_driver("serial", port="/dev/ttyUSB0") as robot:
-    robot.set_velocity(0.2, 0.0)
+    while True:
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        print(robot.read())
 """
 
 from __future__ import annotations

@@ -15,6 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import yaml
+
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
@@ -99,22 +101,21 @@ class RobotConfig:
             "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
             "l298n": {**asdict(self.gpio), **local},
-            "serial": asdict(self.serial),
+            "serial": {**asdict(self.serial), "parameters": self.parameters},
         }.get(self.driver, {})
 
 
 def open_robot(file: str | Path | None = None) -> BaseDriver:
     """Open the robot that a YAML file describes; the shipped `pi4b_params.yaml` without one.
 
-    A serial robot's parameters live on its device: those of the file are not sent.
+    A serial robot is given the file's parameters whenever a session opens, whatever it has saved.
+    The others start with them; what was saved in `store` comes first.
 
     Raises:
         ConfigurationError: The file is not there, or says what cannot be.
         WheelwireError: As `open_driver`.
     """
     config = load_config(file)
-    if config.driver == "serial" and config.parameters:
-        log.warning("parameters of a serial robot live on its device: those of the file are unused")
     return open_driver(config.driver, **config.driver_options())
 
 
@@ -150,23 +151,32 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
         ConfigurationError: With the key, the value, and what it must be.
         DriverUnavailable: pydantic is not installed.
     """
-    import yaml
-
     if file is not None and not isinstance(file, (str, Path)):
         raise ConfigurationError(f"{shown(file)} is no file: give a path")
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     try:
-        content = yaml.safe_load(source.read_text())
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise ConfigurationError(f"{source}: {error}") from error
+        content = yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
+    except FileNotFoundError as error:
+        raise ConfigurationError(f"{source}: there is no such file") from error
+    except OSError as error:
+        raise ConfigurationError(f"{source}: {error.strerror}") from error
+    except (ValueError, yaml.YAMLError) as error:
+        raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
     try:
-        return parse_config(content if content is not None else {})
+        return parse_config(content)
     except ConfigurationError as error:
         raise ConfigurationError(f"{source}: {error}") from error
 
 
 def parse_config(content: object) -> RobotConfig:
     """Check what a file says; as `load_config`."""
+    if content is None:
+        raise ConfigurationError(f"it is empty; {_NAME_A_DRIVER}")
+    if _is_of_ros(content):
+        raise ConfigurationError(
+            "it is a parameter file of ROS: start the node with it "
+            "(params_file:=...); a robot's own file has `driver:`, not `ros__parameters:`"
+        )
     plain, aliases = _without_aliases(_mapping("the file", content))
     for section, names in _SECTIONS.items():
         if section in plain:
@@ -178,7 +188,27 @@ def parse_config(content: object) -> RobotConfig:
     }
     for foreign, name in aliases.items():
         log.info("%s is taken for %s", foreign, name)
-    return _validated({**plain, "aliases": aliases})
+    config = _validated({**plain, "aliases": aliases})
+    if "driver" not in plain:
+        raise ConfigurationError(f"driver is missing; {_NAME_A_DRIVER}")
+    return config
+
+
+class _UniqueKeys(yaml.SafeLoader):
+    """YAML asks for unique keys; PyYAML takes the last of several without a word."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Raises ConstructorError, a YAMLError, when a key is there twice."""
+        mapping = super().construct_mapping(node, deep=deep)
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    problem=f"{key.value} is given twice; keep one of them",
+                    problem_mark=key.start_mark,
+                )
+            seen.add(key.value)
+        return mapping
 
 
 _SECTIONS: dict[str, list[str]] = {
@@ -189,6 +219,7 @@ _SECTIONS: dict[str, list[str]] = {
     "parameters": list(PARAMETER_BY_NAME),
 }
 _TOP = ["driver", "store", *_SECTIONS]
+_NAME_A_DRIVER = "say which, such as `driver: serial`; there are mock, l298n, pigpio and serial"
 
 
 def _mapping(what: str, value: object) -> dict[str, Any]:
@@ -233,9 +264,25 @@ def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
 def _check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:
     for name in given:
         if name not in known:
-            near = get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"did you mean {prefix}{near[0]}?" if near else f"there are {', '.join(known)}"
-            raise ConfigurationError(f"{prefix}{name} = {given[name]!r}: no such key; {hint}")
+            raise ConfigurationError(
+                f"{prefix}{name} = {given[name]!r}: no such key; {_instead(name, known, prefix)}"
+            )
+
+
+def _instead(name: str, known: list[str], prefix: str) -> str:
+    """Which key was meant: one in a section by the same name, else a similar one here."""
+    places = [f"{section}.{name}" for section, names in _SECTIONS.items() if name in names]
+    near = [prefix + match for match in get_close_matches(name, known, n=1, cutoff=0.5)]
+    if meant := " or ".join(places or near):
+        return f"did you mean {meant}?"
+    return f"there are {', '.join(known)}"
+
+
+def _is_of_ros(content: object) -> bool:
+    """Whether it has the form that `ros2 run ... --params-file` takes."""
+    return isinstance(content, Mapping) and any(
+        isinstance(node, Mapping) and "ros__parameters" in node for node in content.values()
+    )
 
 
 def _checked_parameter(name: str, value: object) -> float:

@@ -10,7 +10,7 @@ import _thread
 import os
 import threading
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -76,6 +76,7 @@ class Link:
         board_id: Only this board will do, at whichever free port it answers; `port` may then be
             glob patterns, separated by commas.
         any_board: Whether to go on with another board than the first, where a port leads to one.
+        settings: Parameter id -> the value that the device is given whenever a session opens.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
             It decides which board is the right one: any is.
@@ -85,7 +86,7 @@ class Link:
         DeviceSilent: Nothing came.
         ForeignDevice: Something came, but nothing of ours.
         ProtocolMismatch: Host and firmware are of different releases.
-        DeviceRefused: The device does not take the stream rate.
+        DeviceRefused: The device does not take the stream rate or a setting.
         RequestTimeout: A device of ours answered, but no session could be opened in time.
     """
 
@@ -100,12 +101,17 @@ class Link:
         watched: Sequence[int] = (),
         board_id: str | None = None,
         any_board: bool = False,
+        settings: Mapping[int, float] | None = None,
         open_port: OpenPort | None = None,
     ) -> None:
         self._port = port
         self._changed = Notifier()
         self._session = Session(
-            _random_nonce, stream_rate_hz, watched, any_board=any_board or open_port is not None
+            _random_nonce,
+            stream_rate_hz,
+            watched,
+            any_board=any_board or open_port is not None,
+            settings=settings,
         )
         this = weakref.ref(self)
         self._loop = PortLoop(

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
@@ -34,6 +34,7 @@ from wheelwire_protocol.types import (
     LinkCounters,
     ParameterEntry,
     ParameterGet,
+    ParameterSet,
     ParameterValue,
     Pong,
     Refuse,
@@ -98,6 +99,7 @@ class Session:
         stream_rate_hz: Rate of the state frames; None leaves it as the device has it.
         watched: Ids of parameters whose values are read whenever a session opens.
         any_board: Whether to go on with another board than that of the first session.
+        settings: Parameter id -> the value that the device is given whenever a session opens.
 
     Attributes:
         phase: How far the session has come.
@@ -118,6 +120,7 @@ class Session:
         watched: Sequence[int] = (),
         *,
         any_board: bool = False,
+        settings: Mapping[int, float] | None = None,
     ) -> None:
         self.phase = Phase.CLOSED
         self.error: WheelwireError = LinkLost("the port was not opened yet")
@@ -131,6 +134,7 @@ class Session:
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
         self._watched = tuple(watched)
+        self._settings = dict(settings or {})
         self._any_board = any_board
 
         self._encoder = Encoder()
@@ -429,7 +433,10 @@ class Session:
         self._synchroniser.ping(now_us)
         self._prepared = False
         self._preparation_failure = None
-        needed: list[RequestMessage] = [ParameterGet(self._id, 0, id_) for id_ in self._watched]
+        needed: list[RequestMessage] = [
+            ParameterSet(self._id, 0, id_, value) for id_, value in self._settings.items()
+        ]
+        needed += [ParameterGet(self._id, 0, id_) for id_ in self._watched]
         if self._stream_rate_hz is not None:
             needed.append(SetStreamRate(self._id, 0, self._stream_rate_hz))
         self._requests.submit_all(needed, self._on_prepared, now_us)

@@ -95,7 +95,7 @@ class HardwareRobot(BaseRobotNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted; whatever ends it, the wheels stop first."""
-    rclpy.init(args=args)
+    _init(args)
     try:
         _run()
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -110,6 +110,18 @@ def main(args: list[str] | None = None) -> None:
         # Interrupted between two steps, rclpy fails at the next one: its context has ended.
     finally:
         rclpy.try_shutdown()
+
+
+def _init(args: list[str] | None) -> None:
+    try:
+        rclpy.init(args=args)
+    except RuntimeError as error:
+        if "params file" not in str(error):
+            raise
+        sys.exit(
+            f"hardware_robot: {' '.join(str(error).split())}: ROS takes values below `/**:` and "
+            "`ros__parameters:` only. A robot's file for wheelwire.open_robot is another one"
+        )
 
 
 def _run() -> None:

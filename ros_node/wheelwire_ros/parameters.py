@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -188,10 +189,16 @@ def _name_unknown(node: Any) -> None:
 
     No error: a file for `/**` may hold the parameters of other nodes.
     """
-    given = node._parameter_overrides  # nothing public tells
-    unknown = ", ".join(sorted(name for name in given if not node.has_parameter(name)))
+    # Nothing public tells these two.
+    given = node._parameter_overrides
+    known = list(node._parameters)
+    unknown = [
+        name + "".join(f" (did you mean {near}?)" for near in get_close_matches(name, known, n=1))
+        for name in sorted(given)
+        if not node.has_parameter(name)
+    ]
     if unknown:
-        node.get_logger().warning(f"parameters that this node does not have: {unknown}")
+        node.get_logger().warning(f"parameters that this node does not have: {', '.join(unknown)}")
 
 
 def _settle(node: Any, alias: str, name: str) -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
+from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -135,11 +138,29 @@ def test_parameters_that_there_are_not_are_named() -> None:
         "driver_type": "mock",
         "open_loop": True,
         "angular__z__max_acceleration": 2.0,
+        "wheelradius": 0.03,
     }
     with open_graph() as graph, RobotNode(graph, **given) as node:
         graph.wait_active()
-        warning = "parameters that this node does not have: angular.z.max_acceleration, open_loop"
-        assert warning in node.errors()
+        (warning,) = [line for line in node.errors().splitlines() if "does not have" in line]
+        assert "wheelradius (did you mean wheel_radius?)" in warning
+        assert "angular.z.max_acceleration" in warning
+        assert "open_loop" in warning
+
+
+def test_a_robots_own_file_is_no_parameter_file() -> None:
+    file = files("wheelwire") / "pi4b_params.yaml"
+    arguments = ["--ros-args", "--params-file", str(file)]
+    node = subprocess.run(
+        [sys.executable, "-m", "wheelwire_ros.hardware_robot", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert node.returncode == 1
+    assert "ROS takes values below `/**:`" in node.stderr.splitlines()[-1]
+    assert "Traceback" not in node.stderr
 
 
 def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:

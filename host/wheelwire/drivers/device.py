@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, cast
@@ -31,7 +31,7 @@ from ..errors import LinkLost, WheelwireError
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, WheelVelocities
 from ..link import Link, LinkInfo, OpenPort
-from ..parameters import ParameterInfo, Parameters, decimal_of_float32
+from ..parameters import ParameterInfo, Parameters, checked_values, decimal_of_float32
 from ..requests import Answer
 from ..statistics import LinkStatistics
 from .base import BaseDriver
@@ -205,6 +205,8 @@ class TransportDriver(DeviceDriver):
             asked for 0.2 s, the next one of a fast stream may be 10 ms old.
         board_id: Only this board will do; see `SerialDriver`.
         any_board: See `SerialDriver`; any is right that `open_transport` leads to.
+        parameters: Values that the device is given whenever a session opens, by name; it saves
+            none of them.
 
     Raises:
         WheelwireError: What `open_transport` raises.
@@ -212,7 +214,9 @@ class TransportDriver(DeviceDriver):
         DeviceSilent: Nothing came.
         ForeignDevice: Something came, but nothing of ours.
         ProtocolMismatch: Host and firmware are of different releases.
-        DeviceRefused: The device does not take the stream rate.
+        DeviceRefused: The device does not take the stream rate or a parameter.
+        UnknownParameter: In `parameters`.
+        ParameterOutOfRange: In `parameters`.
         RequestTimeout: A device of ours answered, but no session could be opened in time.
     """
 
@@ -226,6 +230,7 @@ class TransportDriver(DeviceDriver):
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
         any_board: bool = False,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
             stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
@@ -239,6 +244,10 @@ class TransportDriver(DeviceDriver):
                 watched=GEOMETRY,
                 board_id=board_id,
                 any_board=any_board,
+                settings={
+                    PARAMETER_BY_NAME[name].id: value
+                    for name, value in checked_values(parameters).items()
+                },
                 open_port=open_transport,
             )
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 from ..arguments import flag, text, whole
 from ..errors import InvalidArgument, shown
@@ -27,6 +28,8 @@ class SerialDriver(TransportDriver):
             all free ports that they match are opened to ask who is there.
         any_board: Whether to go on with another board than the first, where the port leads to one
             after a reconnection. Without it that raises `WrongBoard`, until the first is back.
+        parameters: Values that the device is given whenever a session opens, by name; it saves
+            none of them.
 
     Raises:
         InvalidArgument: One of these is of a wrong type or size.
@@ -43,6 +46,7 @@ class SerialDriver(TransportDriver):
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
         any_board: bool = False,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(
             text("port", port, "/dev/ttyUSB0"),
@@ -51,6 +55,7 @@ class SerialDriver(TransportDriver):
             stream_rate_hz=stream_rate_hz,
             board_id=None if board_id is None else _board_id(board_id),
             any_board=flag("any_board", any_board),
+            parameters=parameters,
         )
 
 
