@@ -87,5 +87,8 @@ class Odometry:
         return OdometryUpdate(self.pose, twist, distance, turn, dt, travel.rebased)
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Put the robot at `pose`, by default the origin; the samples go on from the last one."""
+        """Put the robot at `pose`, by default the origin.
+
+        The next sample is measured from the previous one.
+        """
         self.pose = pose or Pose()

@@ -46,7 +46,7 @@ class LinkStatistics:
 
     @property
     def bad(self) -> int:
-        """Chunks that were no good frame of a known message; as in the decoder's counters."""
+        """Chunks that did not decode to a valid, known message; as in the decoder's counters."""
         return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
 
 

@@ -57,7 +57,7 @@ class Counters:
 
     @property
     def bad(self) -> int:
-        """Chunks that were no good frame of a known message."""
+        """Chunks that did not decode to a valid, known message."""
         return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
 
 
@@ -131,7 +131,7 @@ class PythonDecoder:
         return list(starmap(_NEW, frames))
 
     def _reject(self, chunk: bytes, expected: int | None, taken: int) -> int | None:
-        """Count a chunk that is no good frame of a known message; returns the seq to expect."""
+        """Count a chunk that is not a valid, known message; returns the seq to expect."""
         try:
             payload = _unstuff(chunk)
         except ValueError:

@@ -14,7 +14,12 @@ from support import stop_host, stop_times
 from support.stop_times import BLOWS, PERIOD_US, TTL_S, StopTime
 from wheelwire.statistics import quantile
 
-COLUMNS = ("deadline to removed", "blow to removed", "removed to standstill", "distance")
+COLUMNS = (
+    "deadline to drive removed",
+    "failure to drive removed",
+    "drive removed to standstill",
+    "distance",
+)
 
 
 def row(times: list[StopTime]) -> tuple[str, ...]:

@@ -6,11 +6,16 @@ import dataclasses
 import inspect
 import re
 from pathlib import Path
+from typing import Any
 
+import pytest
+import typer
 import yaml
 
 from wheelwire import config, errors
+from wheelwire.cli.app import app
 from wheelwire.linux_mcu.pins import Pins
+from wheelwire_protocol.codes import Fault
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -41,7 +46,7 @@ def test_no_exit_code_is_there_twice() -> None:
 def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
     told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
     robot = config.RobotConfig()
-    sections = {
+    sections: dict[str, Any] = {
         "pins": Pins(),
         "pigpio": robot.pigpio,
         "serial": robot.serial,
@@ -68,3 +73,46 @@ def test_the_file_that_the_page_shows_is_taken() -> None:
     robot = config.parse_config(yaml.safe_load(text))
     assert robot.driver == "serial"
     assert robot.parameters["wheel_radius"] == 0.033
+
+
+def test_every_fault_is_in_the_troubleshooting() -> None:
+    text = (DOCS / "troubleshooting.md").read_text()
+    assert [fault.name for fault in Fault if f"`{fault.name}`" not in text] == []
+
+
+PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("tutorial/*.md"), DOCS.parent / "README.md"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_on_a_page_are_those_that_there_are(page: Path) -> None:
+    command = typer.main.get_command(app)
+    for line in re.findall(
+        r"(?:^|[`$;&] ?|bin/)wheelwire ([a-z][^`\n#;&|]*)", page.read_text(), re.M
+    ):
+        words = line.split()
+        known = command
+        while hasattr(known, "commands") and words:
+            assert words[0] in known.commands, line
+            known = known.commands[words.pop(0)]
+        options = {option for parameter in known.params for option in parameter.opts}
+        given = {word for word in words if word.startswith("--")}
+        assert given <= {*options, "--help"}, line
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_on_a_page_lead_somewhere(page: Path) -> None:
+    text = re.sub(r"```.*?```", "", page.read_text(), flags=re.S)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in target:
+            continue
+        file, _, anchor = target.partition("#")
+        there = page.parent / file if file else page
+        assert there.exists(), target
+        if anchor:
+            assert anchor in anchors(there), target
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}

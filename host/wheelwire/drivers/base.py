@@ -117,12 +117,12 @@ class BaseDriver(ABC):
 
     @abstractmethod
     def shutdown(self) -> None:
-        """Stop the robot and give back all that the driver holds. Harmless when repeated."""
+        """Stop the robot and release all resources. Safe to call more than once."""
 
     # --- measuring -----------------------------------------------------------------------------
 
     def read(self, timeout: float = 1.0) -> WheelSample:
-        """The newest sample that was not returned before; waits for one if need be.
+        """Return the newest unread sample, waiting for one if necessary.
 
         A wait outlasts a reconnection, if `timeout` [s], at most an hour, does.
 
@@ -171,7 +171,7 @@ class BaseDriver(ABC):
 
     @property
     def sessions(self) -> int:
-        """How many there were. A device forgets with the last one; a new one has to be prepared."""
+        """Number of sessions opened. The device loses its session state when one ends."""
         return self.statistics.sessions
 
     # --- for the drivers -----------------------------------------------------------------------
