@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors, transport
+from wheelwire.baud import USUAL_RATES
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.sim import Simulator
 from wheelwire.transport import SerialTransport
@@ -95,20 +95,28 @@ def test_a_device_that_comes_back_at_another_baud_rate_is_found(
         assert driver.info.baud_rate == 460_800
 
 
-def test_a_port_where_nothing_answers_is_opened_anew_after_each_round(tmp_path: Path) -> None:
-    opened: list[int] = []
-    with PtyDevice(tmp_path / "robot", FakeDevice(mute=True)) as robot:
-        real: Callable[..., None] = SerialTransport.__init__
+def test_a_port_where_nothing_answers_is_opened_anew_after_each_round(
+    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened, tried = [], []
+    real: Callable[..., None] = SerialTransport.__init__
+    set_baud_rate = SerialTransport.set_baud_rate
 
-        def count(self: SerialTransport, port: str, baud_rate: int) -> None:
-            opened.append(baud_rate)
-            real(self, port, baud_rate)
+    def note_opening(self: SerialTransport, port: str, baud_rate: int) -> None:
+        opened.append(baud_rate)
+        robot.device.mute = len(opened) == 1
+        real(self, port, baud_rate)
 
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(SerialTransport, "__init__", count)
-            with pytest.raises(errors.DeviceSilent, match="2000000"):
-                SerialDriver(str(robot.path), connect_timeout=4.5)
+    def note_rate(self: SerialTransport, baud_rate: int) -> None:
+        tried.append(baud_rate)
+        set_baud_rate(self, baud_rate)
+
+    monkeypatch.setattr(SerialTransport, "__init__", note_opening)
+    monkeypatch.setattr(SerialTransport, "set_baud_rate", note_rate)
+    with SerialDriver(str(robot.path), connect_timeout=PATIENCE_S) as driver:
+        assert driver.info.baud_rate == 921_600
     assert opened == [921_600, 921_600]
+    assert tuple(tried) == USUAL_RATES[1:]
 
 
 def exclusive(port: Path) -> bool:
