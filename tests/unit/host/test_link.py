@@ -29,13 +29,15 @@ def pty_with(speech: bytes, period_s: float = 0.02) -> Iterator[str]:
     """A port where something else than a device says `speech` again and again."""
     master, slave = os.openpty()
     tty.setraw(slave)
+    os.set_blocking(master, False)
     end = threading.Event()
 
     def speak() -> None:
         while not end.wait(period_s):
             while select.select([master], [], [], 0)[0]:
                 os.read(master, 4096)
-            os.write(master, speech)
+            with suppress(BlockingIOError):  # nobody reads any more
+                os.write(master, speech)
 
     thread = threading.Thread(target=speak)
     thread.start()
