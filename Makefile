@@ -29,13 +29,13 @@ gen-check: $(VENV)/installed  ## Fail when a generated file is not what the defi
 	$(BIN)/python -m wheelwire_protocol.generate --check
 
 format: $(VENV)/installed  ## Format Python and C++
-	$(BIN)/ruff format host protocol ros_node tests
-	$(BIN)/ruff check --fix host protocol ros_node tests
+	$(BIN)/ruff format host protocol ros_node tests examples
+	$(BIN)/ruff check --fix host protocol ros_node tests examples
 	@$(BIN)/clang-format -i $(CXX_FILES)
 
 lint: $(VENV)/installed  ## Style, layers, formatting
-	$(BIN)/ruff check host protocol ros_node tests
-	$(BIN)/ruff format --check host protocol ros_node tests
+	$(BIN)/ruff check host protocol ros_node tests examples
+	$(BIN)/ruff format --check host protocol ros_node tests examples
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 

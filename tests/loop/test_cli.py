@@ -142,6 +142,15 @@ def test_parameters_are_listed_set_saved_and_reset(simulator: Simulator) -> None
     assert run_json("params", "get", simulator.port, "wheel_radius") == {"wheel_radius": 0.033}
 
 
+def test_a_narrow_terminal_gets_the_parameters_without_a_table(simulator: Simulator) -> None:
+    lines = run("params", "list", simulator.port, COLUMNS="80").stdout.splitlines()
+    assert lines[:2] == [
+        "wheel_radius = 0.033 m, 0.005..1",
+        "    Radius of the driven wheels." + " " * 48,
+    ]
+    assert max(map(len, lines)) <= 80
+
+
 def test_only_the_value_that_is_named_is_saved(simulator: Simulator) -> None:
     port = simulator.port
     text = run("params", "set", port, "integral_gain", "12").stdout

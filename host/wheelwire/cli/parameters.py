@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, cast
 
 import typer
+from rich.padding import Padding
 
 from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
 from wheelwire.parameters import ParameterInfo
@@ -12,6 +13,9 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .output import JsonFlag, console, print_json, print_table, show_help_alone
 from .robot import BaudOption, PortArgument
+
+TABLE_COLUMNS = 100
+"""A table has room for the meanings where the terminal is as wide as this."""
 
 app = typer.Typer()
 
@@ -33,6 +37,11 @@ def list_all(
         parameters = robot.parameters.list()
     if as_json:
         print_json(parameters)
+        return
+    if console.width < TABLE_COLUMNS:
+        for p in parameters:
+            console.print(f"{p.name} = {_value(p)}, {p.minimum:g}..{p.maximum:g}", style="cyan")
+            console.print(Padding(p.doc, (0, 0, 0, 4)))
         return
     print_table(
         "Parameters",

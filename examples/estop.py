@@ -1,0 +1,53 @@
+"""Drive, and live through an e-stop and a lost link: python examples/estop.py --port /dev/ttyUSB0.
+
+The device stops by itself. All that is left to the program is to notice, to wait for a person, and
+to clear the latch; the device refuses that while the cause lasts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import wheelwire
+from wheelwire_protocol.codes import RefusalCode
+
+
+def wait_for_release(robot: wheelwire.BaseDriver) -> None:
+    """Ask until the e-stop could be cleared."""
+    while True:
+        input("e-stop: release the button, look around, then press Enter ")
+        try:
+            robot.clear_estop()
+        except wheelwire.DeviceRefused as refused:
+            print(f"not yet: {refused}")
+        else:
+            print("cleared; driving again")
+            return
+
+
+def main() -> None:
+    """Drive forward for some seconds, not counting those of an e-stop."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    arguments = parser.parse_args()
+
+    with wheelwire.open_driver("serial", port=arguments.port) as robot:
+        driven_s = 0.0
+        while driven_s < arguments.seconds:
+            try:
+                robot.set_velocity(0.2, 0.0, ttl=0.3)
+            except wheelwire.DeviceRefused as refused:
+                if refused.code != RefusalCode.ESTOPPED:
+                    raise  # a fault: its message names the cause
+                wait_for_release(robot)
+            except wheelwire.LinkLost as lost:
+                print(f"waiting: {lost}")  # the driver opens the port again by itself
+            time.sleep(0.05)
+            driven_s += 0.05
+    print("done")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,45 @@
+"""Write each sample to a CSV file: python examples/log_csv.py run.csv --port /dev/ttyUSB0.
+
+It sends no setpoint; turn the wheels by hand. In a program of your own, write the samples that it
+reads while it drives: a port has room for one program.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+from pathlib import Path
+
+import wheelwire
+
+COLUMNS = ("left_ticks", "right_ticks", "left_mps", "right_mps", "left_duty", "right_duty")
+
+
+def main() -> None:
+    """Log for some seconds."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("--seconds", type=float, default=10.0)
+    arguments = parser.parse_args()
+
+    with (
+        arguments.file.open("w", newline="") as file,
+        wheelwire.open_driver("serial", port=arguments.port) as robot,
+    ):
+        writer = csv.writer(file)
+        writer.writerow(["device_time_s", "state", *COLUMNS])
+        end = time.monotonic() + arguments.seconds
+        rows = 0
+        while time.monotonic() < end:
+            sample = robot.read()  # waits for the next one; 100 a second by default
+            values = [getattr(sample, column) for column in COLUMNS]
+            writer.writerow([sample.t_us / 1e6, sample.state.name, *values])
+            rows += 1
+        lost = robot.statistics.frames_lost
+    print(f"{rows} samples in {arguments.file}, {lost} frames lost on the line")
+
+
+if __name__ == "__main__":
+    main()

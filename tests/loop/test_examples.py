@@ -1,0 +1,81 @@
+"""The examples do what they say, on a simulated robot."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.command import PATIENCE_S
+from support.waiting import wait_until
+from wheelwire.sim import Simulator
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def start(name: str, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-u", str(EXAMPLES / name), *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def end(process: subprocess.Popen[str], typed: str = "") -> str:
+    output, errors = process.communicate(typed, timeout=PATIENCE_S)
+    assert process.returncode == 0, errors
+    return output
+
+
+def test_the_square_closes() -> None:
+    with Simulator() as simulator:
+        output = end(start("square.py", "--port", simulator.port, "--side", "0.4"))
+        assert [line.split(":")[0] for line in output.splitlines()] == [
+            f"corner {number}" for number in (1, 2, 3, 4)
+        ]
+        assert simulator.get("true.distance_m") > 1.5
+        assert math.hypot(simulator.get("true.x_m"), simulator.get("true.y_m")) < 0.03
+        assert simulator.get("true.heading_rad") == pytest.approx(2 * math.pi, abs=0.05)
+
+
+def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    with Simulator() as simulator:
+        output = end(start("log_csv.py", str(file), "--port", simulator.port, "--seconds", "1"))
+    with file.open() as lines:
+        rows = list(csv.DictReader(lines))
+    assert output.startswith(f"{len(rows)} samples in {file}")
+    assert len(rows) > 20
+    times = [float(row["device_time_s"]) for row in rows]
+    assert times == sorted(set(times))
+    assert {row["state"] for row in rows} == {"IDLE"}
+
+
+def test_the_e_stop_is_lived_through() -> None:
+    with Simulator() as simulator:
+        process = start("estop.py", "--port", simulator.port, "--seconds", "2")
+        wait_until(lambda: simulator.get("true.distance_m") > 0.1, PATIENCE_S)
+        simulator.set("estop_open", 1)
+        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
+        stopped_m = simulator.get("true.distance_m")
+        assert process.stdin
+        process.stdin.write("\n")  # the contact is still open
+        process.stdin.flush()
+        assert process.stdout
+        line = process.stdout.readline()
+        assert "release the button" in line
+        assert "not yet: the device refused" in line
+        simulator.set("estop_open", 0)
+        output = end(process, "\n")
+        assert output.splitlines()[-2:] == [
+            "e-stop: release the button, look around, then press Enter cleared; driving again",
+            "done",
+        ]
+        assert simulator.get("true.distance_m") > stopped_m + 0.05
+        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
