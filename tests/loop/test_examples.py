@@ -73,9 +73,7 @@ def test_the_e_stop_is_lived_through() -> None:
         assert "not yet: the device refused" in line
         simulator.set("estop_open", 0)
         output = end(process, "\n")
-        assert output.splitlines()[-2:] == [
-            "e-stop: release the button, look around, then press Enter cleared; driving again",
-            "done",
-        ]
+        # The prompt before it has no end of line, and may have come with the line above.
+        assert output.endswith("cleared; driving again\ndone\n")
         assert simulator.get("true.distance_m") > stopped_m + 0.05
         wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
