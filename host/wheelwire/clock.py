@@ -136,7 +136,10 @@ class _Line(NamedTuple):
 
 
 class ClockEstimator:
-    """Keeps the exchanges of one session and converts times between the two clocks."""
+    """Keeps the exchanges of one session and converts times between the two clocks.
+
+    One thread adds; any may convert.
+    """
 
     def __init__(self) -> None:
         self._readings: deque[_Reading] = deque(maxlen=WINDOW)
@@ -155,20 +158,26 @@ class ClockEstimator:
         elif self._has_enough(reading.host_us):
             return
         self._readings.append(reading)
-        self._lines = [_through_best(self._readings)]
+        lines = [_through_best(self._readings)]
         if len(self._readings) >= FIT_FROM:
             fit = _fit(list(self._readings))
             if abs(fit.b) < MAX_SLOPE:
-                self._lines.append(fit)
+                lines.append(fit)
+        self._lines = lines  # at once: other threads convert meanwhile
 
     def _has_enough(self, host_us: int) -> bool:
         fitted = len(self._readings) >= FIT_FROM
         return fitted and host_us < self._readings[-1].host_us + SPACING_US
 
-    def host_to_device(self, host_us: int) -> int:
-        """The device's clock, in us, at the host's `host_us`."""
-        line = self._best_at(host_us)
-        return host_us + line.base_us + round(line.offset_us(host_us))
+    def host_to_device(self, host_us: int) -> tuple[int, float]:
+        """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
+        self._check()
+        best, best_error_us = self._lines[0], math.inf
+        for line in self._lines:  # a plain loop, half as long: this is done for each setpoint
+            error_us = line.bound_us(host_us)
+            if error_us < best_error_us:
+                best, best_error_us = line, error_us
+        return host_us + best.base_us + round(best.offset_us(host_us)), best_error_us
 
     def device_to_host(self, device_us: int) -> tuple[int, float]:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
@@ -183,7 +192,7 @@ class ClockEstimator:
 
     def error_us(self, host_us: int) -> float:
         """Bound of the conversions' error, in us, at the host's `host_us`."""
-        return self._best_at(host_us).bound_us(host_us)
+        return self.host_to_device(host_us)[1]
 
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
@@ -191,10 +200,6 @@ class ClockEstimator:
         line = self._lines[0]  # either is near enough
         near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
-
-    def _best_at(self, host_us: int) -> _Line:
-        self._check()
-        return min(self._lines, key=lambda line: line.bound_us(host_us))
 
     def _check(self) -> None:
         if not self._lines:

@@ -7,7 +7,9 @@ watched parameters fetched; after that the session is open. It ends with the por
 falls silent or was reset, and when the device no longer knows it.
 
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
-time as well. All times are microseconds of one monotonic host clock.
+time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
+any other may ask for a setpoint's frame meanwhile, to write it by itself. Nothing is locked for
+that: what it needs of the session is one object, replaced as a whole.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+from typing import Any, NamedTuple
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
@@ -45,6 +49,7 @@ from wheelwire_protocol.types import (
     WheelState,
 )
 
+from .clock import ClockEstimator
 from .device import BootHistory, DeviceInfo, device_release, host_release
 from .errors import (
     DeviceRefused,
@@ -57,7 +62,7 @@ from .errors import (
 from .requests import Answer, Done, RequestMessage, RequestQueue
 from .sampler import DUTY_SCALE, Sampler
 from .samples import WheelSample
-from .setpoints import SETPOINT_IDS, Setpoint, SetpointSender
+from .setpoints import SETPOINT_IDS, SetpointSender
 from .statistics import LinkStatistics, quantile
 from .synchroniser import Synchroniser
 
@@ -89,6 +94,15 @@ class Phase(enum.Enum):
     PREPARING = enum.auto()
     """The clock is read; the stream rate and the watched parameters are settled."""
     OPEN = enum.auto()
+
+
+class _Opened(NamedTuple):
+    """What a setpoint needs of an open session."""
+
+    session_id: int
+    clock: ClockEstimator
+    command_seqs: count[int]
+    """Setpoints and stops draw from it: so a stop's number is above all that went before it."""
 
 
 class Session:
@@ -140,7 +154,8 @@ class Session:
         self._encoder = Encoder()
         self._decoder = Decoder()
         self._output = bytearray()
-        self._frames_sent = 0
+        self._frames_sent_before = 0
+        """By former encoders."""
         self._invalid = 0
         self._foreign = 0
         self._refused = 0
@@ -152,6 +167,8 @@ class Session:
         self._hello_due_us = 0
         self._id = 0
         """The session's; 0 outside one."""
+        self._command_seqs = count(1)
+        self._opened: _Opened | None = None
         self._boots = BootHistory()
         self._heard_us = 0
         """When the device was last heard in this session."""
@@ -185,7 +202,7 @@ class Session:
         """A snapshot of what was counted."""
         counters, clock = self._decoder.counters, self._synchroniser.clock
         return LinkStatistics(
-            frames_sent=self._frames_sent,
+            frames_sent=self._frames_sent_before + self._encoder.encoded,
             frames_received=counters.frames,
             frames_lost=counters.seq_lost,
             bad_crc=counters.bad_crc,
@@ -210,6 +227,7 @@ class Session:
 
     def connect(self, now_us: int) -> None:
         """The port is open: say hello. Sequence numbers start anew, and what waited is void."""
+        self._frames_sent_before += self._encoder.encoded
         self._encoder = Encoder()
         self._decoder.restart()
         self._output.clear()
@@ -301,29 +319,39 @@ class Session:
         if self.phase is not Phase.OPEN:
             raise self.error.with_traceback(None)  # it may be raised for hours: let none pile up
 
-    def drive_velocity(
+    def velocity_frame(
         self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
-    ) -> None:
-        """Send a velocity setpoint that is void from the host's `expiry_us` on.
+    ) -> bytes:
+        """A velocity setpoint that is void from the host's `expiry_us` on; from any thread.
 
-        The two clocks are known to each other with an error: its bound is taken off the expiry,
-        or the setpoint could live longer than it was given.
+        Returns:
+            Its frame, to be written at once.
 
         Raises:
-            InvalidCommand: It would expire within that bound.
+            InvalidCommand: It would expire within the error bound of the device's clock.
             LinkLost: The session is not open.
             DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
         """
-        self._drive(SetWheelVelocity(0, 0, 0, left_mps, right_mps), expiry_us, now_us)
+        return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
+
+    def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
+        """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
+        left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
+        return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
+
+    def drive_velocity(
+        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
+    ) -> None:
+        """As `velocity_frame`, which goes out with `take_output`."""
+        self._output += self.velocity_frame(left_mps, right_mps, expiry_us, now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int, now_us: int) -> None:
-        """Send a duty setpoint, -1..1; otherwise as `drive_velocity`."""
-        duties = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
-        self._drive(SetDuty(0, 0, 0, *duties), expiry_us, now_us)
+        """As `duty_frame`, which goes out with `take_output`."""
+        self._output += self.duty_frame(left, right, expiry_us, now_us)
 
     def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
         """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
-        self._stop(Stop(self._id, 0, self._setpoints.last_seq, mode), done, now_us)
+        self._stop(Stop(self._id, 0, next(self._command_seqs), mode), done, now_us)
 
     def estop(self, done: Done, now_us: int) -> None:
         """Stop and latch. Without a session it is sent unacknowledged."""
@@ -338,20 +366,27 @@ class Session:
         self.check_open()
         self._requests.submit(message._replace(session_id=self._id), done, now_us)
 
-    def _drive(self, setpoint: Setpoint, expiry_us: int, now_us: int) -> None:
-        self.check_open()
+    def _frame(
+        self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
+    ) -> bytes:
+        opened = self._opened
+        if opened is None:
+            raise self.error.with_traceback(None)
         self._setpoints.check()
-        clock = self._synchroniser.clock
-        bound_us = math.ceil(clock.error_us(expiry_us))
+        # The two clocks are known to each other with an error: its bound is taken off the expiry,
+        # or the setpoint could live longer than it was given.
+        expiry, error_us = opened.clock.host_to_device(expiry_us)
+        bound_us = math.ceil(error_us)
         sure_us = expiry_us - bound_us
         if sure_us <= now_us:
             raise InvalidCommand(
                 f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
                 f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
             )
-        expiry = clock.host_to_device(expiry_us) - bound_us
-        dated = setpoint._replace(session_id=self._id, expiry_us=expiry)
-        self._setpoints.submit(dated, sure_us, now_us)
+        command_seq = next(opened.command_seqs)
+        setpoint = kind(opened.session_id, command_seq, expiry - bound_us, left, right)
+        self._setpoints.note_sent(setpoint, sure_us, now_us)
+        return self._encoder.encode(setpoint)
 
     def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
         self._setpoints.clear()
@@ -386,6 +421,7 @@ class Session:
     def _end(self, error: WheelwireError) -> None:
         self.error = error  # first: other threads ask why as soon as they see the phase
         self.phase = Phase.CLOSED
+        self._opened = None
         self._id = 0
         self.unanswered_since_us = None
         self._setpoints.clear()
@@ -428,7 +464,8 @@ class Session:
         self._decoder.restart_sequence()
         self.values.clear()
         self._requests.begin_session()
-        self._setpoints.begin_session()
+        self._setpoints.clear()
+        self._command_seqs = count(1)
         self._synchroniser = Synchroniser(self._id, self._send, now_us)
         self._synchroniser.ping(now_us)
         self._prepared = False
@@ -454,6 +491,7 @@ class Session:
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif self._synchroniser.ready:
+            self._opened = _Opened(self._id, self._synchroniser.clock, self._command_seqs)
             self.phase = Phase.OPEN
 
     # --- what the device says ------------------------------------------------------------------
@@ -549,7 +587,6 @@ class Session:
 
     def _send(self, message: AnyMessage) -> None:
         self._output += self._encoder.encode(message)
-        self._frames_sent += 1
 
     @property
     def _ping_due_us(self) -> int:

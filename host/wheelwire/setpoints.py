@@ -1,13 +1,16 @@
-"""Setpoints: whether one may be sent, its number, and its one repeat; never renewed. Sans-IO."""
+"""Setpoints: whether one may be sent, and its one repeat; never renewed. Sans-IO.
+
+Any thread may send one while the port's thread receives, and nothing is locked: what both touch is
+replaced in one assignment.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.types import AnyMessage, Refuse, SetDuty, SetWheelVelocity
 
 from .errors import NO_FAULT, DeviceRefused
@@ -25,35 +28,43 @@ _LATCHED = {
 }
 
 
-@dataclass
+class _Unseen(NamedTuple):
+    """Sent, and no state frame has shown yet that the device obeys it."""
+
+    setpoint: Setpoint
+    expiry_host_us: int
+    repeat_due_us: int
+
+
 class SetpointSender:
-    """The setpoints of a link. The latest wins.
+    """What is known of the setpoints of a link. The latest wins.
 
     Args:
-        send: Takes a message for the line.
+        send: Takes a message for the line: the repeats.
+
+    Attributes:
+        repeated: How many were sent again.
+        supervisor: The newest known; None when it is about to change, or no session is open.
+        faults: The newest known to be latched.
     """
 
-    send: Callable[[AnyMessage], None]
-    last_seq: int = 0
-    """The newest command_seq used in this session; 0: none yet."""
-    repeated: int = 0
-    repeat_due_us: int | None = None
-    supervisor: SupervisorState | None = None
-    """The newest known; None when it is about to change, or no session is open."""
-    faults: Fault = NO_FAULT
-    """The newest known to be latched."""
-    _refusal: int | None = None
-    _unseen: Setpoint | None = None
-    _expiry_host_us: int = 0
+    def __init__(self, send: Callable[[AnyMessage], None]) -> None:
+        self.repeated = 0
+        self.supervisor: SupervisorState | None = None
+        self.faults = NO_FAULT
+        self._send = send
+        self._refusal: int | None = None
+        self._unseen: _Unseen | None = None
 
-    def begin_session(self) -> None:
-        """Forget all of the former session."""
-        self.clear()
-        self.last_seq = 0
+    @property
+    def repeat_due_us(self) -> int | None:
+        """When `advance` has something to do."""
+        unseen = self._unseen
+        return None if unseen is None else unseen.repeat_due_us
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
-        self._forget()
+        self._unseen = None
         self._refusal = None
         self.supervisor = None
         self.faults = NO_FAULT
@@ -71,34 +82,33 @@ class SetpointSender:
             faults = self.faults if refusal == RefusalCode.FAULT else NO_FAULT
             raise DeviceRefused(refusal, "the setpoint", faults)
 
-    def submit(self, setpoint: Setpoint, expiry_host_us: int, now_us: int) -> None:
-        """Number and send a setpoint; its expiry on the device's clock is already in it."""
-        self.last_seq += 1
-        self._unseen = setpoint._replace(command_seq=self.last_seq)
-        self._expiry_host_us = expiry_host_us
-        self.repeat_due_us = now_us + REPEAT_AFTER_US
-        self.send(self._unseen)
+    def note_sent(self, setpoint: Setpoint, expiry_host_us: int, now_us: int) -> None:
+        """A setpoint goes out; its number and its expiry on the device's clock are in it."""
+        self._unseen = _Unseen(setpoint, expiry_host_us, now_us + REPEAT_AFTER_US)
 
     def advance(self, now_us: int) -> None:
         """Send an unseen setpoint once more, with its own number and expiry, while it is valid."""
-        if self.repeat_due_us is None or now_us < self.repeat_due_us:
+        unseen = self._unseen
+        if unseen is None or now_us < unseen.repeat_due_us:
             return
-        if self._unseen is not None and now_us < self._expiry_host_us:
+        if now_us < unseen.expiry_host_us:
             self.repeated += 1
-            self.send(self._unseen)
-        self._forget()
+            self._send(unseen.setpoint)
+        self._forget(unseen)
 
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
-        if command_seq == self.last_seq:
-            self._forget()
+        unseen = self._unseen
+        if unseen is not None and unseen.setpoint.command_seq == command_seq:
+            self._forget(unseen)
 
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
         self._refusal = refuse.code
-        if refuse.reference == self.last_seq:
-            self._forget()
+        self.on_obeyed(refuse.reference)
 
-    def _forget(self) -> None:
-        self._unseen = None
-        self.repeat_due_us = None
+    def _forget(self, unseen: _Unseen) -> None:
+        # Another thread may have sent the next one meanwhile. In the instant between the two
+        # lines that one's repeat can still be lost: it is not needed on a good line.
+        if self._unseen is unseen:
+            self._unseen = None

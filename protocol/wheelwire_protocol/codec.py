@@ -24,8 +24,8 @@ class Codec(NamedTuple):
     unpack: Callable[[bytes], tuple[Any, ...]]
     """Payload -> body fields; the header and the CRC are skipped."""
     type: type[Any]
-    pack: Callable[..., bytes]
-    """(id, seq, *body) -> payload without its CRC."""
+    pack_body: Callable[..., bytes]
+    """Body fields -> body."""
     formats: str
     """The body in the letters of `struct`, one a field."""
 
@@ -37,7 +37,7 @@ def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Cod
         size=payload.size,
         unpack=payload.unpack,
         type=message_type,
-        pack=struct.Struct(f"<BH{formats}").pack,
+        pack_body=struct.Struct(f"<{formats}").pack,
         formats=formats,
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from itertools import starmap
+from itertools import count, starmap
 from typing import Any
 from zlib import crc32
 
@@ -207,10 +207,15 @@ def cobs_encode(payload: bytes) -> bytes:
 
 
 class Encoder:
-    """Typed messages in, frames out, each with the next sequence number."""
+    """Typed messages in, frames out, each with the next sequence number; for any thread.
+
+    Attributes:
+        encoded: How many frames there were.
+    """
 
     def __init__(self) -> None:
-        self._seq = 0
+        self.encoded = 0
+        self._numbers = count()
 
     def encode(self, message: AnyMessage) -> bytes:
         """The frame of `message`, delimiters included.
@@ -218,18 +223,29 @@ class Encoder:
         Raises:
             struct.error: A field does not fit its wire type.
         """
-        frame = encode_frame(message, self._seq)
-        self._seq = (self._seq + 1) % SEQ_MODULUS
-        return frame
+        codec = BY_TYPE[type(message)]
+        body = codec.pack_body(*message)
+        number = next(self._numbers)  # one step, so that no two threads draw the same
+        self.encoded = number + 1
+        return _frame(codec.id, number % SEQ_MODULUS, body)
 
 
 def encode_payload(message: AnyMessage, seq: int) -> bytes:
     """The payload of `message`: id, seq, body, CRC."""
     codec = BY_TYPE[type(message)]
-    head = codec.pack(codec.id, seq, *message)
-    return head + crc32(head).to_bytes(CRC_SIZE, "little")
+    return _payload(codec.id, seq, codec.pack_body(*message))
 
 
 def encode_frame(message: AnyMessage, seq: int) -> bytes:
     """The frame of `message` with a given sequence number."""
-    return DELIMITER + cobs_encode(encode_payload(message, seq)) + DELIMITER
+    codec = BY_TYPE[type(message)]
+    return _frame(codec.id, seq, codec.pack_body(*message))
+
+
+def _payload(message_id: int, seq: int, body: bytes) -> bytes:
+    head = _HEADER.pack(message_id, seq) + body
+    return head + crc32(head).to_bytes(CRC_SIZE, "little")
+
+
+def _frame(message_id: int, seq: int, body: bytes) -> bytes:
+    return DELIMITER + cobs_encode(_payload(message_id, seq, body)) + DELIMITER

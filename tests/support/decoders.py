@@ -38,4 +38,4 @@ def _decoded(decoder: NativeDecoder | PythonDecoder, pieces: Iterable[bytes]) ->
 
 def _packed(message: AnyMessage) -> bytes:
     codec = BY_TYPE[type(message)]
-    return codec.pack(codec.id, 0, *message)
+    return bytes([codec.id]) + codec.pack_body(*message)
