@@ -1,7 +1,8 @@
 """An open link, for any thread and any signal handler: commands and requests in, information out.
 
-The port's thread alone touches port and session. A call is handed to it, and waits for what came
-of it on a queue of its own, never longer than `CALL_TIMEOUT_S`.
+The port's thread alone reads, and changes the session. A request is handed to it, and waits for
+what came of it on a queue of its own, never longer than `CALL_TIMEOUT_S`. A setpoint is written by
+the thread that gives it.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from .errors import (
 )
 from .identify import open_board
 from .inbox import SampleInbox
-from .port_loop import Done, PortLoop, Task
+from .port_loop import PortLoop, Task
 from .requests import Answer, RequestMessage
 from .session import Phase, Session
 from .statistics import LinkStatistics
@@ -154,13 +155,14 @@ class Link:
         """How many there were since the link was opened."""
         return self._session.count
 
-    def value(self, parameter: int) -> float:
-        """The newest value of a watched parameter."""
+    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
+        """The newest values of watched parameters."""
         self.check()
-        value = self._session.values.get(parameter)
-        if value is None:  # another session has just begun
-            raise self._session.error
-        return value
+        known = self._session.values
+        try:
+            return tuple([known[parameter] for parameter in parameters])
+        except KeyError:  # another session has just begun
+            raise self._session.error from None
 
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
@@ -168,27 +170,17 @@ class Link:
         self._session.check_open()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Send one velocity setpoint, void from the host's `expiry_us` on.
-
-        Waits until it is among what is written next, not for the device.
-        """
-
-        def drive(done: Done, now_us: int) -> None:
-            self._loop.check_room()
-            self._session.drive_velocity(left_mps, right_mps, expiry_us, now_us)
-            done(None)
-
-        self._call(drive)
+        """Write one velocity setpoint, void from the host's `expiry_us` on, in this thread."""
+        now_us = host_clock_us()
+        self._loop.check_room()
+        frame = self._session.velocity_frame(left_mps, right_mps, expiry_us, now_us)
+        self._loop.send(frame, now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Send one duty setpoint; otherwise as `drive_velocity`."""
-
-        def drive(done: Done, now_us: int) -> None:
-            self._loop.check_room()
-            self._session.drive_duty(left, right, expiry_us, now_us)
-            done(None)
-
-        self._call(drive)
+        """Write one duty setpoint; otherwise as `drive_velocity`."""
+        now_us = host_clock_us()
+        self._loop.check_room()
+        self._loop.send(self._session.duty_frame(left, right, expiry_us, now_us), now_us)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.

@@ -1,8 +1,9 @@
-"""The loop that owns a port and the session on it: no other thread touches either.
+"""The loop that owns a port and the session on it.
 
 What an application asks for is handed over as a call, which the loop carries out between two
 reads. So nothing is locked, a signal handler may ask whatever the main thread was doing, and an
-exception out of one leaves nothing half done.
+exception out of one leaves nothing half done. Setpoints alone are written by the thread that gives
+them (`send`), one frame in one system call: waking another thread would take twice as long.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from queue import SimpleQueue
 from typing import TypeAlias
 
 from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.framing import MAX_ENCODED
 
 from .baud import BaudSearch
 from .clock import SuspendWatch, host_clock_us
@@ -27,6 +29,7 @@ from .forking import forsake_in_child
 from .inbox import SampleInbox
 from .requests import Answer
 from .session import Phase, Session
+from .setpoints import REPEAT_AFTER_US
 from .transport import Transport
 from .waiting import Notifier
 
@@ -45,6 +48,7 @@ WRONG_BOARD_PAUSE_S = 1.0
 OUTPUT_LIMIT = 4096
 """Bytes that wait for the port at most: older ones are worth nothing to a robot."""
 CLOSED = "the link is closed; open it again"
+MAX_FRAME = MAX_ENCODED + 2
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
@@ -106,7 +110,13 @@ class PortLoop:
         self._is_wanted = is_wanted
         self._calls: deque[tuple[Task, Done]] = deque()
         self._was_open = False
+        self._transport: Transport | None = None
+        """The port while it is served."""
         self._output = b""
+        self._frames: deque[bytes] = deque()
+        """Of other threads, for which the port had no room."""
+        self._turned_us = 0
+        """When the loop last looked at everything."""
         self._coalescing = Coalescing()
         self._due_us = 0
         self._expectant = True
@@ -143,8 +153,28 @@ class PortLoop:
 
     def check_room(self) -> None:
         """Raise LinkLost when a setpoint would only wait, and be thrown away with what waits."""
-        if len(self._output) > OUTPUT_LIMIT // 2:
+        if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
             raise LinkLost("the port takes nothing that is sent to it; the setpoint was not sent")
+
+    def send(self, frame: bytes, now_us: int) -> None:
+        """Write a frame, or leave it to the loop while others wait; from any thread. Never waits.
+
+        A frame of which the port took a part is written again, whole: each begins with a
+        delimiter, so that the part costs the frame behind it nothing.
+
+        Raises:
+            LinkLost: The port is gone.
+        """
+        transport = self._transport
+        if transport is None:
+            raise self._session.error.with_traceback(None)
+        if self._output or self._frames or transport.write(frame) < len(frame):
+            self._frames.append(frame)
+            self.wake()
+        elif now_us > self._turned_us + REPEAT_AFTER_US:
+            self.wake()  # no stream of states does: the frame may have to be repeated
+        if self._transport is not transport:  # closed meanwhile: where the frame went is not known
+            raise self._session.error.with_traceback(None)
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser.
@@ -195,6 +225,7 @@ class PortLoop:
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost: True; or until the end: False. Closes the port."""
         self._poller.register(transport)
+        self._transport = transport
         try:
             while not (self._is_ending() and self._farewell_over()):
                 self._turn(transport)
@@ -202,6 +233,7 @@ class PortLoop:
             self._lose(error)
             return True
         finally:
+            self._transport = None
             self._poller.unregister(transport)
             transport.close()
         return False
@@ -213,7 +245,7 @@ class PortLoop:
         # An unplugged port is readable for ever, and nothing comes.
         if events & _BROKEN and not data:
             raise transport.lost()
-        now_us = host_clock_us()
+        self._turned_us = now_us = host_clock_us()
         if self._suspend.slept():
             self._renew(now_us)
         if data:
@@ -221,6 +253,8 @@ class PortLoop:
         self._do_calls(now_us)
         if self._has_work(now_us):
             self._advance(transport, now_us)
+        while self._frames:
+            self._output += self._frames.popleft()
         if self._output:
             self._output = self._output[transport.write(self._output) :]
             if len(self._output) > OUTPUT_LIMIT:
@@ -228,7 +262,8 @@ class PortLoop:
 
     def _wait_for_port(self, transport: Transport) -> int:
         """Wait until a deadline, a wake-up or the port; returns what the port has to do."""
-        now_us, until_us, wanted = host_clock_us(), self._due_us, select.POLLIN
+        now_us, wanted = host_clock_us(), select.POLLIN
+        until_us = min(self._due_us, self._repeat_due_us)
         rests = self._may_rest(now_us)
         if rests:
             until_us, wanted = min(until_us, self._coalescing.rest_until_us), 0
@@ -274,7 +309,17 @@ class PortLoop:
 
     def _has_work(self, now_us: int) -> bool:
         """State frames alone make none, and most reads bring nothing else."""
-        return self._expectant or now_us >= self._due_us or self._session.phase is not Phase.OPEN
+        return (
+            self._expectant
+            or now_us >= min(self._due_us, self._repeat_due_us)
+            or self._session.phase is not Phase.OPEN
+        )
+
+    @property
+    def _repeat_due_us(self) -> int:
+        """Asked for each time, not kept: another thread may have sent a setpoint meanwhile."""
+        due_us = self._session.setpoint_repeat_due_us
+        return self._due_us if due_us is None else due_us
 
     def _advance(self, transport: Transport, now_us: int) -> None:
         self._check_port(transport, now_us)
@@ -345,6 +390,7 @@ class PortLoop:
         self._session.disconnect(error)
         self._tell_changes()
         self._output = b""
+        self._frames.clear()
 
     def _reopen(self) -> Transport | None:
         """Try again and again, until the port is there; None when the end has come."""

@@ -293,6 +293,11 @@ class Session:
         due = [deadline for deadline in others if deadline is not None]
         return min([self._heard_us + SILENCE_US, self._ping_due_us, *due])
 
+    @property
+    def setpoint_repeat_due_us(self) -> int | None:
+        """When a setpoint has to be repeated that was not seen to be obeyed; from any thread."""
+        return self._setpoints.repeat_due_us
+
     def awaits_answer(self, now_us: int) -> bool:
         """Whether something may come that is to be handled at once."""
         return (

@@ -10,6 +10,7 @@ import fcntl
 import os
 import socket
 import termios
+import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
@@ -107,6 +108,21 @@ class Transport(ABC):
     def forsake(self) -> None:
         """Close this process's copy of the descriptors and touch nothing else: it was forked."""
 
+    def _release(self, close: Callable[[], object]) -> None:
+        """Let go of what is open, but not of the descriptor's number while this object is in use.
+
+        Another thread may be about to write. By then the number would mean any other file; so it
+        leads to nowhere until nobody has this object any more, and `close` frees it.
+        """
+        try:
+            nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+            os.dup2(nowhere, self.fileno(), inheritable=False)
+            os.close(nowhere)
+        except OSError:  # no descriptor is left to do it with, or it is closed already
+            close()
+        else:
+            weakref.finalize(self, close)
+
 
 class SerialTransport(Transport):
     """A serial port, or whatever else pyserial opens that has a file descriptor."""
@@ -198,7 +214,7 @@ class SerialTransport(Transport):
         with suppress(OSError, termios.error):
             if self._exclusive and os.isatty(self._fd):
                 fcntl.ioctl(self._fd, termios.TIOCNXCL)
-        self.forsake()
+        self._release(self._serial.close)
 
     def forsake(self) -> None:
         """Close the descriptors; modem lines, settings and the lock are left as they are."""
@@ -242,7 +258,7 @@ class SocketTransport(Transport):
 
     def close(self) -> None:
         """Close the connection."""
-        self._socket.close()
+        self._release(self._socket.close)
 
     def forsake(self) -> None:
         """Close the descriptor: the connection stays, as long as the parent has it."""

@@ -84,10 +84,10 @@ class VirtualLink:
         """How many there were since the link was opened."""
         return self._session.count
 
-    def value(self, parameter: int) -> float:
-        """The newest value of a watched parameter."""
+    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
+        """The newest values of watched parameters."""
         self.check()
-        return self._session.values[parameter]
+        return tuple([self._session.values[parameter] for parameter in parameters])
 
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""

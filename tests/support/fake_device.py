@@ -10,7 +10,7 @@ from random import Random
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Board, RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.framing import Counters, Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Changes, Kind
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
@@ -115,6 +115,11 @@ class FakeDevice:
     def next_us(self) -> int:
         """When `advance` may have something to do next."""
         return self._next_state_us
+
+    @property
+    def counters(self) -> Counters:
+        """Of what arrived since the reset."""
+        return self._decoder.counters
 
     def clock(self, now_us: int) -> int:
         return round(now_us * (1 + self.drift)) + self.clock_offset_us

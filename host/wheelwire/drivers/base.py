@@ -65,11 +65,10 @@ class BaseDriver(ABC):
         """
         expiry_us = self._expiry_us(ttl, stamp)
         linear, angular = _finite("linear", linear), _finite("angular", angular)
-        wheels = self.geometry.wheel_velocities(Twist(linear, angular))
-        wheels = WheelVelocities(
-            _finite("left", wheels.left_mps), _finite("right", wheels.right_mps)
-        )
-        self._drive_velocity(self.geometry.saturate(wheels), expiry_us)
+        geometry = self.geometry
+        left, right = geometry.wheel_velocities(Twist(linear, angular))
+        wheels = WheelVelocities(_finite("left", left), _finite("right", right))
+        self._drive_velocity(geometry.saturate(wheels), expiry_us)
 
     def set_wheel_velocity(
         self,

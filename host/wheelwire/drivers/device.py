@@ -108,6 +108,7 @@ class DeviceDriver(BaseDriver):
         # Also runs when the driver is forgotten, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
+        self._geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
 
     @property
@@ -118,7 +119,12 @@ class DeviceDriver(BaseDriver):
     @property
     def geometry(self) -> DifferentialDrive:
         """The robot's numbers, as the device has them now."""
-        return DifferentialDrive(*(decimal_of_float32(self._link.value(id_)) for id_ in GEOMETRY))
+        values = self._link.values(GEOMETRY)
+        known, geometry = self._geometry  # set_velocity asks each time
+        if geometry is None or values != known:
+            geometry = DifferentialDrive(*map(decimal_of_float32, values))
+            self._geometry = values, geometry
+        return geometry
 
     @property
     def parameters(self) -> Parameters:

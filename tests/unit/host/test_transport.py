@@ -46,19 +46,17 @@ def pty() -> Iterator[tuple[int, str]]:
 def test_modem_lines_are_left_alone_at_opening_and_cleared_in_order_at_closing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    port = RecordingSerial(os.open(tmp_path / "no-terminal", os.O_CREAT))
+    port = RecordingSerial(os.open(tmp_path / "no-terminal", os.O_CREAT | os.O_RDWR))
     seen: dict[str, Any] = {}
     monkeypatch.setattr(serial, "serial_for_url", lambda _, **options: seen.update(options) or port)
     transport = SerialTransport("/dev/x", 921_600)
     assert seen == {"baudrate": 921_600, "timeout": 0, "exclusive": True}
     assert transport.low_latency is True
     transport.close()
-    assert port.actions == [
-        ("low latency", True),
-        ("rts", False),
-        ("dtr", False),
-        ("close", None),
-    ]
+    assert port.actions == [("low latency", True), ("rts", False), ("dtr", False)]
+    assert transport.write(b"late") == 4  # by another thread, which reaches no other file
+    del transport
+    assert port.actions[-1] == ("close", None)
 
 
 @pytest.mark.parametrize(
