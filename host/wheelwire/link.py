@@ -25,6 +25,7 @@ from .errors import (
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
+    LinkLost,
     PortUnavailable,
     ProtocolMismatch,
     RequestTimeout,
@@ -174,13 +175,13 @@ class Link:
         now_us = host_clock_us()
         self._loop.check_room()
         frame = self._session.velocity_frame(left_mps, right_mps, expiry_us, now_us)
-        self._loop.send(frame, now_us)
+        self._write(frame, now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Write one duty setpoint; otherwise as `drive_velocity`."""
         now_us = host_clock_us()
         self._loop.check_room()
-        self._loop.send(self._session.duty_frame(left, right, expiry_us, now_us), now_us)
+        self._write(self._session.duty_frame(left, right, expiry_us, now_us), now_us)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.
@@ -225,6 +226,15 @@ class Link:
         ended = self._changed.wait_for(lambda: self._loop.end is not None, JOIN_S)
         if ended and self._thread.is_alive():  # it may have ended without a thread, too
             self._thread.join(JOIN_S)
+
+    def _write(self, frame: bytes, now_us: int) -> None:
+        try:
+            self._loop.send(frame, now_us)
+        except LinkLost:
+            # Nobody is told before the port's thread knows it: it may know better why, and whoever
+            # asks for a sample next gets none of a link that was called lost.
+            self._call(lambda done, _: done(None))
+            raise
 
     def _call(self, task: Task) -> Answer | None:
         """Have the port's thread do `task`; returns what it is done with, or raises it."""

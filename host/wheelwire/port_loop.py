@@ -167,14 +167,14 @@ class PortLoop:
         """
         transport = self._transport
         if transport is None:
-            raise self._session.error.with_traceback(None)
+            raise LinkLost("the port is gone; the setpoint was not sent")
         if self._output or self._frames or transport.write(frame) < len(frame):
             self._frames.append(frame)
             self.wake()
         elif now_us > self._turned_us + REPEAT_AFTER_US:
             self.wake()  # no stream of states does: the frame may have to be repeated
-        if self._transport is not transport:  # closed meanwhile: where the frame went is not known
-            raise self._session.error.with_traceback(None)
+        if self._transport is not transport:
+            raise LinkLost("the port was closed; whether the setpoint was sent is not known")
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser.
