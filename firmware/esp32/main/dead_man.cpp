@@ -3,20 +3,45 @@
 #include "drive_watchdog.hpp"
 #include "enable_pins.hpp"
 #include "esp_attr.h"
+#include "esp_private/gptimer.h"
 #include "freertos/FreeRTOS.h"
+
+// In RAM, or these interrupts wait, or crash, while a flash write has the cache off.
+#if !CONFIG_GPTIMER_ISR_IRAM_SAFE || !CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM
+#error \
+    "The dead-man needs CONFIG_GPTIMER_ISR_IRAM_SAFE=y and CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM=y: they are in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
+#endif
 
 namespace wheelwire {
 namespace {
 
 constexpr uint32_t kMicrosecondHz = 1'000'000;
 
+/// In the timer group of this core's number. A group's timers share a lock: a core that stops while
+/// it holds it must not stop the other core's watch.
+bool new_timer(gptimer_handle_t* timer) {
+  const gptimer_config_t config = {
+      .clk_src = GPTIMER_CLK_SRC_DEFAULT,
+      .direction = GPTIMER_COUNT_UP,
+      .resolution_hz = kMicrosecondHz,
+      .intr_priority = 3,  // The highest that a handler in C++ can have.
+      .flags = {},
+  };
+  int group = -1;
+  do {  // The first group's timers are given out first; those passed over stay unused.
+    if (gptimer_new_timer(&config, timer) != ESP_OK) return false;
+    if (gptimer_get_group_id(*timer, &group) != ESP_OK) return false;
+  } while (group != xPortGetCoreID());
+  return true;
+}
+
 }  // namespace
 
-IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_event_data_t*,
+IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_event_data_t* event,
                                  void* context) {
-  // Interrupts may have been off for longer than a period: an alarm that has been passed must not
-  // be the last one.
-  gptimer_set_raw_count(timer, 0);
+  // The counter began anew at the alarm. Where interrupts were off until after the next one was
+  // due, or nearly so, there would be none any more.
+  if (event->count_value > kWatchPeriodUs / 2) gptimer_set_raw_count(timer, 0);
   auto& watcher = *static_cast<Watcher*>(context);
   const DeadMan& dead_man = *watcher.dead_man;
   if (watcher.watch.look(dead_man.steps_.load(std::memory_order_relaxed),
@@ -31,20 +56,13 @@ IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_eve
 bool DeadMan::watch_from_this_core() {
   Watcher& watcher = watchers_[xPortGetCoreID()];
   watcher.dead_man = this;
-  const gptimer_config_t config = {
-      .clk_src = GPTIMER_CLK_SRC_DEFAULT,
-      .direction = GPTIMER_COUNT_UP,
-      .resolution_hz = kMicrosecondHz,
-      .intr_priority = 3,  // The highest that a handler in C++ can have.
-      .flags = {},
-  };
   const gptimer_event_callbacks_t callbacks = {.on_alarm = on_timer};
   const gptimer_alarm_config_t alarm = {
       .alarm_count = kWatchPeriodUs,
       .reload_count = 0,
       .flags = {.auto_reload_on_alarm = true},
   };
-  return gptimer_new_timer(&config, &watcher.timer) == ESP_OK &&
+  return new_timer(&watcher.timer) &&
          gptimer_register_event_callbacks(watcher.timer, &callbacks, &watcher) == ESP_OK &&
          gptimer_set_alarm_action(watcher.timer, &alarm) == ESP_OK &&
          gptimer_enable(watcher.timer) == ESP_OK && gptimer_start(watcher.timer) == ESP_OK;
