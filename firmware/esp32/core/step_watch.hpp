@@ -9,15 +9,19 @@ namespace wheelwire {
 /// How often an interrupt looks.
 constexpr uint32_t kWatchPeriodUs = 1000;
 
+/// At most this many looks without a step, so that the drive is removed within 20 ms of any
+/// deadline: the last step came before the deadline, or it removed the drive itself.
+constexpr uint32_t kMostLooks = 15;
+
 /// After how many looks without a step the drive is removed: five control periods, at least 5 ms.
-/// At most 16 ms, so that it is within 20 ms of any deadline: the last step came before the
-/// deadline, or it removed the drive itself.
 constexpr uint32_t looks_without_a_step(uint32_t control_period_us) {
   constexpr uint32_t kFewest = 5;
-  constexpr uint32_t kMost = 16;
   const uint32_t looks = (5 * control_period_us + kWatchPeriodUs - 1) / kWatchPeriodUs;
-  return looks < kFewest ? kFewest : looks > kMost ? kMost : looks;
+  return looks < kFewest ? kFewest : looks > kMostLooks ? kMostLooks : looks;
 }
+
+/// From the last step to the drive's removal, at most: the first look comes within a period.
+constexpr uint32_t kLongestWatchUs = (kMostLooks + 1) * kWatchPeriodUs;
 
 class StepWatch {
  public:

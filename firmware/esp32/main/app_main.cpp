@@ -2,6 +2,7 @@
 // as the tasks begin.
 #include "battery.hpp"
 #include "control_task.hpp"
+#include "drive_watchdog.hpp"
 #include "enable_pins.hpp"
 #include "esp_core_dump.h"
 #include "housekeeping.hpp"
@@ -49,11 +50,16 @@ void start() {
   store.start();
   const bool has_line = line.start();
   const bool has_machine = machine.start(stored_parameters());
-  const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
   // Its entropy source is the ADC: before the battery has it.
   Identity identity = make_identity(0);
   const bool has_battery = Battery::kFitted && battery.start();
   identity.capabilities = capabilities(has_battery);
+
+  // Until here the bootloader's watchdog, the same one, has watched. Before the dead-man, which
+  // disarms it from another core as long as no control step comes: its write protection would
+  // swallow part of the configuration.
+  prepare_drive_watchdog();
+  const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
 
   static Robot robot{{.left_motor = machine.left_motor,
                       .right_motor = machine.right_motor,

@@ -43,11 +43,9 @@ void ControlTask::run(void* self) {
 bool ControlTask::prepare() {
   // The other core's watch began before this task.
   if (kCore != 0 && !dead_man_.watch_from_this_core()) return false;
-  prepare_drive_watchdog();
   const TaskHandle_t self = xTaskGetCurrentTaskHandle();
   line_.notify(self, kBytesCame);
-  robot_.start(now_us());
-  trial_.start();
+  if (!start_robot()) return false;
   const esp_timer_create_args_t timer = {
       .callback = on_timer,
       .arg = self,
@@ -55,7 +53,17 @@ bool ControlTask::prepare() {
       .name = "control",
       .skip_unhandled_events = true,
   };
-  return esp_timer_create(&timer, &timer_) == ESP_OK && follow_period() && watch_this_task();
+  return esp_timer_create(&timer, &timer_) == ESP_OK && follow_period();
+}
+
+/// Watched from here on: a start that hangs ends in a restart, too. It reads flash, which stalls
+/// both cores.
+bool ControlTask::start_robot() {
+  const SlowOperation flash_read;
+  const bool is_watched = watch_this_task();
+  robot_.start(now_us());
+  trial_.start();
+  return is_watched;
 }
 
 IRAM_ATTR void ControlTask::on_timer(void* task) {

@@ -23,6 +23,7 @@ class ControlTask {
   static void on_timer(void* task);
 
   bool prepare();
+  bool start_robot();
   void serve();
   void step();
   bool follow_period();

@@ -5,12 +5,15 @@
 #include "hal/rwdt_ll.h"
 #include "hal/wdt_hal.h"
 #include "soc/rtc.h"
+#include "step_watch.hpp"
 
 namespace wheelwire {
 namespace {
 
-/// Four control periods at the lowest rate, and longer than the dead-man takes.
-constexpr uint64_t kLimitUs = 40'000;
+/// Within 20 ms of the last control step, even where the clock that counts it runs 11 % slow. Later
+/// than the dead-man, whose stop leaves a core dump.
+constexpr uint64_t kLimitUs = 18'000;
+static_assert(kLimitUs > kLongestWatchUs && kLimitUs * 111 / 100 < 20'000);
 
 }  // namespace
 

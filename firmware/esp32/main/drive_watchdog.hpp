@@ -7,7 +7,7 @@ namespace wheelwire {
 
 void prepare_drive_watchdog();
 
-/// After a control step that drives: the next one is due within 40 ms. Arms it again if need be.
+/// After a control step that drives: the next one is due within 18 ms. Arms it again if need be.
 void feed_drive_watchdog();
 
 /// Nothing drives. Also for interrupts and the panic handler.

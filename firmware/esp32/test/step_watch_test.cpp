@@ -38,7 +38,7 @@ TEST(drive_is_removed_within_20_ms_of_the_deadline_at_every_rate) {
         const uint32_t last_step_us = (freeze_us - 1) / period_us * period_us;
         const uint32_t removed_us = removed_at_us(rate_hz, phase_us, freeze_us, 0);
         // The worst deadline is just behind the last step, which still drove.
-        CHECK(removed_us > last_step_us && removed_us - last_step_us <= 17'000);
+        CHECK(removed_us > last_step_us && removed_us - last_step_us <= 16'000);
         if (rate_hz >= 1000) CHECK(removed_us - last_step_us <= 6'000);
       }
     }
