@@ -6,6 +6,7 @@ import csv
 import math
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,12 @@ def end(process: subprocess.Popen[str], typed: str = "") -> str:
     output, errors = process.communicate(typed, timeout=PATIENCE_S)
     assert process.returncode == 0, errors
     return output
+
+
+def wait_while_running(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None:
+    wait_until(lambda: condition() or process.poll() is not None, PATIENCE_S)
+    if process.poll() is not None:
+        pytest.fail(process.communicate()[1])
 
 
 def test_the_square_closes() -> None:
@@ -60,9 +67,9 @@ def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
 def test_the_e_stop_is_lived_through() -> None:
     with Simulator() as simulator:
         process = start("estop.py", "--port", simulator.port, "--seconds", "2")
-        wait_until(lambda: simulator.get("true.distance_m") > 0.1, PATIENCE_S)
+        wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
         simulator.set("estop_open", 1)
-        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
+        wait_while_running(process, lambda: simulator.get("stands_still") == 1)
         stopped_m = simulator.get("true.distance_m")
         assert process.stdin
         process.stdin.write("\n")  # the contact is still open
