@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from support.command import PATIENCE_S
+from support.command import PATIENCE_S, PROGRAM
 from wheelwire.sim import Simulator
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 ROOT = Path(__file__).parents[2]
 PORT = "/dev/ttyUSB0"
@@ -37,3 +40,51 @@ def test_the_readmes_program_drives() -> None:
         assert simulator.get("true.heading_rad") == pytest.approx(1.0, abs=0.25)
         assert simulator.get("drive_on") == 0
     assert "DRIVING" in result.stdout
+
+
+TUTORIAL = sorted(page.relative_to(ROOT).as_posix() for page in ROOT.glob("docs/tutorial/*.md"))
+ROBOT = {"counts_per_revolution": 1440}
+"""The simulated robot is the one that the tutorial measures."""
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Iterator[Simulator]:
+    with Simulator(settings=ROBOT) as simulator:
+        yield simulator
+
+
+@pytest.mark.parametrize("page", TUTORIAL)
+def test_the_tutorials_commands_and_programs_work(page: str, simulator: Simulator) -> None:
+    """Page after page on one robot, as a reader does."""
+    for language, text in re.findall(
+        r"^```(sh|python)\n(.*?)^```$", (ROOT / page).read_text(), re.M | re.S
+    ):
+        text = text.replace(PORT, simulator.port)
+        if language == "python":
+            carry_out([sys.executable, "-c", text])
+            continue
+        for line in text.splitlines():
+            program, *words = shlex.split(line)
+            assert program == "wheelwire"
+            limit = ["--seconds", "1"] if words[0] == "monitor" else []
+            carry_out([*PROGRAM, *words, *limit])
+
+
+def carry_out(command: list[str]) -> None:
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert result.returncode == 0, (command, result.stderr)
+
+
+def test_the_tutorials_way_to_the_feed_forward_finds_it(simulator: Simulator) -> None:
+    (_, program) = blocks("docs/tutorial/5-numbers.md", "python")
+    result = subprocess.run(
+        [sys.executable, "-c", program.replace(PORT, simulator.port)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    found = float(result.stdout.split()[-1])
+    assert found == pytest.approx(PARAMETER_BY_NAME["velocity_feedforward"].default, rel=0.03)
