@@ -84,6 +84,26 @@ def test_a_wheel_catches_up_no_faster_than_its_parameter_allows(catch_up: float)
     assert fastest_mps == pytest.approx(0.1 * (1 + catch_up), rel=0.005)
 
 
+def test_no_wheel_catches_up_beyond_max_velocity() -> None:
+    robot = VirtualRobot().open()
+    robot.set_parameter("max_velocity_mps", 0.2)
+    assert quality.catching_up(robot, 0.2) < 0.2 * 1.005
+
+
+@pytest.mark.parametrize("limit_m", [0.001, 0.05])
+def test_no_more_is_caught_up_than_the_error_limit(limit_m: float) -> None:
+    robot = VirtualRobot().open()
+    robot.set_parameter("path_error_limit_m", limit_m)
+    owed_m = quality.owed_after_a_load(robot, 0.2)
+    assert owed_m == pytest.approx(0, abs=0.002) if limit_m > 0.01 else owed_m > 0.004
+
+
+@pytest.mark.parametrize(("held", "waits"), [("left", "right"), ("right", "left")])
+def test_a_wheel_that_waited_keeps_the_acceleration_limit(held: str, waits: str) -> None:
+    robot = VirtualRobot().open()
+    assert quality.acceleration_after_waiting(robot, held, waits) < 1.1
+
+
 def test_a_stop_forgets_what_was_to_be_caught_up() -> None:
     robot = VirtualRobot().open()
     robot.drive(0.2, 0.2, 1.0)

@@ -57,6 +57,23 @@ def test_duty_setpoints_are_not_judged() -> None:
     assert robot.state() is SupervisorState.DRIVING
 
 
+def test_nor_are_they_after_a_velocity() -> None:
+    robot = VirtualRobot(1).open()
+    robot.drive(0.2, 0.2, 1.0)
+    robot.sim.set("left.encoder_lost", 0.9)
+    robot.drive_duty(0.9, 0.9, 2.0)
+    assert robot.state() is SupervisorState.DRIVING
+
+
+def test_a_battery_that_runs_down_is_measured_as_it_is() -> None:
+    robot = VirtualRobot(1, supply_v=9.0, battery_v=9.0).open()
+    robot.drive(0.38, 0.38, 1.0)
+    for name in ("supply_v", "battery_v"):
+        robot.sim.set(name, 5.7)
+    robot.drive(0.38, 0.38, 3.0)
+    assert robot.state() is SupervisorState.DRIVING
+
+
 @pytest.mark.parametrize("battery_measured", [True, False])
 def test_ordinary_driving_is_plausible(battery_measured: bool) -> None:
     assert healthy(60.0, 1, battery_measured) == []

@@ -82,6 +82,16 @@ def catching_up(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -
     return max(_trace(robot, target_mps, 1.0).speeds_mps)
 
 
+def owed_after_a_load(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -> float:
+    """What the left wheel rolled too little in all, after a load of half a second. [m]"""
+    owed_m = -(target_mps**2) / 2 / robot.parameter("max_acceleration_mps2")
+    for load, seconds in ((0.0, 1.0), (load_nm, 0.5), (0.0, 2.0)):
+        robot.sim.set("left.load_nm", load)
+        trace = _trace(robot, target_mps, seconds)
+        owed_m += sum(target_mps - speed for speed in trace.speeds_mps) * trace.period_s
+    return owed_m
+
+
 def load_step(target_mps: float = 0.2, load_nm: float = 0.02) -> tuple[float, float]:
     """(dip, recovery): a load comes on at speed.
 
@@ -178,6 +188,26 @@ def acceleration(target_mps: float = 0.4, over_s: float = 0.02) -> float:
     speeds = _trace(robot, target_mps, 1.0).speeds_mps
     span = round(over_s * 1000)
     return max(b - a for a, b in zip(speeds, speeds[span:], strict=False)) / over_s / limit
+
+
+def acceleration_after_waiting(robot: VirtualRobot, held: str, waits: str) -> float:
+    """The greatest one of a wheel that has waited and need not any more, in its limit.
+
+    One wheel is held fast at 0.2 m/s while the other waits for it. Then the host turns on the spot
+    of the wheel that is held, which ends the waiting.
+    """
+    _trace(robot, 0.2, 1.0)
+    robot.sim.set(f"{held}.blocked", 1)
+    _trace(robot, 0.2, 0.3)
+    speeds = []
+    for step in range(600):
+        if step % 20 == 0:
+            robot.set_velocity(*((0.0, 0.2) if held == "left" else (0.2, 0.0)))
+        robot.step()
+        speeds.append(robot.sim.get(f"true.{waits}_mps"))
+    assert not robot.sim.get("faults")
+    limit = robot.parameter("max_acceleration_mps2")
+    return max(b - a for a, b in zip(speeds, speeds[20:], strict=False)) / 0.02 / limit
 
 
 class Obstacle(NamedTuple):

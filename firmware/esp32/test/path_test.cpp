@@ -76,3 +76,34 @@ TEST(ticks_to_and_fro_are_no_progress) {
     error.update(step % 2 == 0 ? 1 : -1, step * 1000, kPeriod_us, kTick_q10);
   CHECK(error.least_umps(kTick_q10) > 90'000);
 }
+
+TEST(a_wheel_that_is_pushed_at_rest_is_not_behind) {
+  FollowingError error;
+  error.update(0, 1000, kPeriod_us, kTick_q10);
+  error.aim(100'000);
+  for (uint64_t step = 2; step <= 101; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
+  error.rest();
+  const int32_t before_um = error.um();
+  const uint32_t before_q4 = error.total_q4();
+  for (uint64_t step = 102; step <= 201; ++step)
+    error.update(-1, step * 1000, kPeriod_us, kTick_q10);
+  CHECK(magnitude(error.um() - before_um) < 1000);
+  CHECK(error.total_q4() == before_q4);
+}
+
+TEST(a_late_step_counts_as_the_longest_one) {
+  FollowingError error;
+  error.update(0, 1000, kPeriod_us, kTick_q10);
+  error.aim(400'000);
+  error.update(0, 61'000, kPeriod_us, kTick_q10);
+  CHECK(error.um() > 10'000 && error.um() < 12'400);
+}
+
+TEST(while_no_tick_comes_the_next_one_may_be_about_to) {
+  FollowingError error;
+  error.update(0, 1000, kPeriod_us, kTick_q10);
+  error.aim(100'000);
+  for (uint64_t step = 2; step <= 11; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
+  // 1000 um asked in 10 ms, of which 576 um may have been rolled.
+  CHECK(magnitude(error.least_umps(kTick_q10) - 42'400) < 200);
+}

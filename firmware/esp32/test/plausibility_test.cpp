@@ -71,6 +71,63 @@ TEST(a_wheel_that_gains_speed_explains_its_duty) {
   }
 }
 
+TEST(a_wheel_that_a_load_slows_down_needs_no_less_duty) {
+  PlausibilityMonitor monitor;
+  for (int step = 0; step < 400; ++step)
+    CHECK(!monitor.update(0, 400'000, true, kNominal, kPeriod_us, 150'000, kGains));
+  for (int32_t speed = 400'000; speed > 50'000; speed -= 1500) {
+    const int32_t duty = duty_for(speed, kGains.margin_q15, kNominal, kGains);
+    CHECK(!monitor.update(duty, speed, true, kNominal, kPeriod_us, 150'000, kGains));
+  }
+}
+
+TEST(excess_adds_up_and_is_made_good_at_the_same_pace) {
+  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
+  // Of four steps of excess one is made good, or three.
+  for (const int excessive : {3, 1}) {
+    PlausibilityMonitor monitor;
+    bool tripped = false;
+    for (int step = 0; step < 2000; ++step) {
+      const int32_t duty = step % 4 < excessive ? needed + 3000 : needed;
+      tripped |= monitor.update(duty, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains);
+    }
+    CHECK(tripped == (excessive == 3));
+  }
+}
+
+TEST(backwards_is_judged_as_forwards_is) {
+  const int32_t needed = duty_for(100'000, kGains.margin_q15, kNominal, kGains);
+  CHECK(steps_to_trip(-needed - 3000, -100'000) == steps_to_trip(needed + 3000, 100'000));
+}
+
+TEST(after_a_stop_the_time_begins_anew) {
+  PlausibilityMonitor monitor;
+  int steps = 0;
+  while (steps < 600 &&
+         !monitor.update(32'767, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains))
+    ++steps;
+  CHECK(steps < 600);
+  monitor.reset();
+  for (int step = 1; step < 300; ++step)
+    CHECK(!monitor.update(32'767, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains));
+}
+
+TEST(an_impossible_speed_does_not_blind_the_check) {
+  PlausibilityMonitor monitor;
+  for (const int32_t speed : {200'000'000, INT32_MAX, INT32_MIN + 1}) {
+    for (int step = 0; step < 500; ++step)
+      CHECK(!monitor.update(32'767, speed, true, kNominal, kPeriod_us, kTime_us, kGains));
+  }
+  for (int step = 0; step < 500; ++step)
+    monitor.update(0, 200'000'000, true, kNominal, kPeriod_us, kTime_us, kGains);
+  const int32_t excessive = duty_for(100'000, kGains.margin_q15, kNominal, kGains) + 3000;
+  int steps = 0;
+  while (steps < 1000 &&
+         !monitor.update(excessive, 100'000, true, kNominal, kPeriod_us, kTime_us, kGains))
+    ++steps;
+  CHECK(steps < 450);
+}
+
 TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
   const int32_t limit = duty_limit(100'000, 0, kNominal, kGains);
   CHECK(magnitude(limit - to_q15(0.1365f + 0.055f + 0.475f)) < 10);

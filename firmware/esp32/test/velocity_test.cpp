@@ -79,6 +79,11 @@ TEST(the_mean_is_right_at_every_ratio_of_ticks_to_steps) {
   }
 }
 
+TEST(the_mean_is_right_next_to_three_ticks_in_four_steps) {
+  CHECK(std::abs(mean_error(750.06)) < 0.001);
+  CHECK(std::abs(mean_error(-750.06)) < 0.001);
+}
+
 TEST(the_mean_is_right_at_a_slow_control_rate) {
   const double ticks_per_m = 360.0 / (2 * 3.14159265 * 0.033);
   for (double mps = 0.02; mps < 0.601; mps += 0.002) {
