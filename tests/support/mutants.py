@@ -98,6 +98,20 @@ class Group:
     tests: tuple[str, ...]
     mutants: tuple[Mutant, ...]
 
+    def stages(self, mutant: Mutant | None = None) -> list[tuple[str, ...]]:
+        """The tests as they are run one after another, until some of them fail.
+
+        Those that bear the name of the mutated file come first and alone, for C++ its unit tests:
+        mostly one of them fails, and the others need not even be imported.
+        """
+        if mutant is None:
+            return [self.tests]
+        file = Path(mutant.file)
+        name = "cpp_units" if file.suffix in (".cpp", ".hpp") else file.stem
+        first = tuple(test for test in self.tests if Path(test).stem == f"test_{name}")
+        rest = tuple(test for test in self.tests if test not in first)
+        return [stage for stage in (first, rest) if stage]
+
 
 def load(path: Path) -> Group:
     """Read a group. Raises MutantError when its data is wrong."""
@@ -222,15 +236,22 @@ class Workspace:
                 return result.stdout + result.stderr
         return ""
 
-    def test(self, group: Group) -> Verdict:
-        """Build and test the tree as it is."""
+    def test(self, group: Group, mutant: Mutant | None = None) -> Verdict:
+        """Build and test the tree as it is; `mutant` is in it already and says what comes first."""
         begin = time.monotonic()
         complaints = self.build(group.targets)
         if complaints:
             return Verdict(Outcome.BROKEN, complaints[-2000:])
+        for tests in group.stages(mutant):
+            verdict = self._run(tests)
+            if verdict.outcome is not Outcome.LIVES:
+                break
+        return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
+
+    def _run(self, tests: Sequence[str]) -> Verdict:
         options = ["-x", "-q", "-rfE", "--tb=no", "--no-header", "-p", "no:cacheprovider"]
         command = [sys.executable, "-m", "pytest", *options, f"--timeout={TEST_TIMEOUT_S}"]
-        command += ["-m", "not hypothesis", *group.tests]
+        command += ["-m", "not hypothesis", *tests]
         with subprocess.Popen(
             command,
             cwd=self.folder,
@@ -242,11 +263,10 @@ class Workspace:
         ) as process:
             try:
                 output, _ = process.communicate(timeout=self.timeout_s)
-                verdict = judge(process.returncode, output)
             except subprocess.TimeoutExpired:
                 os.killpg(process.pid, signal.SIGKILL)
-                verdict = Verdict(Outcome.KILLED, f"no end within {self.timeout_s:g} s")
-        return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
+                return Verdict(Outcome.KILLED, f"no end within {self.timeout_s:g} s")
+        return judge(process.returncode, output)
 
     def try_mutant(self, group: Group, mutant: Mutant) -> Verdict:
         """Test the tree with one mutation in it; the tree is as before afterwards."""
@@ -254,7 +274,7 @@ class Workspace:
         text = path.read_text("utf-8")
         path.write_text(mutant.apply(text), "utf-8")
         try:
-            return self.test(group)
+            return self.test(group, mutant)
         finally:
             path.write_text(text, "utf-8")
 

@@ -102,6 +102,18 @@ def test_a_name_or_a_group_selects() -> None:
     assert [m.name for _, m in select(groups, ["sig"])] == ["sign"]
 
 
+def test_the_tests_that_concern_the_file_come_first_and_alone() -> None:
+    tests = ("tests/test_a.py", "tests/test_double.py", "tests/test_cpp_units.py")
+    group = Group("core", (), tests, ())
+    assert group.stages() == [tests]
+    assert group.stages(SIGN) == [("tests/test_double.py",), (tests[0], tests[2])]
+    cpp = Mutant("cpp", "core/a.cpp", "x", "y", "Why.")
+    assert group.stages(cpp) == [("tests/test_cpp_units.py",), tests[:2]]
+    other = Mutant("other", "host/other.py", "x", "y", "Why.")
+    assert group.stages(other) == [tests]
+    assert Group("core", (), tests[1:2], ()).stages(SIGN) == [tests[1:2]]
+
+
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
     root = tmp_path / "checkout"

@@ -70,7 +70,7 @@ size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data, s
   total.unknown_id += now.unknown_id - before.unknown_id;
   total.wrong_length += now.wrong_length - before.wrong_length;
   // Fewer than before, when what was missing has come late.
-  total.seq_lost += static_cast<int64_t>(static_cast<int32_t>(now.seq_lost - before.seq_lost));
+  total.seq_lost += static_cast<uint64_t>(static_cast<int32_t>(now.seq_lost - before.seq_lost));
   total.repeated += now.repeated - before.repeated;
   return count;
 }

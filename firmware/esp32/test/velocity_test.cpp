@@ -45,7 +45,7 @@ double mean_error(double ticks_per_s, int rate_hz = 1000) {
       const auto position =
           static_cast<int64_t>(std::floor(phase / 25.0 + ticks_per_s * step / rate_hz));
       estimator.update(static_cast<int32_t>(position - counted), 0,
-                       static_cast<uint64_t>(step) * 1'000'000 / rate_hz,
+                       static_cast<uint64_t>(step * 1'000'000LL / rate_hz),
                        static_cast<uint32_t>(1'000'000 / rate_hz), kWindow_us);
       counted = position;
       if (step > rate_hz / 2) sum += estimator.ticks_per_s_q8() / 256.0;
