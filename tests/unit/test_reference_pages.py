@@ -62,6 +62,20 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
     assert set(config._TOP) == {key.partition(".")[0] for key in expected}
 
 
+def test_the_pis_pins_are_those_of_the_default_robot() -> None:
+    table = (DOCS / "wiring.md").read_text().partition("### A Raspberry Pi's own pins")[2]
+    told = dict(re.findall(r"^\| ([^|]+) \| ([\d, ]+) \| [\d, ]+ \|$", table, re.M))
+    pins = Pins()
+    assert {name: tuple(map(int, numbers.split(","))) for name, numbers in told.items()} == {
+        "left EN (ENA)": (pins.left_pwm,),
+        "left IN1, IN2": (pins.left_dir1, pins.left_dir2),
+        "right EN (ENB)": (pins.right_pwm,),
+        "right IN1, IN2 (IN3, IN4)": (pins.right_dir1, pins.right_dir2),
+        "left encoder A, B": (pins.left_enc_a, pins.left_enc_b),
+        "right encoder A, B": (pins.right_enc_a, pins.right_enc_b),
+    }
+
+
 def test_every_other_name_in_a_robots_file_has_its_row() -> None:
     told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
     for name, key in {**config.ALIASES, config.MAX_RPM: "parameters.velocity_feedforward"}.items():
