@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-console = Console(highlight=False)
+console = Console(highlight=False, markup=False)
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="JSON on stdout, for machines.")]
 

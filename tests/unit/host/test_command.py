@@ -11,6 +11,7 @@ import pytest
 
 from support.command import PROGRAM, check_error, run
 from wheelwire import errors
+from wheelwire.cli import output
 
 
 @pytest.mark.parametrize("option", ["-h", "--help"])
@@ -91,3 +92,10 @@ def test_demo_looks_at_its_folder_before_it_drives(tmp_path: Path) -> None:
     line = check_error(run("demo", "--output", str(file)), errors.OutputFailed)
     assert str(file) in line
     assert "--output" in line
+
+
+def test_brackets_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    """They are no markup: `pip install 'wheelwire[tools]'` is to be copied."""
+    output.print_facts("Facts", [("picture", "none: pip install 'wheelwire[tools]'")])
+    output.console.print("pip install 'wheelwire[tools]'")
+    assert capsys.readouterr().out.count("'wheelwire[tools]'") == 2
