@@ -122,7 +122,9 @@ class _Demonstration:
         try:
             save_trajectory(picture, commanded, self._path, true_path)
         except ImportError as error:
-            return f"it needs {(error.name or '').partition('.')[0]}: pip install 'wheelwire[tools]'"
+            return (
+                f"it needs {(error.name or '').partition('.')[0]}: pip install 'wheelwire[tools]'"
+            )
         except OSError as error:
             return f"{picture}: {error.strerror}"
         return None
