@@ -12,11 +12,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wheelwire_protocol.codes import Fault as Fault
+    from wheelwire_protocol.codes import RefusalCode as RefusalCode
+    from wheelwire_protocol.codes import SupervisorState as SupervisorState
+
     from .config import RobotConfig as RobotConfig
     from .config import load_config as load_config
     from .config import open_robot as open_robot
     from .covariance import PoseCovariance as PoseCovariance
     from .drivers.base import BaseDriver as BaseDriver
+    from .drivers.serial import SerialDriver as SerialDriver
     from .errors import ConfigurationError as ConfigurationError
     from .errors import DeviceRefused as DeviceRefused
     from .errors import DeviceSilent as DeviceSilent
@@ -43,14 +48,17 @@ if TYPE_CHECKING:
     from .odometry import Odometry as Odometry
     from .odometry import OdometryUpdate as OdometryUpdate
     from .odometry import Pose as Pose
+    from .sample_iterator import SampleIterator as SampleIterator
     from .samples import Travel as Travel
     from .samples import WheelSample as WheelSample
+    from .sim import Simulator as Simulator
     from .statistics import LinkStatistics as LinkStatistics
 
 _MODULES = {
     "covariance": ("PoseCovariance",),
     "config": ("RobotConfig", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
+    "drivers.serial": ("SerialDriver",),
     "errors": (
         "ConfigurationError",
         "DeviceRefused",
@@ -75,9 +83,15 @@ _MODULES = {
     "linux_mcu.pins": ("Pins",),
     "odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("Travel", "WheelSample"),
+    "sample_iterator": ("SampleIterator",),
+    "sim": ("Simulator",),
     "statistics": ("LinkStatistics",),
 }
-_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+_CODES = ("Fault", "RefusalCode", "SupervisorState")
+_MODULE_OF = {
+    **{name: f".{module}" for module, names in _MODULES.items() for name in names},
+    **dict.fromkeys(_CODES, "wheelwire_protocol.codes"),
+}
 
 __all__ = [  # loaded when first used, so that the import stays quick
     *_MODULE_OF,
@@ -92,7 +106,7 @@ def __getattr__(name: str) -> Any:
         return library_version()
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_MODULE_OF[name]}", __name__), name)
+    return getattr(import_module(_MODULE_OF[name], __name__), name)
 
 
 def __dir__() -> list[str]:

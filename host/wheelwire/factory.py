@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from importlib import import_module
 from inspect import signature
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from .errors import DriverUnavailable, InvalidArgument, shown
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
     from .drivers.base import BaseDriver
+    from .drivers.l298n import L298NDriver
+    from .drivers.mock import MockDriver
+    from .drivers.pigpio import PigpioDriver
+    from .drivers.serial import SerialDriver
+    from .linux_mcu.pins import Pins
 
 ENTRY_POINT_GROUP = "wheelwire.drivers"
 
@@ -21,6 +29,50 @@ _BUILT_IN = {
 }
 
 
+@overload
+def open_driver(
+    name: Literal["serial"],
+    *,
+    port: str,
+    baud_rate: int = ...,
+    connect_timeout: float = ...,
+    stream_rate_hz: int | None = ...,
+    board_id: str | None = ...,
+    any_board: bool = ...,
+    parameters: Mapping[str, float] | None = ...,
+) -> SerialDriver: ...
+@overload
+def open_driver(
+    name: Literal["l298n"],
+    *,
+    pins: Pins | None = ...,
+    pwm_chip: int | None = ...,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+    pwm_directory: Path = ...,
+    patience_ms: int = ...,
+) -> L298NDriver: ...
+@overload
+def open_driver(
+    name: Literal["pigpio"],
+    *,
+    host: str = ...,
+    port: int = ...,
+    pins: Pins | None = ...,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+    patience_ms: int = ...,
+) -> PigpioDriver: ...
+@overload
+def open_driver(
+    name: Literal["mock"],
+    *,
+    realtime: bool = ...,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+) -> MockDriver: ...
+@overload
+def open_driver(name: str, **options: Any) -> BaseDriver: ...
 def open_driver(name: str, **options: Any) -> BaseDriver:
     """Open a robot by the name of its driver.
 

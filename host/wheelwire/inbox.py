@@ -1,18 +1,25 @@
-"""Where a driver's samples wait for the application: the newest one, and the ticks of all."""
+"""Where a driver's samples wait for the application: the newest one, and the ticks of all.
+
+Iterators over all samples are given them from here.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from weakref import ref
 
 from .clock import host_clock_us
 from .errors import RequestTimeout, WheelwireError
+from .sample_iterator import SampleIterator
 from .samples import WheelSample
 from .waiting import Notifier
 
 ATTENTION_US = 200_000
 """Whoever asked for a sample this lately is about to ask for the next."""
+ITERATOR_WAIT_S = 1.0
+"""Between two looks of an iterator, at most: it waits for as long as the driver is open."""
 
 
 class SampleInbox:
@@ -28,7 +35,10 @@ class SampleInbox:
         self._current = False
         self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
+        self._closed = False
         self._asked_us = -ATTENTION_US
+        self._iterators: list[ref[SampleIterator]] = []
+        """Copied before it is walked through: other threads add to it."""
 
     def put(self, sample: WheelSample) -> None:
         """A new sample was measured."""
@@ -39,6 +49,12 @@ class SampleInbox:
             self._ticks = left + travel.left, right + travel.right
         self._last = sample
         self._unread.append(sample)
+        for reference in tuple(self._iterators):
+            iterator = reference()
+            if iterator is None:
+                self._iterators.remove(reference)
+            else:
+                iterator.put(sample)
         self._current = True
         self._changed.notify_all()
 
@@ -51,7 +67,28 @@ class SampleInbox:
         self._failure = error
         self._unread.clear()
         self._current = False
+        for reference in tuple(self._iterators):
+            iterator = reference()
+            if iterator is not None:
+                iterator.end(None if self._closed else error)
         self._changed.notify_all()
+
+    def close(self) -> None:
+        """The driver is about to be closed: then iterators end, and do not fail."""
+        self._closed = True
+
+    def iterate(self, wait: Callable[[Callable[[], bool]], None] | None = None) -> SampleIterator:
+        """All samples from now on; `wait`: see `SampleIterator`."""
+        iterator = SampleIterator(wait or self._wait_for)
+        self._iterators.append(ref(iterator))
+        if self._failure is not None:  # maybe before it was listed
+            iterator.end(None if self._closed else self._failure)
+        return iterator
+
+    @property
+    def is_iterated(self) -> bool:
+        """Somebody wants every sample, not the newest only."""
+        return bool(self._iterators)
 
     def take(self, timeout_s: float) -> WheelSample:
         """The newest sample not handed out yet, waiting for one if need be.
@@ -94,7 +131,10 @@ class SampleInbox:
 
     def is_read(self, now_us: int) -> bool:
         """Somebody asks for samples: the next one is worth having at once."""
-        return now_us < self._asked_us + ATTENTION_US
+        return now_us < self._asked_us + ATTENTION_US or self.is_iterated
+
+    def _wait_for(self, ready: Callable[[], bool]) -> None:
+        self._changed.wait_for(ready, ITERATOR_WAIT_S)
 
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
         self._asked_us = host_clock_us()

@@ -138,6 +138,11 @@ class Link:
             raise
 
     @property
+    def name(self) -> str:
+        """The port, for people; while it is looked for, what it is looked for by."""
+        return self._loop.port or self._port
+
+    @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
         device, loop = self._session.device, self._loop

@@ -302,6 +302,7 @@ class PortLoop:
                 self._calls.popleft()[1](error)
 
     def _receive(self, data: bytes, now_us: int) -> None:
+        self._session.every_state = self._inbox.is_iterated
         samples = self._session.receive(data, now_us)
         self._coalescing.note_read(self._session.frames_received, now_us)
         for sample in samples:

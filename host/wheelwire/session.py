@@ -125,6 +125,8 @@ class Session:
             or no port.
         values: Parameter id -> the newest value that the device reported in this session.
         bytes_received: Since the start.
+        every_state: Whether each state frame becomes a sample, or of those that come together the
+            newest only.
     """
 
     def __init__(
@@ -144,6 +146,7 @@ class Session:
         self.unanswered_since_us: int | None = None
         self.values: dict[int, float] = {}
         self.bytes_received = 0
+        self.every_state = False
 
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
@@ -247,7 +250,7 @@ class Session:
         """Take what has arrived. Never raises on any bytes.
 
         Returns:
-            New samples, of state frames in a row the newest.
+            New samples; see `every_state`.
         """
         self.bytes_received += len(data)
         samples: list[WheelSample] = []
@@ -257,6 +260,8 @@ class Session:
                 # A state counts from when the session is open: the clock is known then.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
                     states.append(message)
+                if self.every_state:
+                    self._take_states(states, samples, now_us)
                 continue
             self._take_states(states, samples, now_us)
             handler = self._handlers.get(type(message))

@@ -67,6 +67,11 @@ class VirtualLink:
     # --- as every link -------------------------------------------------------------------------
 
     @property
+    def name(self) -> str:
+        """For people."""
+        return "mock"
+
+    @property
     def info(self) -> LinkInfo:
         """Port and device."""
         device = self._session.device

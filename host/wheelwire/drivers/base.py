@@ -8,10 +8,11 @@ from typing import TypeVar
 
 from ..arguments import LONGEST_WAIT_S, is_number, timeout_s
 from ..clock import host_clock_us
-from ..errors import InvalidCommand, RequestTimeout, shown
+from ..errors import InvalidCommand, RequestTimeout, WheelwireError, shown
 from ..inbox import SampleInbox
 from ..kinematics import DifferentialDrive, Twist, WheelVelocities
 from ..parameters import Parameters
+from ..sample_iterator import SampleIterator
 from ..samples import WheelSample
 from ..statistics import LinkStatistics
 
@@ -114,6 +115,11 @@ class BaseDriver(ABC):
     def clear_fault(self) -> None:
         """Clear the latched faults; `DeviceRefused` while their cause lasts."""
 
+    def close(self) -> None:
+        """As `shutdown`, by the name that files and sockets have."""
+        self._inbox.close()
+        self.shutdown()
+
     @abstractmethod
     def shutdown(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once."""
@@ -136,6 +142,15 @@ class BaseDriver(ABC):
         except RequestTimeout:
             self._check_link()
             raise
+
+    def samples(self) -> SampleIterator:
+        """All samples from now on, for `for sample in robot.samples():`.
+
+        Each iterator has a queue of its own that holds one second of samples; how many were not
+        taken in time is in its `dropped`. It waits while the robot is out of reach, however long,
+        and ends when the driver is closed.
+        """
+        return self._inbox.iterate()
 
     def get_encoder_ticks(self) -> tuple[int, int]:
         """(left, right) ticks of the newest sample, forward positive, without bounds.
@@ -214,6 +229,20 @@ class BaseDriver(ABC):
             )
         return now_us - max(0, round(age_us)) + life_us
 
+    def __repr__(self) -> str:
+        try:
+            self._check_link()
+        except WheelwireError as error:
+            state = str(error)
+        else:
+            state = "open"
+        return f"<{type(self).__name__} {self._name}: {state}>"
+
+    @property
+    def _name(self) -> str:
+        """Which robot it is, for people."""
+        return "robot"
+
     def __enter__(self: Self) -> Self:
         return self
 
@@ -223,7 +252,7 @@ class BaseDriver(ABC):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.shutdown()
+        self.close()
 
 
 def _finite(name: str, value: float) -> float:

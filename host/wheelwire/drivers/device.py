@@ -184,6 +184,7 @@ class DeviceDriver(BaseDriver):
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Harmless when repeated."""
+        self._inbox.close()
         self._link.close()  # not by the finalizer: interrupted, it would do nothing the next time
         self._finalizer.detach()
 
@@ -195,6 +196,10 @@ class DeviceDriver(BaseDriver):
 
     def _check_link(self) -> None:
         self._link.check()
+
+    @property
+    def _name(self) -> str:
+        return self._link.name
 
 
 class TransportDriver(DeviceDriver):

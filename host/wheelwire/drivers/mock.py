@@ -22,6 +22,7 @@ from ..inbox import SampleInbox
 from ..link import Link
 from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
+from ..sample_iterator import SampleIterator
 from ..samples import WheelSample
 from ..sim import Simulator
 from ..transport import SocketTransport, Transport
@@ -100,6 +101,13 @@ class MockDriver(DeviceDriver):
                 if link.now_us >= end_us:
                     raise
             link.advance(0.001)
+
+    def samples(self) -> SampleIterator:
+        """As every driver's; in virtual time, waiting makes it pass."""
+        link = self._virtual
+        if link is None:
+            return super().samples()
+        return self._inbox.iterate(lambda _: link.advance(0.001))
 
     def get_encoder_ticks(self) -> tuple[int, int]:
         """As every driver's; in virtual time, waiting for the first sample makes it pass."""

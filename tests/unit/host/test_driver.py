@@ -390,3 +390,11 @@ def test_the_devices_own_counters(driver: SerialDriver) -> None:
 def test_open_driver_by_name(robot: PtyDevice) -> None:
     with wheelwire.open_driver("serial", port=str(robot.path)) as driver:
         assert isinstance(driver, SerialDriver)
+
+
+def test_a_driver_says_what_it_is_and_is_closed_like_a_file(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    assert repr(driver) == f"<SerialDriver {robot.path}: open>"
+    driver.close()
+    assert repr(driver) == f"<SerialDriver {robot.path}: the link is closed; open it again>"

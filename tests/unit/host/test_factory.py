@@ -1,3 +1,5 @@
+import ast
+import inspect
 import subprocess
 import sys
 
@@ -44,3 +46,15 @@ def test_importing_the_package_loads_nothing_slow() -> None:
         [sys.executable, "-c", program % sys.path], capture_output=True, text=True, check=True
     )
     assert loaded.stdout.split() == []
+
+
+@pytest.mark.parametrize("name", sorted(factory._BUILT_IN))
+def test_a_type_checker_knows_the_options_of_every_driver(name: str) -> None:
+    tree = ast.parse(inspect.getsource(factory))
+    overloads = [node for node in tree.body if getattr(node, "name", "") == "open_driver"]
+    (options,) = [
+        {argument.arg for argument in node.args.kwonlyargs}
+        for node in overloads
+        if isinstance(node, ast.FunctionDef) and f"Literal['{name}']" in ast.unparse(node)
+    ]
+    assert options == set(inspect.signature(factory._driver_class(name)).parameters)
