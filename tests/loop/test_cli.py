@@ -30,6 +30,13 @@ def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
         yield simulator
 
 
+@pytest.fixture(scope="module")
+def quiet() -> Iterator[Simulator]:
+    """On a good line: for what no line changes."""
+    with simulator_on(GOOD) as simulator:
+        yield simulator
+
+
 def test_info(simulator: Simulator) -> None:
     text = run("info", simulator.port).stdout
     assert "SIMULATED" in text
@@ -88,36 +95,36 @@ def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
     assert run("clear", simulator.port).stdout == "FAULT ended\n"
 
 
-def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(simulator: Simulator) -> None:
-    simulator.set("left.encoder_dead", 1)
+def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator) -> None:
+    quiet.set("left.encoder_dead", 1)
     try:
-        run("drive", simulator.port, "--linear", "0.3", "--seconds", "30")
+        run("drive", quiet.port, "--linear", "0.3", "--seconds", "30")
     finally:
-        simulator.set("left.encoder_dead", 0)
-    run("estop", simulator.port)
-    text = run("clear", simulator.port).stdout
+        quiet.set("left.encoder_dead", 0)
+    run("estop", quiet.port)
+    text = run("clear", quiet.port).stdout
     assert text.startswith("ESTOPPED ended\nFAULT remains. LEFT_NOT_COUNTING: ")
-    assert f"`wheelwire clear {simulator.port}` again" in text
-    assert run("clear", simulator.port).stdout == "FAULT ended\n"
+    assert f"`wheelwire clear {quiet.port}` again" in text
+    assert run("clear", quiet.port).stdout == "FAULT ended\n"
 
 
-def test_an_open_contact_says_what_to_do_where_none_is_fitted(simulator: Simulator) -> None:
-    simulator.set("estop_open", 1)
+def test_an_open_contact_says_what_to_do_where_none_is_fitted(quiet: Simulator) -> None:
+    quiet.set("estop_open", 1)
     try:
-        line = check_error(run("clear", simulator.port), errors.DeviceRefused)
+        line = check_error(run("clear", quiet.port), errors.DeviceRefused)
     finally:
-        simulator.set("estop_open", 0)
-        run("clear", simulator.port)
+        quiet.set("estop_open", 0)
+        run("clear", quiet.port)
     assert "join its pin to ground" in line
 
 
-def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(simulator: Simulator) -> None:
-    text = run("drive", simulator.port, "--linear", "5", "--seconds", "0.3").stdout
+def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(quiet: Simulator) -> None:
+    text = run("drive", quiet.port, "--linear", "5", "--seconds", "0.3").stdout
     assert "drove at 0.4 m/s and 0 rad/s: no wheel turns faster than 0.4 m/s" in text
-    text = run("drive", simulator.port, "--linear", "0.2", "--seconds", "1").stdout
+    text = run("drive", quiet.port, "--linear", "0.2", "--seconds", "1").stdout
     assert "no wheel" not in text
     assert "m of it coming to a stop; stopped" in text
-    told = run_json("drive", simulator.port, "--linear", "-5", "--seconds", "0.3")
+    told = run_json("drive", quiet.port, "--linear", "-5", "--seconds", "0.3")
     assert told["linear_mps"] == pytest.approx(-0.4)
     assert 0 < told["rolled_out_m"] < -told["x_m"]
 
@@ -142,8 +149,8 @@ def test_parameters_are_listed_set_saved_and_reset(simulator: Simulator) -> None
     assert run_json("params", "get", simulator.port, "wheel_radius") == {"wheel_radius": 0.033}
 
 
-def test_a_narrow_terminal_gets_the_parameters_without_a_table(simulator: Simulator) -> None:
-    lines = run("params", "list", simulator.port, COLUMNS="80").stdout.splitlines()
+def test_a_narrow_terminal_gets_the_parameters_without_a_table(quiet: Simulator) -> None:
+    lines = run("params", "list", quiet.port, COLUMNS="80").stdout.splitlines()
     assert lines[:2] == [
         "wheel_radius = 0.033 m, 0.005..1",
         "    Radius of the driven wheels." + " " * 48,
@@ -151,13 +158,13 @@ def test_a_narrow_terminal_gets_the_parameters_without_a_table(simulator: Simula
     assert max(map(len, lines)) <= 80
 
 
-def test_only_the_value_that_is_named_is_saved(simulator: Simulator) -> None:
-    port = simulator.port
+def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
+    port = quiet.port
     text = run("params", "set", port, "integral_gain", "12").stdout
     assert text == "integral_gain = 12, until the next reset; --save keeps it\n"
     text = run("params", "set", port, "proportional_gain", "1.5", "--save").stdout
     assert text == "proportional_gain = 1.5, saved\n"
-    simulator.reset()
+    quiet.reset()
     assert run("params", "get", port, "integral_gain").stdout == "16\n"
     assert run("params", "get", port, "proportional_gain").stdout == "1.5\n"
     run("params", "set", port, "integral_gain", "12")
@@ -173,12 +180,12 @@ def test_only_the_value_that_is_named_is_saved(simulator: Simulator) -> None:
     run("params", "reset", port)
 
 
-def test_a_value_that_acts_after_a_reset_says_so(simulator: Simulator) -> None:
-    text = run("params", "set", simulator.port, "pwm_frequency_hz", "18000").stdout
+def test_a_value_that_acts_after_a_reset_says_so(quiet: Simulator) -> None:
+    text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000").stdout
     assert "without effect: it acts after a reset, which forgets it; give --save" in text
-    text = run("params", "set", simulator.port, "pwm_frequency_hz", "18000", "--save").stdout
+    text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000", "--save").stdout
     assert text == "pwm_frequency_hz = 18000, saved; in force after the next reset\n"
-    run("params", "reset", simulator.port)
+    run("params", "reset", quiet.port)
 
 
 def test_ports_is_json_without_a_robot() -> None:

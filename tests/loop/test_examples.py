@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 import subprocess
 import sys
+import termios
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +17,7 @@ import pytest
 from support.command import PATIENCE_S
 from support.waiting import wait_until
 from wheelwire.sim import Simulator
+from wheelwire_protocol.codes import SupervisorState
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -84,3 +88,36 @@ def test_the_e_stop_is_lived_through() -> None:
         assert output.endswith("cleared; driving again\ndone\n")
         assert simulator.get("true.distance_m") > stopped_m + 0.05
         wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
+
+
+def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
+    keyboard, terminal = os.openpty()
+    before = termios.tcgetattr(terminal)
+    with Simulator() as simulator:
+        process = subprocess.Popen(
+            [sys.executable, "-u", str(EXAMPLES / "teleop.py"), "--port", simulator.port],
+            stdin=terminal,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        assert process.stdout
+        while "IDLE" not in process.stdout.read(20):
+            assert process.poll() is None
+        reader = threading.Thread(target=process.stdout.read)
+        reader.start()
+        os.write(keyboard, b"i")
+        wait_until(lambda: simulator.get("true.x_m") > 0.03, PATIENCE_S)
+        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)  # one key is one setpoint
+        assert simulator.get("true.x_m") < 0.3
+        os.write(keyboard, b"ei")
+        wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED, PATIENCE_S)
+        os.write(keyboard, b"c")
+        wait_until(lambda: simulator.get("state") == SupervisorState.IDLE, PATIENCE_S)
+        os.write(keyboard, b"q")
+        assert process.wait(PATIENCE_S) == 0
+        reader.join()
+        process.stdout.close()
+    assert termios.tcgetattr(terminal) == before
+    os.close(terminal)
+    os.close(keyboard)
