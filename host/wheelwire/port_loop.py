@@ -46,7 +46,7 @@ CHECK_US = 1_000_000
 WRONG_BOARD_PAUSE_S = 1.0
 """Opening a port may reset the board there, and another program may want that one."""
 OUTPUT_LIMIT = 4096
-"""Bytes that wait for the port at most: older ones are worth nothing to a robot."""
+"""Bytes that wait for the port at most: soon they are worth nothing to a robot."""
 CLOSED = "the link is closed; open it again"
 MAX_FRAME = MAX_ENCODED + 2
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
@@ -152,7 +152,7 @@ class PortLoop:
             self._refuse_calls(self.end)
 
     def check_room(self) -> None:
-        """Raise LinkLost when a setpoint would only wait, and be thrown away with what waits."""
+        """Raise LinkLost when a setpoint would only wait. Requests have the rest of the room."""
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
             raise LinkLost("the port takes nothing that is sent to it; the setpoint was not sent")
 
@@ -257,8 +257,6 @@ class PortLoop:
             self._output += self._frames.popleft()
         if self._output:
             self._output = self._output[transport.write(self._output) :]
-            if len(self._output) > OUTPUT_LIMIT:
-                self._output = b""
 
     def _wait_for_port(self, transport: Transport) -> int:
         """Wait until a deadline, a wake-up or the port; returns what the port has to do."""
@@ -326,11 +324,20 @@ class PortLoop:
         self._check_port(transport, now_us)
         self._search_baud_rate(transport, now_us)
         self._session.advance(now_us)
-        self._output += self._session.take_output()
+        self._queue_output()
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
         self._expectant = self._session.awaits_answer(now_us)
         self._tell_changes()
+
+    def _queue_output(self) -> None:
+        """Queue what the session sends, unless the port has long taken nothing.
+
+        Setpoints among what waits stay: they were taken. Requests are repeated in any case.
+        """
+        output = self._session.take_output()
+        if len(self._output) + len(output) <= OUTPUT_LIMIT:
+            self._output += output
 
     def _drain_wake_ups(self) -> None:
         try:

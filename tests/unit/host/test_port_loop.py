@@ -16,7 +16,7 @@ from wheelwire.session import Phase, Session
 from wheelwire.transport import Transport
 from wheelwire.waiting import Notifier
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage, Estop, Hello, Stop
+from wheelwire_protocol.types import AnyMessage, Estop, Hello, SetDuty, Stop
 
 pytestmark = pytest.mark.timeout(20)
 
@@ -144,6 +144,31 @@ def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
     rig = Rig(port)
     rig.loop.run()
     assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
+
+
+def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> None:
+    refused = 0
+    rig: Rig
+
+    def accepts() -> bool:
+        nonlocal refused
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        refused += 1
+        if refused == 1:
+            now_us = host_clock_us()
+            rig.loop.check_room()
+            rig.loop.send(rig.session.duty_frame(0.1, 0.1, now_us + 60_000_000, now_us), now_us)
+        elif refused <= 1000:
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+        else:
+            rig.loop.finish()
+        return refused > 1000
+
+    port = Port(FakeDevice(), accepts)
+    rig = Rig(port)
+    rig.loop.run()
+    assert any(isinstance(message, SetDuty) for message in port.messages())
 
 
 def test_an_unplugged_port_is_opened_again_at_once() -> None:
