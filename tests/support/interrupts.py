@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -34,27 +35,32 @@ class Storm:
 
 def storm(count: int, mode: str, seed: int = 1) -> Storm:
     """Interrupt a program `count` times; see `interrupted_host`."""
-    with tempfile.TemporaryDirectory() as folder, PtyDevice(Path(folder) / "robot") as robot:
-        process = subprocess.Popen(
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        PtyDevice(Path(folder) / "robot") as robot,
+        subprocess.Popen(
             [sys.executable, str(PROGRAM), str(robot.path), str(seed), str(count), mode],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             stdout=subprocess.PIPE,
             text=True,
-        )
+        ) as process,
+        ThreadPoolExecutor(1) as pool,
+    ):
         try:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
-            _shoot(process, random.Random(seed))
-            report = json.loads(process.stdout.read())
+            # Read meanwhile: the report is longer than what a pipe holds.
+            report = pool.submit(process.stdout.read)
+            _shoot(process, random.Random(seed), report)
         finally:
             process.kill()
-            process.communicate()
-        return Storm(report, _unsent(report, robot))
+        told = json.loads(report.result())
+        return Storm(told, _unsent(told, robot))
 
 
-def _shoot(process: subprocess.Popen[str], moments: random.Random) -> None:
+def _shoot(process: subprocess.Popen[str], moments: random.Random, report: Future[str]) -> None:
     end = time.monotonic() + PATIENCE_S
-    while process.poll() is None:
+    while not report.done():
         assert time.monotonic() < end, "the program hangs"
         process.send_signal(signal.SIGINT)
         time.sleep(moments.uniform(0, LONGEST_PAUSE_S))
