@@ -10,7 +10,6 @@ import argparse
 import time
 
 import wheelwire
-from wheelwire_protocol.codes import RefusalCode
 
 
 def wait_for_release(robot: wheelwire.BaseDriver) -> None:
@@ -39,7 +38,7 @@ def main() -> None:
             try:
                 robot.set_velocity(0.2, 0.0, ttl=0.3)
             except wheelwire.DeviceRefused as refused:
-                if refused.code != RefusalCode.ESTOPPED:
+                if refused.code != wheelwire.RefusalCode.ESTOPPED:
                     raise  # a fault: its message names the cause
                 wait_for_release(robot)
             except wheelwire.LinkLost as lost:
