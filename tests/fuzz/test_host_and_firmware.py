@@ -151,6 +151,15 @@ class HostAndFirmware(RuleBasedStateMachine):
         self.model.asked_to_save()
         self.ask(ParameterSave(0, 0, 0), lambda _: self.model.has_saved(values, boots))
 
+    @precondition(lambda self: self.can_ask)
+    @rule(parameter=st.sampled_from(PARAMETERS))
+    def save_one(self, parameter: Parameter) -> None:
+        values = {parameter.id: self.model.values[parameter.id]}
+        boots = self.model.boots
+        self.model.asked_to_save([parameter.id])
+        request = ParameterSave(0, 0, parameter.id)
+        self.ask(request, lambda _: self.model.has_saved(values, boots))
+
     # --- what happens --------------------------------------------------------------------------
 
     @rule(to_device=bad_line, to_host=bad_line)

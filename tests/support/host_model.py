@@ -6,6 +6,7 @@ so it keeps sets of what may be.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 Values = dict[int, frozenset[float]]
@@ -65,13 +66,15 @@ class Model:
         if boots == self.boots:
             self.values[parameter] = frozenset({value})
 
-    def asked_to_save(self) -> None:
-        self.saved = {number: self.saved[number] | self.values[number] for number in self.saved}
+    def asked_to_save(self, numbers: Iterable[int] | None = None) -> None:
+        """Those of these ids; None: all."""
+        for number in self.saved if numbers is None else numbers:
+            self.saved[number] |= self.values[number]
 
     def has_saved(self, values: Values, boots: int) -> None:
         """`values`: when it was asked for."""
         if boots == self.boots:
-            self.saved = dict(values)
+            self.saved |= values
 
     def reset(self) -> None:
         """The device starts again: an open session's setpoints and its latch are gone."""
