@@ -29,7 +29,8 @@ bool is_at(int file, const std::string& path) {
 Descriptor lock(const std::string& path, const std::string& link) {
   for (;;) {
     Descriptor file(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-    if (file.get() < 0) throw std::runtime_error("cannot make " + path + ": " + strerror(errno));
+    if (file.get() < 0)
+      throw std::runtime_error("cannot make " + path + ": " + std::strerror(errno));
     if (::flock(file.get(), LOCK_EX | LOCK_NB) < 0) {
       throw std::runtime_error(link + " is the port of another simulator" + holder(file.get()) +
                                " that is running: use that one, end it, or give another --link");
