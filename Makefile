@@ -29,13 +29,13 @@ gen-check: $(VENV)/installed  ## Fail when a generated file is not what the defi
 	$(BIN)/python -m wheelwire_protocol.generate --check
 
 format: $(VENV)/installed  ## Format Python and C++
-	$(BIN)/ruff format host protocol ros_node tests examples
-	$(BIN)/ruff check --fix host protocol ros_node tests examples
+	$(BIN)/ruff format host protocol ros_node tests bench examples
+	$(BIN)/ruff check --fix host protocol ros_node tests bench examples
 	@$(BIN)/clang-format -i $(CXX_FILES)
 
 lint: $(VENV)/installed  ## Style, layers, formatting
-	$(BIN)/ruff check host protocol ros_node tests examples
-	$(BIN)/ruff format --check host protocol ros_node tests examples
+	$(BIN)/ruff check host protocol ros_node tests bench examples
+	$(BIN)/ruff format --check host protocol ros_node tests bench examples
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 
@@ -114,15 +114,15 @@ bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/re
 	@# Pigweed's HDLC needs none of the 60 packages, linters and SciPy among them, that it asks for.
 	@$(BIN)/python tools/install-extra bench 'pigweed>=0.0.24'
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
-	@$(BIN)/python tests/bench/report.py
+	@$(BIN)/python bench/report.py
 
 reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 4 min
-	$(BIN)/python tests/bench/stop_times.py
-	$(BIN)/python tests/bench/rides.py
-	$(BIN)/python tests/bench/clock.py
-	$(BIN)/python tests/bench/plausibility.py
-	$(BIN)/python tests/bench/reconnect.py
-	$(BIN)/python tests/bench/interrupts.py
+	$(BIN)/python bench/stop_times.py
+	$(BIN)/python bench/rides.py
+	$(BIN)/python bench/clock.py
+	$(BIN)/python bench/plausibility.py
+	$(BIN)/python bench/reconnect.py
+	$(BIN)/python bench/interrupts.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
 
 mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]
@@ -130,11 +130,11 @@ mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fai
 
 RUNS ?= 5
 dying: sim  ## Kill, stop, fork and interrupt what drives, on every driver: make dying [RUNS=5]; 2 min a run
-	$(BIN)/python tests/bench/dying.py $(RUNS)
+	$(BIN)/python bench/dying.py $(RUNS)
 
 MINUTES ?= 2
 soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]
-	$(BIN)/python tests/bench/soak.py --minutes $(MINUTES)
+	$(BIN)/python bench/soak.py --minutes $(MINUTES)
 
 clean:  ## Remove everything built
 	rm -rf build $(VENV)

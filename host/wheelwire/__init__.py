@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from .config import RobotConfig as RobotConfig
     from .config import load_config as load_config
     from .config import open_robot as open_robot
-    from .covariance import PoseCovariance as PoseCovariance
     from .drivers.base import BaseDriver as BaseDriver
+    from .drivers.factory import driver_names as driver_names
+    from .drivers.factory import open_driver as open_driver
     from .drivers.serial import SerialDriver as SerialDriver
     from .errors import ConfigurationError as ConfigurationError
     from .errors import DeviceRefused as DeviceRefused
@@ -39,23 +40,22 @@ if TYPE_CHECKING:
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
-    from .factory import driver_names as driver_names
-    from .factory import open_driver as open_driver
-    from .kinematics import DifferentialDrive as DifferentialDrive
-    from .kinematics import Twist as Twist
-    from .kinematics import WheelVelocities as WheelVelocities
+    from .link.info import LinkStatistics as LinkStatistics
+    from .link.sample_iterator import SampleIterator as SampleIterator
     from .linux_mcu.pins import Pins as Pins
-    from .odometry import Odometry as Odometry
-    from .odometry import OdometryUpdate as OdometryUpdate
-    from .odometry import Pose as Pose
-    from .sample_iterator import SampleIterator as SampleIterator
+    from .motion.covariance import PoseCovariance as PoseCovariance
+    from .motion.kinematics import DifferentialDrive as DifferentialDrive
+    from .motion.kinematics import Twist as Twist
+    from .motion.kinematics import WheelVelocities as WheelVelocities
+    from .motion.odometry import Odometry as Odometry
+    from .motion.odometry import OdometryUpdate as OdometryUpdate
+    from .motion.odometry import Pose as Pose
     from .samples import Travel as Travel
     from .samples import WheelSample as WheelSample
-    from .sim import Simulator as Simulator
-    from .statistics import LinkStatistics as LinkStatistics
+    from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
-    "covariance": ("PoseCovariance",),
+    "motion.covariance": ("PoseCovariance",),
     "config": ("RobotConfig", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
     "drivers.serial": ("SerialDriver",),
@@ -78,14 +78,14 @@ _MODULES = {
         "WheelwireError",
         "WrongBoard",
     ),
-    "factory": ("driver_names", "open_driver"),
-    "kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
+    "drivers.factory": ("driver_names", "open_driver"),
+    "motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
     "linux_mcu.pins": ("Pins",),
-    "odometry": ("Odometry", "OdometryUpdate", "Pose"),
+    "motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("Travel", "WheelSample"),
-    "sample_iterator": ("SampleIterator",),
-    "sim": ("Simulator",),
-    "statistics": ("LinkStatistics",),
+    "link.sample_iterator": ("SampleIterator",),
+    "simulation.simulator": ("Simulator",),
+    "link.info": ("LinkStatistics",),
 }
 _CODES = ("Fault", "RefusalCode", "SupervisorState")
 _MODULE_OF = {
@@ -101,7 +101,7 @@ __all__ = [  # loaded when first used, so that the import stays quick
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from .device import library_version
+        from .link.info import library_version
 
         return library_version()
     if name not in _MODULE_OF:

@@ -19,13 +19,13 @@ import yaml
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .drivers.factory import open_driver
 from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
-from .factory import open_driver
+from .link.transports import UNIX
 from .linux_mcu.pins import Pins
 from .linux_mcu.settings import McuSettings
 from .linux_mcu.store import converted_store
 from .parameters import checked_value
-from .transport import UNIX
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver

@@ -17,7 +17,6 @@ from typing import IO
 
 from wheelwire_protocol.codes import Board
 
-from .device import DeviceInfo
 from .drivers.serial import SerialDriver
 from .errors import FlashFailed, PortUnavailable, WheelwireError
 from .flash_layout import (
@@ -30,7 +29,8 @@ from .flash_layout import (
     parse_table,
     read_image,
 )
-from .ports import list_serial_ports
+from .link.info import DeviceInfo
+from .link.ports import list_serial_ports
 
 CHECKOUT_BUILD = Path(__file__).parents[2] / "build"
 FLASH_BAUD_RATE = 460_800

@@ -7,14 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from wheelwire import (
-    BaseDriver,
-    DifferentialDrive,
-    InvalidCommand,
-    LinkLost,
-    Twist,
-    WheelwireError,
-)
+from wheelwire import BaseDriver, DifferentialDrive, InvalidCommand, LinkLost, Twist, WheelwireError
 
 from .commands import CommandGate, CommandIgnored, Ignored, limit
 

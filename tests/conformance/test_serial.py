@@ -7,7 +7,7 @@ import pytest
 
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire.testing import Bench, DriverConformance
 
 

@@ -13,7 +13,7 @@ from support.rides import (
     across_the_time_wrap,
     ride,
 )
-from wheelwire.faultline import load_profile, shipped_profiles
+from wheelwire.simulation.impairment import load_profile, shipped_profiles
 
 
 def check(account: Account) -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from support.raw import NONCE, RawDevice, RawHost
-from wheelwire.baud import USUAL_RATES
-from wheelwire.transport import SerialTransport
+from wheelwire.link.reconnect import USUAL_RATES
+from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.framing import MAX_ENCODED
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME

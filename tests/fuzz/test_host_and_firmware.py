@@ -26,10 +26,10 @@ from support.faulty_robot import FaultyRobot
 from support.host_model import Model
 from support.virtual import STEP_US
 from wheelwire.errors import WheelwireError
-from wheelwire.faultline import Faults, LineProfile
-from wheelwire.fwsim import library_path
-from wheelwire.requests import Answer, Done, RequestMessage
-from wheelwire.session import Phase
+from wheelwire.link.requests import Answer, Done, RequestMessage
+from wheelwire.link.session import Phase
+from wheelwire.simulation.impairment import Faults, LineProfile
+from wheelwire.simulation.library import library_path
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
 from wheelwire_protocol.types import (

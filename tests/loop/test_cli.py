@@ -20,7 +20,7 @@ from support.command import PATIENCE_S, PROGRAM, check_error, run, run_json
 from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from wheelwire import errors
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ResetReason
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from support.command import PATIENCE_S, PROGRAM
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 ROOT = Path(__file__).parents[2]

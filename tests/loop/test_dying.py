@@ -1,6 +1,6 @@
 """Whatever happens to an application or to the process that moves the pins, the wheels stop.
 
-The figures are of `tests/bench/dying.py`. Here a busy test machine is allowed to be late.
+The figures are of `bench/dying.py`. Here a busy test machine is allowed to be late.
 """
 
 import itertools

@@ -16,7 +16,7 @@ import pytest
 
 from support.command import PATIENCE_S
 from support.waiting import wait_until
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

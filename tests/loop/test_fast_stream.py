@@ -9,10 +9,10 @@ from statistics import median
 import pytest
 
 from support.waiting import wait_until
-from wheelwire.coalescing import REST_US
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.sim import Simulator
-from wheelwire.transport import SerialTransport
+from wheelwire.link.reconnect import REST_US
+from wheelwire.link.transports import SerialTransport
+from wheelwire.simulation.simulator import Simulator
 
 FRAMES = 1000
 

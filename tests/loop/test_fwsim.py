@@ -21,9 +21,9 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire import sim
 from wheelwire.errors import SimulatorNotFound, WheelwireError
-from wheelwire.sim import Simulator, TrueState, find_simulator
+from wheelwire.simulation import simulator as sim
+from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 from wheelwire_protocol.decoder import Decoder
@@ -210,7 +210,7 @@ def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
     script = (
         "import sys, time\n"
         "from pathlib import Path\n"
-        "from wheelwire.sim import Simulator\n"
+        "from wheelwire.simulation.simulator import Simulator\n"
         "simulator = Simulator(link=Path(sys.argv[1]))\n"
         "simulator.start()\n"
         "print(simulator.pid, flush=True)\n"

@@ -13,7 +13,7 @@ from support.reconnect import is_lost
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import PortUnavailable
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 PATIENCE_S = 30.0
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 PATIENCE_S = 60.0
 

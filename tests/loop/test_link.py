@@ -25,9 +25,9 @@ from wheelwire.errors import (
     LinkLost,
     PortUnavailable,
 )
-from wheelwire.odometry import Odometry
+from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import RefusalCode, ResetReason, SupervisorState
 
 PATIENCE_S = 30.0

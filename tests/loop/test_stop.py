@@ -24,9 +24,9 @@ from support.stop_host import (
     wait,
 )
 from support.stop_times import PERIOD_US, TTL_S
-from wheelwire.faultline import LineProfile
-from wheelwire.faultline.simulator import FaultySimulator
-from wheelwire.sim import Simulator
+from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impairment import LineProfile
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from wheelwire.kinematics import DifferentialDrive, Twist, WheelVelocities
-from wheelwire.odometry import Pose
+from wheelwire.motion.kinematics import DifferentialDrive, Twist, WheelVelocities
+from wheelwire.motion.odometry import Pose
 
 speeds = st.floats(-100, 100)
 drives = st.builds(

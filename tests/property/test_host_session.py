@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
-from wheelwire.faultline import Faults
-from wheelwire.session import Session
+from wheelwire.link.session import Session
+from wheelwire.simulation.impairment import Faults
 from wheelwire_protocol.codec import BY_ID
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import Encoder

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 if TYPE_CHECKING:
     from support.ros import Graph

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool
 from support.ros import Diagnostics, Graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, SPEED_MPS, twist
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 

@@ -22,7 +22,7 @@ from support.ros import PATIENCE_S, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from wheelwire import open_driver
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 

@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
 

@@ -19,7 +19,7 @@ from sensor_msgs.msg import BatteryState, JointState
 
 from support.ros import PATIENCE_S, Diagnostics, Graph, wait
 from support.ros_process import RobotNode
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 SIDE_M = 0.2
 CORNERS_M = ((SIDE_M, 0.0), (SIDE_M, SIDE_M), (0.0, SIDE_M), (0.0, 0.0))

@@ -17,7 +17,7 @@ from support.ros import PATIENCE_S
 from support.ros_rig import NODE, Rig, open_rig
 from support.stop_host import stopped
 from support.stop_times import PERIOD_US
-from wheelwire.sim import TrueState
+from wheelwire.simulation.simulator import TrueState
 
 TIMEOUT_S = 0.5
 LONG_S = 5.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from random import Random
 
-from wheelwire.clock import ClockEstimator, Exchange
+from wheelwire.link.clock import ClockEstimator, Exchange
 
 BURST = 8
 BURST_GAP_US = 5_000

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import pytest
 
-from wheelwire.device import host_release
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link.info import host_release
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Capability, ResetReason, SupervisorState
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wheelwire.sim import ENVIRONMENT, Simulator, find_simulator
+from wheelwire.simulation.simulator import ENVIRONMENT, Simulator, find_simulator
 
 from .gpio_chip_process import GpioChip
 from .pigpio_process import PigpioProcess

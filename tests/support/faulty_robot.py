@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wheelwire.errors import LinkLost
-from wheelwire.faultline import FaultLine, Happening, LineProfile
+from wheelwire.simulation.impairment import FaultLine, Happening, LineProfile
 
 from .virtual import STEP_US, VirtualRobot
 

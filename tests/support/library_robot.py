@@ -6,9 +6,9 @@ from collections.abc import Callable
 from random import Random
 
 from wheelwire.errors import WheelwireError
-from wheelwire.requests import Answer, RequestMessage
+from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.session import Phase, Session
 from wheelwire_protocol.codes import Board, ResetReason
 from wheelwire_protocol.native import Core, Identity, Outputs
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from wheelwire.faultline import load_profile
-from wheelwire.faultline.simulator import FaultySimulator
-from wheelwire.sim import Simulator
+from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impairment import load_profile
+from wheelwire.simulation.simulator import Simulator
 
 GOOD = "good"
 LINES = (GOOD, "noisy", "split")

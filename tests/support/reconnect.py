@@ -8,7 +8,7 @@ from pathlib import Path
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, RequestTimeout
-from wheelwire.sim import Simulator
+from wheelwire.simulation.simulator import Simulator
 
 AIM_S = 0.25
 """p99, from the port's return."""

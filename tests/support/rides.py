@@ -9,12 +9,12 @@ from random import Random
 from typing import NamedTuple
 
 from wheelwire.errors import WheelwireError
-from wheelwire.faultline import LineProfile
-from wheelwire.inbox import SampleInbox
-from wheelwire.kinematics import DifferentialDrive
-from wheelwire.odometry import Odometry
+from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.session import Phase, Session
+from wheelwire.motion.kinematics import DifferentialDrive
+from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample, tick_difference
-from wheelwire.session import Phase, Session
+from wheelwire.simulation.impairment import LineProfile
 
 from .faulty_robot import FaultyRobot
 

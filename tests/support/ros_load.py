@@ -19,7 +19,7 @@ from nav_msgs.msg import Odometry
 from support.load import cpu_s
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
-from wheelwire.statistics import quantile
+from wheelwire.link.info import quantile
 
 PAUSE_S = 0.015
 """Between two commands; as much again at random, to meet every phase of what is periodic."""

@@ -14,7 +14,7 @@ from nav_msgs.msg import Odometry
 from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
-from wheelwire.sim import Simulator, TrueState
+from wheelwire.simulation.simulator import Simulator, TrueState
 
 NODE = "/hardware_robot"
 SPEED_MPS = 0.3

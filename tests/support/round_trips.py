@@ -11,10 +11,10 @@ from statistics import median
 from typing import NamedTuple, TypeAlias, TypeVar
 from unittest import mock
 
-from wheelwire import synchroniser
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.sim import Simulator
-from wheelwire.statistics import quantile
+from wheelwire.link import clock as synchroniser
+from wheelwire.link.info import quantile
+from wheelwire.simulation.simulator import Simulator
 
 from .bare_host import PING_SIZE, PONG_SIZE, BareHost, echo_process
 

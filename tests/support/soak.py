@@ -14,8 +14,8 @@ from typing import NamedTuple, TypeVar
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout
-from wheelwire.faultline import Books, Faults, LineProfile
-from wheelwire.faultline.simulator import FaultySimulator
+from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impairment import Books, Faults, LineProfile
 from wheelwire_protocol.codes import RefusalCode
 
 T = TypeVar("T")

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from wheelwire.faultline import FaultLine, LineProfile
-from wheelwire.faultline.simulator import FaultySimulator
-from wheelwire.sim import Simulator, TrueState
+from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impairment import FaultLine, LineProfile
+from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION
 from wheelwire_protocol.types import Hello, SetWheelVelocity

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from random import Random
 
 from wheelwire.errors import WheelwireError
-from wheelwire.fwsim import FwSim
-from wheelwire.requests import Answer, RequestMessage
+from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.session import Phase, Session
+from wheelwire.simulation.library import FwSim
 from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from random import Random
 
 from wheelwire.errors import WheelwireError
-from wheelwire.faultline import Direction, Faults
-from wheelwire.requests import Answer, RequestMessage
+from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.session import Phase, Session
+from wheelwire.simulation.impairment import Direction, Faults
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 

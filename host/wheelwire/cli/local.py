@@ -12,10 +12,10 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
-from wheelwire.faultline import LineProfile, load_profile
-from wheelwire.faultline.simulator import FaultySimulator
-from wheelwire.ports import list_serial_ports
-from wheelwire.sim import find_simulator
+from wheelwire.link.ports import list_serial_ports
+from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impairment import LineProfile, load_profile
+from wheelwire.simulation.simulator import find_simulator
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
 

@@ -10,8 +10,8 @@ import typer
 
 from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
 from wheelwire.errors import DeviceRefused, InvalidCommand
-from wheelwire.kinematics import Twist
-from wheelwire.odometry import Odometry, Pose
+from wheelwire.motion.kinematics import Twist
+from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from wheelwire.odometry import Pose
+from wheelwire.link.info import LinkStatistics
+from wheelwire.motion.odometry import Pose
 from wheelwire.samples import WheelSample
-from wheelwire.statistics import LinkStatistics
 
 PLAIN_PERIOD_S = 1.0
 LIVE_REFRESH_HZ = 10

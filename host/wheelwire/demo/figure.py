@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from wheelwire.kinematics import Twist
-from wheelwire.odometry import Pose
+from wheelwire.motion.kinematics import Twist
+from wheelwire.motion.odometry import Pose
 
 SPEED_MPS = 0.25
 LAP_S = 20.0

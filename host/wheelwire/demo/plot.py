@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from wheelwire.odometry import Pose
+from wheelwire.motion.odometry import Pose
 
 
 def save_trajectory(

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import OutputFailed, WheelwireError
-from wheelwire.odometry import Odometry, Pose
-from wheelwire.sim import Simulator, TrueState
+from wheelwire.motion.odometry import Odometry, Pose
+from wheelwire.simulation.simulator import Simulator, TrueState
 
 from .display import Display, View, open_display
 from .figure import DURATION_S, commanded_path, twist_at

@@ -7,14 +7,14 @@ from types import TracebackType
 from typing import TypeVar
 
 from ..arguments import LONGEST_WAIT_S, is_number, timeout_s
-from ..clock import host_clock_us
 from ..errors import InvalidCommand, RequestTimeout, WheelwireError, shown
-from ..inbox import SampleInbox
-from ..kinematics import DifferentialDrive, Twist, WheelVelocities
+from ..link.clock import host_clock_us
+from ..link.info import LinkStatistics
+from ..link.latest_sample import SampleInbox
+from ..link.sample_iterator import SampleIterator
+from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
 from ..parameters import Parameters
-from ..sample_iterator import SampleIterator
 from ..samples import WheelSample
-from ..statistics import LinkStatistics
 
 DEFAULT_TTL_S = 0.5
 FIRST_SAMPLE_S = 1.0

@@ -15,19 +15,19 @@ from pathlib import Path
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, path, timeout_s
-from ..clock import host_clock_us
 from ..errors import InvalidCommand, LinkLost, RequestTimeout
-from ..fwsim import FwSim
-from ..inbox import SampleInbox
-from ..link import Link
+from ..link.clock import host_clock_us
+from ..link.connection import Link
+from ..link.latest_sample import SampleInbox
+from ..link.sample_iterator import SampleIterator
+from ..link.transports import SocketTransport, Transport
 from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
-from ..sample_iterator import SampleIterator
 from ..samples import WheelSample
-from ..sim import Simulator
-from ..transport import SocketTransport, Transport
-from ..virtual_link import VirtualLink
-from .device import GEOMETRY, DeviceDriver
+from ..simulation.library import FwSim
+from ..simulation.simulator import Simulator
+from ..simulation.virtual_link import VirtualLink
+from .transport_driver import GEOMETRY, DeviceDriver
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""

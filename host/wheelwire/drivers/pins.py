@@ -8,12 +8,12 @@ from pathlib import Path
 
 from ..arguments import path, whole
 from ..errors import InvalidArgument, shown
+from ..link.transports import Transport
 from ..linux_mcu.launch import launch
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..linux_mcu.store import converted_store
-from ..transport import Transport
-from .device import TransportDriver
+from .transport_driver import TransportDriver
 
 MAX_PATIENCE_MS = 60_000
 

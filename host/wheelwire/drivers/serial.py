@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from ..arguments import flag, text, whole
 from ..errors import InvalidArgument, shown
-from .device import TransportDriver
+from .transport_driver import TransportDriver
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from .. import errors
-from ..transport import SocketTransport
+from ..link.transports import SocketTransport
 from .settings import McuSettings
 
 START_S = 20.0

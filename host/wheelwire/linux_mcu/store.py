@@ -11,9 +11,9 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterSave, ParameterSet
 
 from ..errors import ConfigurationError, DriverUnavailable, WheelwireError
+from ..link.requests import Answer, RequestMessage
+from ..link.session import Phase, Session
 from ..parameters import checked_value
-from ..requests import Answer, RequestMessage
-from ..session import Phase, Session
 
 PERIOD_US = 1000
 PATIENCE_US = 10_000_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ..kinematics import WheelVelocities
+from ..motion.kinematics import WheelVelocities
 from .drill import CLOSE, SPEED_MPS, Drill, mean, turning
 
 TURN_RADPS = 1.5

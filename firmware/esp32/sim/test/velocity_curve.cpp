@@ -1,4 +1,4 @@
-// How wrong and how noisy the measured velocity is at each speed: tests/bench/velocity.py plots it.
+// How wrong and how noisy the measured velocity is at each speed: bench/velocity.py plots it.
 //
 // An ideal encoder at constant speed, control steps at the rate that the argument gives in Hz (1000
 // by default), 3 s at each of 100 phases between ticks and steps. Prints, as CSV, counts per turn,

@@ -1,0 +1,61 @@
+"""How well and how honestly the device's clock is known, over drifts, steps and delays.
+
+`make reliability`
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.clocks import CALM, STORMY, USB, Clocks, Coverage, Ways, session
+from wheelwire.link.info import quantile
+
+AIM = 0.999
+SESSIONS = 50
+DRIFTS_PPM = (-200, -50, 0, 50, 200)
+STEP_US = 100_000
+STEPS = 4
+
+
+def measure(drift_ppm: float, ways: Ways, steps: int = 0) -> Coverage:
+    """Of `SESSIONS` sessions."""
+    coverage = Coverage()
+    for seed in range(SESSIONS):
+        clocks = Clocks(seed, drift_ppm * 1e-6, ways)
+        session(coverage, clocks, step_us=STEP_US if steps else 0, steps=steps)
+    return coverage
+
+
+def main() -> int:
+    """Print the table; fail when a bound covers too little."""
+    cases = {f"{drift:+d} ppm, as on USB": measure(drift, USB) for drift in DRIFTS_PPM}
+    cases["+200 ppm, a calm line"] = measure(200, CALM)
+    cases["+200 ppm, delays of 50 ms"] = measure(200, STORMY)
+    cases[f"+50 ppm, {STEPS} steps of {STEP_US / 1e3:g} ms"] = measure(50, USB, STEPS)
+    table = Table(title="Error of a sample's time on the host's clock", title_justify="left")
+    table.add_column("case")
+    for column in ("samples", "within the bound", "error p50", "p99", "bound p50"):
+        table.add_column(column, justify="right")
+    for name, found in cases.items():
+        microseconds = (
+            quantile(found.errors_us, 0.5),
+            quantile(found.errors_us, 0.99),
+            quantile(found.bounds_us, 0.5),
+        )
+        table.add_row(
+            name,
+            str(found.checked),
+            f"{found.share:.3%}",
+            *(f"{number:.0f} us" for number in microseconds),
+        )
+    Console(width=110).print(table)
+    return int(min(found.share for found in cases.values()) < AIM)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

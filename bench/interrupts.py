@@ -1,0 +1,39 @@
+"""10 000 signals at random moments into a program that uses a robot: `make reliability`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import table
+from support.interrupts import storm
+
+COUNT = 10_000
+SEED = 7
+
+
+def main() -> None:
+    """Print what came of it; fail when anything but nothing did."""
+    rows = []
+    for mode, what in (("raise", "raises KeyboardInterrupt"), ("stop", "calls stop()")):
+        result = storm(COUNT, mode, SEED)
+        report = result.report
+        failed = sum(report["errors"].values())
+        rows.append(
+            [
+                what,
+                str(report["interrupts"]),
+                str(failed),
+                str(len(result.unsent)),
+                f"{report['longest_s']:.3f}",
+            ]
+        )
+        assert not result.unsent, result.unsent
+        assert (report["alive"], report["left"]) == (1, 0), report
+    head = ["the handler", "signals", "calls failed", "succeeded unsent", "longest call, s"]
+    sys.stdout.write(table(head, rows) + "\n")
+
+
+if __name__ == "__main__":
+    main()

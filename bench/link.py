@@ -1,0 +1,202 @@
+"""The serial link: round trips, CPU and loss, in real time: `make bench`, or this file alone."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support import round_trips
+from support.bare_host import PING_SIZE, PONG_SIZE, BareHost
+from support.benchmark import Aim, cpu_seconds, output_folder, ratio, table, table_of_aims
+from support.captures import capture
+from support.load import Load, frames_lost, load_while, read_for
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link.reconnect import REST_US
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol import Decoder
+
+RATE_HZ = 1000
+READS_HZ = 50
+CPU_ROUNDS = 3
+CPU_S = 2.0
+IDLE_S = 10.0
+SETTLING_S = 0.3
+DECODED = 20_000
+FAST_HZ = 5000
+FAST_S = 5.0
+
+ROUND_TRIPS = f"""\
+Host and peer are processes on a pseudo-terminal: the firmware's core (`wheelwire-fwsim`), or an
+echo of 40 lines of C. The *bare host* is the least that Python can do, the same for both: one
+thread, `poll`, `os.read`, `os.write`. It sends a ping of {PING_SIZE} bytes; the echo returns it,
+the firmware answers with {PONG_SIZE}. The *library* is all of Wheelwire: its pings, from the
+clock's reading before the send to the one at the arrival, and a request, from the call in the
+application's thread to its return. {round_trips.ROUNDS} interleaved rounds of
+{round_trips.EXCHANGES}, each after a pause of {round_trips.PAUSE_S * 1e3:g} ms; medians of the
+rounds and of their ratios.
+"""
+SLOW_LINES = """\
+The same with the line's baud rate modelled, against the time that the bytes of both ways take on
+it. Two byte times of silence, after which an ESP32's UART reports what came, are not in the model.
+"""
+CPU = f"""\
+CPU of the host's process by the kernel's accounts, medians of {CPU_ROUNDS} interleaved rounds of
+{CPU_S:g} s; the idle link {IDLE_S:g} s. The *bare host* reads the same stream and throws it away.
+A fast stream that nobody asks for is read every {REST_US / 1e3:g} ms only, unless an answer is
+under way. *Decoding* is the codec's time for so many frames, fed one by one.
+"""
+
+
+def at_most(what: str, measured: float, limit: float, unit: str = "") -> Aim:
+    """The limit itself will do."""
+    number, bound = (f"{number:.3g}{unit}" for number in (measured, limit))
+    return Aim(what, number, f"<= {bound}", measured <= limit)
+
+
+def show_round_trips() -> list[Aim]:
+    """Print the round trips without a baud rate."""
+    with TemporaryDirectory() as folder:
+        found = round_trips.compare(Path(folder))
+    echo = found[round_trips.ECHO]
+    ratios = {
+        name: (ratio(one.p50s_us, echo.p50s_us), ratio(one.p99s_us, echo.p99s_us))
+        for name, one in found.items()
+    }
+    rows = [
+        [
+            name,
+            *(f"{us:.0f}" for us in (one.p50_us, one.p99_us)),
+            *(f"{times:.2f}" for times in ratios[name]),
+        ]
+        for name, one in found.items()
+    ]
+    header = ("round trip [us]", "p50", "p99", "p50 / echo's", "p99 / echo's")
+    sys.stdout.write(f"{ROUND_TRIPS}\n{table(header, rows)}\n")
+    p50, p99 = ratios[round_trips.FIRMWARE]
+    return [
+        at_most("p50 of the firmware / the echo's", p50, 1.25),
+        at_most("p99 of the firmware / the echo's", p99, 2),
+    ]
+
+
+def show_slow_lines() -> list[Aim]:
+    """Print the round trips at baud rates."""
+    rows, aims = [], []
+    for baud, found in round_trips.on_slow_lines().items():
+        line_us = round_trips.line_us(baud)
+        p50, p99 = found.p50_us / line_us, found.p99_us / line_us
+        microseconds = (f"{us:.0f}" for us in (line_us, found.p50_us, found.p99_us))
+        rows.append([f"{baud} baud", *microseconds, f"{p50:.2f}", f"{p99:.2f}"])
+        aims += [
+            at_most(f"p50 at {baud} baud / the line's", p50, 1.25),
+            at_most(f"p99 at {baud} baud / the line's", p99, 2),
+        ]
+    header = ("round trip [us]", "on the line", "p50", "p99", "p50 / line's", "p99 / line's")
+    sys.stdout.write(f"{SLOW_LINES}\n{table(header, rows)}\n")
+    return aims
+
+
+def library_load(port: str, rate_hz: int, duration_s: float, reads_hz: int = 0) -> Load:
+    """Of an open link, while somebody asks for samples or nobody does."""
+    with SerialDriver(port, stream_rate_hz=rate_hz) as robot:
+        time.sleep(SETTLING_S)
+        return load_while(lambda: read_for(duration_s, robot, reads_hz))
+
+
+def bare_load(port: str) -> Load:
+    """Of the least that takes what the last session's device still sends."""
+    with closing(BareHost(port, round_trips.ANY_BAUD)) as host:
+        return load_while(lambda: host.discard(CPU_S))
+
+
+def decoding() -> float:
+    """CPU of decoding the stream's frames, of one core."""
+    stream = capture(DECODED)
+    size = len(stream) // DECODED
+    frames = [stream[start : start + size] for start in range(0, len(stream), size)]
+    decoder = Decoder()
+    return RATE_HZ / DECODED * cpu_seconds(lambda: [decoder.feed(frame) for frame in frames])
+
+
+def show_cpu() -> list[Aim]:
+    """Print what an idle and a busy link cost."""
+    with Simulator() as simulator:
+        port = simulator.port
+        idle = library_load(port, 0, IDLE_S)
+        # The bare host comes last: it reads the stream that the others leave behind.
+        measures = {
+            "library": lambda: library_load(port, RATE_HZ, CPU_S),
+            "read": lambda: library_load(port, RATE_HZ, CPU_S, READS_HZ),
+            "bare": lambda: bare_load(port),
+        }
+        loads = in_rounds(measures)
+    decode = decoding()
+    rows = [
+        _load_row("library, idle link (no stream)", idle),
+        _load_row(f"bare host, {RATE_HZ} states/s", loads["bare"]),
+        [f"decoding {RATE_HZ} states", f"{decode:.2%}", ""],
+        _load_row(f"library, {RATE_HZ} states/s, none asked for", loads["library"]),
+        _load_row(f"library, {RATE_HZ} states/s, {READS_HZ} reads/s", loads["read"]),
+    ]
+    sys.stdout.write(f"{CPU}\n{table(('host', 'CPU of a core', 'wake-ups/s'), rows)}\n")
+    limit = 1.3 * loads["bare"].cpu + decode
+    return [
+        at_most("CPU of an idle link", 100 * idle.cpu, 0.5, " %"),
+        at_most(
+            f"CPU at {RATE_HZ} Hz, none asked for", 100 * loads["library"].cpu, 100 * limit, " %"
+        ),
+    ]
+
+
+def in_rounds(measures: Mapping[str, Callable[[], Load]]) -> dict[str, Load]:
+    """The medians of interleaved rounds."""
+    rounds = [{name: measure() for name, measure in measures.items()} for _ in range(CPU_ROUNDS)]
+    return {
+        name: Load(
+            median(loads[name].cpu for loads in rounds),
+            median(loads[name].wake_ups for loads in rounds),
+        )
+        for name in measures
+    }
+
+
+def _load_row(name: str, load: Load) -> list[str]:
+    return [name, f"{load.cpu:.2%}", f"{load.wake_ups:.0f}"]
+
+
+def show_fast_stream() -> list[Aim]:
+    """Print what is lost of a fast stream."""
+    with Simulator() as simulator:
+        with SerialDriver(simulator.port) as robot:
+            robot.parameters["control_rate_hz"] = FAST_HZ
+        with SerialDriver(simulator.port, stream_rate_hz=FAST_HZ) as robot:
+            before = robot.statistics
+            load = load_while(lambda: time.sleep(FAST_S))
+            after = robot.statistics
+            dropped = robot.device_counters().send_dropped
+    received = after.frames_received - before.frames_received
+    lost = frames_lost(before, after) + dropped
+    sys.stdout.write(
+        f"{FAST_HZ} states a second, one in each control step, for {FAST_S:g} s: {received} frames "
+        f"received, {lost} lost, {load.cpu:.0%} of a core.\n\n"
+    )
+    return [at_most(f"frames lost at {FAST_HZ} Hz", lost, 0)]
+
+
+def main() -> int:
+    """Measure and print; 1 when an aim is missed."""
+    output_folder(__doc__)
+    sys.stdout.write("## The serial link\n\n")
+    aims = [*show_round_trips(), *show_slow_lines(), *show_cpu(), *show_fast_stream()]
+    sys.stdout.write(table_of_aims(aims))
+    return 0 if all(aim.reached for aim in aims) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

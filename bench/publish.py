@@ -1,0 +1,54 @@
+"""Puts the last run of `make bench` into docs/benchmarks.md, word for word, and its plots beside.
+
+`python bench/publish.py`, after a run on a machine that has nothing else to do.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import ROOT
+
+PAGE = ROOT / "docs" / "benchmarks.md"
+MARK = "<!-- From here on the report of one run, by bench/publish.py -->\n"
+PLOT = re.compile(r"(?<=\]\()[\w.-]+\.png(?=\))")
+"""The target of an image."""
+
+
+def published(page: str, report: str, plots: str) -> str:
+    """The page with the report, a heading level deeper, in the place of the last one.
+
+    Args:
+        page: The page's text; all behind `MARK` goes.
+        report: What `make bench` wrote.
+        plots: The folder of the plots, as the page sees it.
+
+    Raises:
+        ValueError: The page has no mark.
+    """
+    prose, mark, _ = page.partition(MARK)
+    if not mark:
+        raise ValueError(f"{PAGE} has no line {MARK!r}")
+    deeper = re.sub(r"^(?=##? )", "#", report, flags=re.MULTILINE)
+    placed = PLOT.sub(lambda plot: f"{plots}/{plot[0]}", deeper)
+    return f"{prose}{mark}\n{placed.rstrip()}\n"
+
+
+def main() -> None:
+    """Write the page and copy the plots that it shows."""
+    run = ROOT / "build" / "bench"
+    report = (run / "report.md").read_text("utf-8")
+    plots = PAGE.with_suffix("")
+    shutil.rmtree(plots, ignore_errors=True)
+    plots.mkdir()
+    for plot in PLOT.findall(report):
+        shutil.copy(run / plot, plots)
+    PAGE.write_text(published(PAGE.read_text("utf-8"), report, plots.name), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""The ROS node beside a bare rclpy node: `make bench`, or this file alone."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import output_folder, table
+from wheelwire.link.info import quantile
+
+if TYPE_CHECKING:
+    from support.ros_load import Stream
+
+ROUNDS = 5
+COMMANDS = 80
+"""In a round; those of the first warm up, and are left out."""
+RATES_HZ = (50.0, 100.0, 200.0)
+
+TITLE = "## The ROS node\n\n"
+METHOD = f"""\
+Client, node and peer are processes on loopback (Fast DDS, UDP and shared memory as they come), the
+robot is the firmware's core on a pseudo-terminal. The peer is a bare rclpy node: its subscriber of
+`Twist` does nothing, its timer publishes an empty `Odometry`. Latency is from the publication of
+`cmd_vel` to the first state of the robot that has the command's sequence number, on the device's
+clock, with states each millisecond; the peer's ends in its callback. {ROUNDS - 1} interleaved
+rounds of {COMMANDS} commands.
+"""
+STREAMS = """\
+Jitter is the 99th percentile of what the interval between two messages differs from the period
+asked for: of the arrivals at a subscriber in another process, and of the stamps. The node publishes
+`odom`, `tf`, `joint_states` and `battery_state`, the peer `odom` alone; CPU is of one core.
+"""
+
+
+def show_latency(folder: Path) -> None:
+    """Print the latency of commands."""
+    from support.ros import open_graph
+    from support.ros_load import Commander, bare_node, interrupt, watched_node
+    from wheelwire.simulation.simulator import Simulator
+
+    with (
+        open_graph() as graph,
+        Simulator() as simulator,
+        watched_node(graph, simulator.port, folder / "node", 50.0) as node,
+        bare_node(graph, folder / "bare", 50.0) as bare,
+    ):
+        commanders = {
+            "cmd_vel to the setpoint obeyed": Commander(graph, "cmd_vel", folder / "node"),
+            "the peer: to its callback": Commander(graph, "bare_cmd_vel", folder / "bare"),
+        }
+        for _ in range(ROUNDS):
+            for commander in commanders.values():
+                commander.send(COMMANDS)
+        interrupt(node, bare)
+        found = {name: c.latencies_s(skipped=COMMANDS) for name, c in commanders.items()}
+    reference = list(found.values())[-1]
+    rows = [
+        [
+            name,
+            str(len(latencies)),
+            *(f"{quantile(latencies, q) * 1e3:.2f}" for q in (0.5, 0.99)),
+            *(f"{quantile(latencies, q) / quantile(reference, q):.2f}" for q in (0.5, 0.99)),
+        ]
+        for name, latencies in found.items()
+    ]
+    header = ("latency [ms]", "commands", "p50", "p99", "p50 / peer's", "p99 / peer's")
+    sys.stdout.write(f"{METHOD}\n{table(header, rows)}\n")
+
+
+def show_streams(folder: Path) -> None:
+    """Print rates, jitter and CPU."""
+    rows = []
+    for rate_hz in RATES_HZ:
+        node, bare = streams(folder, rate_hz)
+        rows += [
+            [f"{rate_hz:g} Hz asked: the node", *_cells(node), f"{node.cpu / bare.cpu:.2f}"],
+            [f"{rate_hz:g} Hz asked: the peer", *_cells(bare), "1"],
+        ]
+    header = ("", "Hz", "jitter of arrivals [ms]", "of stamps [ms]", "CPU", "CPU / peer's")
+    sys.stdout.write(f"{STREAMS}\n{table(header, rows)}")
+
+
+def streams(folder: Path, rate_hz: float) -> tuple[Stream, Stream]:
+    """Of the node, then of the peer."""
+    from support.ros import open_graph
+    from support.ros_load import bare_node, watch
+    from support.ros_process import RobotNode
+    from wheelwire.simulation.simulator import Simulator
+
+    with open_graph() as graph:
+        with (
+            Simulator() as simulator,
+            RobotNode(graph, port=simulator.port, publish_rate=rate_hz) as process,
+        ):
+            node = watch(graph, "odom", rate_hz, process.process.pid)
+        with bare_node(graph, folder / "bare", rate_hz) as process:
+            bare = watch(graph, "bare_odom", rate_hz, process.process.pid)
+    return node, bare
+
+
+def _cells(stream: Stream) -> list[str]:
+    jitter = (stream.arrival_jitter_s, stream.stamp_jitter_s)
+    return [f"{stream.rate_hz:.1f}", *(f"{s * 1e3:.2f}" for s in jitter), f"{stream.cpu:.1%}"]
+
+
+def main() -> None:
+    """Print all, or why there is nothing."""
+    output_folder(__doc__)
+    if find_spec("rclpy") is None:
+        sys.stdout.write(f"{TITLE}Not measured: rclpy is not installed (`make ros`).\n")
+        return
+    import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
+
+    sys.stdout.write(TITLE)
+    with TemporaryDirectory() as folder:
+        show_latency(Path(folder))
+        show_streams(Path(folder))
+
+
+if __name__ == "__main__":
+    main()

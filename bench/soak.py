@@ -1,0 +1,86 @@
+"""Endurance on a bad line, in real time: `make soak MINUTES=...`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import statistics
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.soak import CORRUPT, STATE_HZ, Lap, run
+from wheelwire.link.info import quantile
+
+GROWTH_KIB = 4096
+"""Within what a flat memory may vary between the run's second and last third."""
+
+
+def growth_kib(laps: list[Lap], process: int) -> int:
+    """How much more memory the run's last third had than the second, by their medians."""
+    third = max(1, len(laps) // 3)
+    resident = [lap.resident_kib[process] for lap in laps]
+    return round(statistics.median(resident[-third:]) - statistics.median(resident[third:-third]))
+
+
+def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
+    """(measure, value, aim, reached) of a run."""
+    untold = sum(abs(number) for lap in laps for number in lap.untold)
+    ticks = sum(abs(lap.ticks_wrong) for lap in laps)
+    sessions = sum(lap.sessions for lap in laps)
+    resets = sum(lap.incident == "reset" for lap in laps)
+    found = [
+        ("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
+        ("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
+        ("... of which the counters do not tell", str(untold), "0", untold == 0),
+        ("ticks lost or invented", str(ticks), "0", ticks == 0),
+        ("sessions lost without an incident", str(sessions), "0", sessions == 0),
+        ("setpoints that came too late", str(laps[-1].expired), "", True),
+        ("resets, unpluggings", f"{resets}, {len(laps) - resets}", "", True),
+    ]
+    for incident in ("reset", "unplug"):
+        times = [lap.recovery_s for lap in laps if lap.incident == incident]
+        value = f"p50 {quantile(times, 0.5):.3f} s, max {max(times, default=0):.3f} s"
+        found.append((f"recovered from {incident}", value, "", True))
+    for process, name in enumerate(("host", "simulator")):
+        grown = growth_kib(laps, process)
+        reached = grown < GROWTH_KIB
+        found.append((f"growth of the {name}", f"{grown} KiB", f"< {GROWTH_KIB} KiB", reached))
+    for name in ("threads", "files"):
+        counts = {getattr(lap, name) for lap in laps}
+        found.append((f"{name} of the host", str(sorted(counts)), "one number", len(counts) == 1))
+    return found
+
+
+def main() -> int:
+    """Run, print, and fail when an aim is missed."""
+    logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=2.0)
+    parser.add_argument("--log", type=Path, help="a line of JSON for each lap")
+    arguments = parser.parse_args()
+    laps = run(arguments.minutes, lambda lap: _log(lap, arguments.log))
+    title = f"{arguments.minutes:g} min at {STATE_HZ} Hz, {CORRUPT:.0%} of all bytes corrupted"
+    table = Table(title=title, title_justify="left")
+    for column in ("measure", "value", "aim"):
+        table.add_column(column)
+    found = rows(laps)
+    for measure, value, aim, reached in found:
+        table.add_row(measure, value if reached else f"[red]{value}[/]", aim)
+    Console(width=100).print(table)
+    return 0 if all(reached for *_, reached in found) else 1
+
+
+def _log(lap: Lap, path: Path | None) -> None:
+    if path is not None:
+        with path.open("a") as file:
+            file.write(json.dumps(asdict(lap)) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

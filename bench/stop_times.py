@@ -1,0 +1,79 @@
+"""Stop times under every loss of the link, from the plant: `make reliability`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support import stop_host, stop_times
+from support.stop_times import BLOWS, PERIOD_US, TTL_S, StopTime
+from wheelwire.link.info import quantile
+
+COLUMNS = (
+    "deadline to drive removed",
+    "failure to drive removed",
+    "drive removed to standstill",
+    "distance",
+)
+
+
+def row(times: list[StopTime]) -> tuple[str, ...]:
+    """The cells of `COLUMNS`: p50 / p99 / max."""
+    late = [time.late_us / 1e3 for time in times if time.late_us is not None]
+    return (
+        _cell(late, "ms") if late else "at once",
+        _cell([time.struck_to_removed_us / 1e3 for time in times], "ms"),
+        _cell([time.removed_to_standstill_us / 1e3 for time in times], "ms"),
+        _cell([time.distance_m * 1e3 for time in times], "mm"),
+    )
+
+
+def in_time(time: StopTime) -> bool:
+    """The drive was removed within one control period."""
+    late = time.struck_to_removed_us if time.late_us is None else time.late_us
+    return late <= PERIOD_US
+
+
+def main() -> int:
+    """Print both tables; fail when a drive was removed too late."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--virtual", type=int, default=100, help="runs in virtual time")
+    parser.add_argument("--real", type=int, default=5, help="runs in real time")
+    arguments = parser.parse_args()
+    virtual = {
+        name: [stop_times.stop_time(blow, seed) for seed in range(arguments.virtual)]
+        for name, blow in BLOWS.items()
+    }
+    _print(f"{arguments.virtual} runs each in virtual time", virtual)
+    real = {
+        name: [stop_host.real_stop_time(name, seed) for seed in range(1, arguments.real + 1)]
+        for name in (*stop_host.BLOWS, "device reset")
+    }
+    _print(f"{arguments.real} runs each in real time", real)
+    late = [time for table in (virtual, real) for times in table.values() for time in times]
+    return 0 if all(in_time(time) for time in late) else 1
+
+
+def _print(title: str, times: dict[str, list[StopTime]]) -> None:
+    limit = f"ttl {TTL_S:g} s, aim: removed at most {PERIOD_US / 1e3:g} ms after the deadline"
+    table = Table(title=f"{title} (p50 / p99 / max; {limit})", title_justify="left")
+    table.add_column("what happened")
+    for column in COLUMNS:
+        table.add_column(column, justify="right")
+    for name, measured in times.items():
+        table.add_row(name, *row(measured))
+    Console(width=140).print(table)
+
+
+def _cell(values: list[float], unit: str) -> str:
+    numbers = (quantile(values, 0.5), quantile(values, 0.99), max(values))
+    return " / ".join(f"{number:.1f}" for number in numbers) + f" {unit}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

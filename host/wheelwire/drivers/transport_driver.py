@@ -1,0 +1,278 @@
+"""What the drivers share whose robot speaks the protocol at the other end of a byte stream."""
+
+from __future__ import annotations
+
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME, Parameter
+from wheelwire_protocol.types import (
+    ClearEstop,
+    ClearFault,
+    ControlCounters,
+    ControlCountersGet,
+    LinkCounters,
+    LinkCountersGet,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterReset,
+    ParameterSave,
+    ParameterSet,
+    ParameterValue,
+)
+
+from ..arguments import timeout_s, whole
+from ..errors import LinkLost, WheelwireError
+from ..link.connection import Link, LinkInfo, OpenPort
+from ..link.info import LinkStatistics
+from ..link.latest_sample import SampleInbox
+from ..link.requests import Answer
+from ..motion.kinematics import DifferentialDrive, WheelVelocities
+from ..parameters import ParameterInfo, Parameters, checked_values, decimal_of_float32
+from .base import BaseDriver
+
+if TYPE_CHECKING:
+    from ..simulation.virtual_link import VirtualLink
+
+DeviceLink: TypeAlias = "Link | VirtualLink"
+
+MAX_STREAM_RATE_HZ = 65_535
+"""As the wire carries it. Each device has a lower limit of its own, by its line."""
+GEOMETRY = tuple(
+    PARAMETER_BY_NAME[name].id
+    for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
+)
+"""Read from the device at each session, so that a robot's numbers live in one place."""
+
+
+class DeviceParameters(Parameters):
+    """The parameters that live on the device."""
+
+    def __init__(self, link: DeviceLink) -> None:
+        self._link = link
+        self._known_bounds: dict[int, tuple[float, float]] = {}
+
+    def list(self) -> tuple[ParameterInfo, ...]:
+        """All parameters of the device, in its order."""
+        entries = [self._entry(0)]
+        entries += [self._entry(index) for index in range(1, entries[0].parameter_count)]
+        self._known_bounds = {e.parameter: (e.minimum, e.maximum) for e in entries}
+        return tuple(_info(entry) for entry in entries)
+
+    def reset(self) -> None:
+        """Restore the defaults and empty the device's store."""
+        self._link.request(ParameterReset(0, 0))
+        for parameter in GEOMETRY:
+            self._get(parameter)  # the link keeps the answers
+
+    def _save(self, parameter: int) -> None:
+        self._link.request(ParameterSave(0, 0, parameter))
+
+    def _read(self, definition: Parameter) -> float:
+        return self._get(definition.id)
+
+    def _write(self, definition: Parameter, value: float) -> float:
+        message = ParameterSet(0, 0, definition.id, value)
+        answer = cast("ParameterValue", self._link.request(message))
+        return decimal_of_float32(answer.value)
+
+    def _bounds(self, definition: Parameter) -> tuple[float, float]:
+        if not self._known_bounds:
+            self.list()
+        low, high = self._known_bounds[definition.id]
+        return decimal_of_float32(low), decimal_of_float32(high)
+
+    def _get(self, parameter: int) -> float:
+        answer = cast("ParameterValue", self._link.request(ParameterGet(0, 0, parameter)))
+        return decimal_of_float32(answer.value)
+
+    def _entry(self, index: int) -> ParameterEntry:
+        return cast("ParameterEntry", self._link.request(ParameterList(0, 0, index)))
+
+
+class DeviceDriver(BaseDriver):
+    """A robot whose device is reached over a link.
+
+    Args:
+        open_link: Opens it; it puts the samples into its argument. The driver closes it.
+    """
+
+    def __init__(self, open_link: Callable[[SampleInbox], DeviceLink]) -> None:
+        super().__init__()
+        self._link = link = open_link(self._inbox)
+        # Also runs when the driver is forgotten, and at the interpreter's exit.
+        self._finalizer = weakref.finalize(self, link.close)
+        self._parameters = DeviceParameters(link)
+        self._geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
+        self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+        return self._link.info
+
+    @property
+    def geometry(self) -> DifferentialDrive:
+        """The robot's numbers, as the device has them now."""
+        values = self._link.values(GEOMETRY)
+        known, geometry = self._geometry  # set_velocity asks each time
+        if geometry is None or values != known:
+            geometry = DifferentialDrive(*map(decimal_of_float32, values))
+            self._geometry = values, geometry
+        return geometry
+
+    @property
+    def parameters(self) -> Parameters:
+        """The device's parameters, by name."""
+        return self._parameters
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """How the link is doing."""
+        return self._link.statistics
+
+    @property
+    def sessions(self) -> int:
+        """How many there were, without the work that `statistics` is."""
+        return self._link.sessions
+
+    def device_counters(self) -> LinkCounters:
+        """What the device has counted at its end of the link since its reset."""
+        return cast("LinkCounters", self._link.request(LinkCountersGet(0, 0)))
+
+    def control_counters(self) -> ControlCounters:
+        """What the device's control loop and encoders have counted since its reset."""
+        return cast("ControlCounters", self._link.request(ControlCountersGet(0, 0)))
+
+    def latest_control_counters(self) -> ControlCounters | None:
+        """As `control_counters`, without waiting: what the last call asked for, if it has come."""
+        newest = self._newest_counters
+
+        def keep(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, ControlCounters):
+                newest.append(answer)
+
+        with suppress(LinkLost):
+            self._link.post(ControlCountersGet(0, 0), keep)
+        return newest[0] if newest else None
+
+    def stop(self) -> None:
+        """Stop both wheels and wait for the acknowledgement.
+
+        Raises:
+            LinkLost: There is no session; the stop was sent if the port is there.
+            RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
+        """
+        self._link.stop()
+
+    def estop(self) -> None:
+        """Stop both wheels and latch; otherwise as `stop`."""
+        self._link.estop()
+
+    def clear_estop(self) -> None:
+        """End the emergency stop; `DeviceRefused` while its cause lasts."""
+        self._link.request(ClearEstop(0, 0))
+
+    def clear_fault(self) -> None:
+        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
+        self._link.request(ClearFault(0, 0))
+
+    def shutdown(self) -> None:
+        """Stop the robot, close the port, end the thread. Harmless when repeated."""
+        self._inbox.close()
+        self._link.close()  # not by the finalizer: interrupted, it would do nothing the next time
+        self._finalizer.detach()
+
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
+
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._link.drive_duty(left, right, expiry_us)
+
+    def _check_link(self) -> None:
+        self._link.check()
+
+    @property
+    def _name(self) -> str:
+        return self._link.name
+
+
+class TransportDriver(DeviceDriver):
+    """A robot behind a transport: all that a driver for another kind of line has to give.
+
+    Args:
+        name: What the transport leads to, for messages: `l298n`, `/dev/ttyUSB0`.
+        open_transport: Opens the byte stream, at a baud rate where there is one; called again
+            whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
+            Without it `name` is a port.
+        baud_rate: Tried first.
+        connect_timeout: How long to look for the device, once the transport is open. [s]
+        stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has
+            asked for 0.2 s, the next one of a fast stream may be 10 ms old.
+        board_id: Only this board will do; see `SerialDriver`.
+        any_board: See `SerialDriver`; any is right that `open_transport` leads to.
+        parameters: Values that the device is given whenever a session opens, by name; it saves
+            none of them.
+
+    Raises:
+        WheelwireError: What `open_transport` raises.
+        InvalidArgument: The timeout or the rate is of a wrong type or size.
+        DeviceSilent: Nothing came.
+        ForeignDevice: Something came, but nothing of ours.
+        ProtocolMismatch: Host and firmware are of different releases.
+        DeviceRefused: The device does not take the stream rate or a parameter.
+        UnknownParameter: In `parameters`.
+        ParameterOutOfRange: In `parameters`.
+        RequestTimeout: A device of ours answered, but no session could be opened in time.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        open_transport: OpenPort | None = None,
+        *,
+        baud_rate: int = 0,
+        connect_timeout: float = 5.0,
+        stream_rate_hz: int | None = None,
+        board_id: str | None = None,
+        any_board: bool = False,
+        parameters: Mapping[str, float] | None = None,
+    ) -> None:
+        if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
+            stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
+        super().__init__(
+            partial(
+                Link,
+                name,
+                baud_rate=baud_rate,
+                connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
+                stream_rate_hz=stream_rate_hz,
+                watched=GEOMETRY,
+                board_id=board_id,
+                any_board=any_board,
+                settings={
+                    PARAMETER_BY_NAME[name].id: value
+                    for name, value in checked_values(parameters).items()
+                },
+                open_port=open_transport,
+            )
+        )
+
+
+def _info(entry: ParameterEntry) -> ParameterInfo:
+    definition = PARAMETER_BY_ID[entry.parameter]
+    return ParameterInfo(
+        name=definition.name,
+        value=decimal_of_float32(entry.value),
+        default=decimal_of_float32(entry.default_value),
+        minimum=decimal_of_float32(entry.minimum),
+        maximum=decimal_of_float32(entry.maximum),
+        unit=definition.unit.value,
+        kind=definition.kind,
+        doc=definition.doc,
+    )

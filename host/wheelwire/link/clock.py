@@ -1,0 +1,321 @@
+"""The device's clock seen from the host's: offset, drift, and an honest bound. Sans-IO.
+
+Four timestamps an exchange, as in NTP (RFC 5905): t1 host sends, t2 device receives, t3 device
+sends, t4 host receives. The true offset lies within half the round trip of the estimate, however
+unequal the two ways are. For clocks that drift apart evenly, a least-squares line through such
+offsets at time h is a weighted sum of them with weights w_i(h), so its error is at most
+sum |w_i| r_i / 2, and by Cauchy-Schwarz at most sqrt(sum w_i^2) sqrt(sum r_i^2) / 2.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import NamedTuple
+
+from wheelwire_protocol.types import Ping, Pong
+
+from ..samples import tick_difference
+from .requests import ID_MODULUS
+
+WINDOW = 64
+"""Exchanges remembered: half a minute at two a second."""
+GROUP = 4
+FIT_FROM = 4 * GROUP
+"""A line through fewer exchanges says nothing of the drift."""
+SPACING_US = 400_000
+"""Exchanges in quicker succession are only compared with a line through as many: the window is to
+span half a minute, and a fit costs more than all else that an idle link does."""
+MAX_DRIFT = 500e-6
+"""Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
+MAX_SLOPE = 0.1
+"""A fit beyond it is no drift: the device's clock stood still, or the answers are wrong."""
+WANDER = 2e-6
+"""How far drift departs from the fitted one since the last exchange, by temperature."""
+RESOLUTION_US = 1.0
+"""Timestamps are whole microseconds."""
+
+
+def host_clock_us() -> int:
+    """`time.monotonic()` in whole microseconds: the host's clock of the whole library."""
+    return time.monotonic_ns() // 1000
+
+
+class SuspendWatch:
+    """Notices that the computer slept: its monotonic clock stood still, the device's went on."""
+
+    STEP_US = 10_000
+    """The two clocks that are compared run at one rate: a step is a sleep."""
+
+    def __init__(self, boot_clock_us: Callable[[], int | None] | None = None) -> None:
+        self._boot_clock_us = boot_clock_us or _boot_clock_us
+        self._asleep_us: int | None = None
+        """The most that the computer can have slept until the last look."""
+        self.slept()
+
+    def slept(self) -> bool:
+        """Whether it has slept since the last look."""
+        before_us = host_clock_us()
+        boot_us = self._boot_clock_us()
+        if boot_us is None:
+            return False
+        # Between two readings this thread may have waited: what is between them counts for none.
+        least_us, most_us = boot_us - host_clock_us(), boot_us - before_us
+        former_us, self._asleep_us = self._asleep_us, most_us
+        return former_us is not None and least_us > former_us + self.STEP_US
+
+
+def _boot_clock_us() -> int | None:
+    """Goes on while the computer sleeps; None where there is no such clock."""
+    clock = getattr(time, "CLOCK_BOOTTIME", None)
+    return None if clock is None else time.clock_gettime_ns(clock) // 1000
+
+
+class Exchange(NamedTuple):
+    """One ping and its answer, in microseconds."""
+
+    host_sent_us: int
+    device_received_us: int
+    device_sent_us: int
+    host_received_us: int
+
+    @property
+    def round_trip_us(self) -> int:
+        """Time on the way, both ways, without the device's own time."""
+        on_host = self.host_received_us - self.host_sent_us
+        return max(0, on_host - (self.device_sent_us - self.device_received_us))
+
+
+class _Reading(NamedTuple):
+    """What an exchange says, worked out once: it is looked at again with each later one."""
+
+    host_us: int
+    """The host's clock in the middle of the exchange."""
+    offset_us: int
+    """The device's clock in the middle of the exchange, less the host's."""
+    round_trip_us: int
+
+    @classmethod
+    def of(cls, exchange: Exchange) -> _Reading:
+        host_us = (exchange.host_sent_us + exchange.host_received_us) // 2
+        device_us = (exchange.device_sent_us + exchange.device_received_us) // 2
+        return cls(host_us, device_us - host_us, exchange.round_trip_us)
+
+
+class _Line(NamedTuple):
+    """offset(h) = base + a + b (h - origin), the device's clock less the host's."""
+
+    origin_us: int
+    base_us: int
+    a_us: float
+    b: float
+    mean_us: float
+    """Where the line is best known, after `origin_us`."""
+    error_us: float
+    error_slope: float
+    """error(h)^2 = error_us^2 + (error_slope (h - mean))^2 for a fit."""
+    last_us: int
+    growth: float
+    """Error per microsecond after `last_us`."""
+
+    def offset_us(self, host_us: float) -> float:
+        return self.a_us + self.b * (host_us - self.origin_us)
+
+    def host_us(self, device_us: int) -> int:
+        elapsed = device_us - self.base_us - self.origin_us - self.a_us
+        return self.origin_us + round(elapsed / (1 + self.b))
+
+    def contradicts(self, reading: _Reading) -> bool:
+        error = abs(reading.offset_us - self.base_us - self.offset_us(reading.host_us))
+        return error > self.bound_us(reading.host_us) + reading.round_trip_us / 2
+
+    def bound_us(self, host_us: float) -> float:
+        slope = self.error_slope * (host_us - self.origin_us - self.mean_us)
+        growth = self.growth * abs(host_us - self.last_us)
+        return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
+
+
+class ClockEstimator:
+    """Keeps the exchanges of one session and converts times between the two clocks.
+
+    One thread adds; any may convert.
+    """
+
+    def __init__(self) -> None:
+        self._readings: deque[_Reading] = deque(maxlen=WINDOW)
+        self._lines: list[_Line] = []
+
+    @property
+    def synchronised(self) -> bool:
+        """True once there was an exchange; the conversions need one."""
+        return bool(self._lines)
+
+    def add(self, exchange: Exchange) -> None:
+        """Take one exchange into the estimate."""
+        reading = _Reading.of(exchange)
+        if any(line.contradicts(reading) for line in self._lines):
+            self._readings.clear()  # a clock was stepped (the host slept?): the past is void
+        elif self._has_enough(reading.host_us):
+            return
+        self._readings.append(reading)
+        lines = [_through_best(self._readings)]
+        if len(self._readings) >= FIT_FROM:
+            fit = _fit(list(self._readings))
+            if abs(fit.b) < MAX_SLOPE:
+                lines.append(fit)
+        self._lines = lines  # at once: other threads convert meanwhile
+
+    def _has_enough(self, host_us: int) -> bool:
+        fitted = len(self._readings) >= FIT_FROM
+        return fitted and host_us < self._readings[-1].host_us + SPACING_US
+
+    def host_to_device(self, host_us: int) -> tuple[int, float]:
+        """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
+        self._check()
+        best, best_error_us = self._lines[0], math.inf
+        for line in self._lines:  # a plain loop, half as long: this is done for each setpoint
+            error_us = line.bound_us(host_us)
+            if error_us < best_error_us:
+                best, best_error_us = line, error_us
+        return host_us + best.base_us + round(best.offset_us(host_us)), best_error_us
+
+    def device_to_host(self, device_us: int) -> tuple[int, float]:
+        """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
+        self._check()
+        best_us, best_error_us = 0, math.inf
+        for line in self._lines:  # a plain loop, half as long: this is done for each sample
+            host_us = line.host_us(device_us)
+            error_us = line.bound_us(host_us)
+            if error_us < best_error_us:
+                best_us, best_error_us = host_us, error_us
+        return best_us, best_error_us
+
+    def error_us(self, host_us: int) -> float:
+        """Bound of the conversions' error, in us, at the host's `host_us`."""
+        return self.host_to_device(host_us)[1]
+
+    def unwrap(self, t_us: int, host_us: int) -> int:
+        """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
+        self._check()
+        line = self._lines[0]  # either is near enough
+        near = host_us + line.base_us + round(line.offset_us(host_us))
+        return near + tick_difference(t_us, near)
+
+    def _check(self) -> None:
+        if not self._lines:
+            raise RuntimeError("the clock is not synchronised")
+
+
+def _through_best(readings: Sequence[_Reading]) -> _Line:
+    """No drift assumed, nor excluded: through the reading that bounds the present best."""
+    # Twice their bounds, round_trip / 2 + MAX_DRIFT (now - host), without what they share.
+    bounds = [r.round_trip_us - 2 * MAX_DRIFT * r.host_us for r in readings]
+    best = readings[bounds.index(min(bounds))]
+    return _Line(
+        origin_us=best.host_us,
+        base_us=best.offset_us,
+        a_us=0.0,
+        b=0.0,
+        mean_us=0.0,
+        error_us=best.round_trip_us / 2,
+        error_slope=0.0,
+        last_us=best.host_us,
+        growth=MAX_DRIFT,
+    )
+
+
+def _fit(readings: Sequence[_Reading]) -> _Line:
+    """Least squares through the shortest round trip of every few in turn: short, and spread out."""
+    groups = [readings[start : start + GROUP] for start in range(0, len(readings), GROUP)]
+    chosen = [min(group, key=attrgetter("round_trip_us")) for group in groups]
+    n = len(chosen)
+    origin, base = chosen[0].host_us, chosen[0].offset_us
+    times = [r.host_us - origin for r in chosen]
+    offsets = [r.offset_us - base for r in chosen]
+    mean_time, mean_offset = sum(times) / n, sum(offsets) / n
+    spread = sum((t - mean_time) ** 2 for t in times) or 1.0
+    products = zip(times, offsets, strict=True)
+    b = sum((t - mean_time) * (o - mean_offset) for t, o in products) / spread
+    length = math.sqrt(sum(r.round_trip_us**2 for r in chosen))
+    return _Line(
+        origin_us=origin,
+        base_us=base,
+        a_us=mean_offset - b * mean_time,
+        b=b,
+        mean_us=mean_time,
+        error_us=length / 2 / math.sqrt(n),
+        error_slope=length / 2 / math.sqrt(spread),
+        last_us=readings[-1].host_us,
+        growth=WANDER,
+    )
+
+
+BURST = 8
+"""Pings at the start of a session, each sent when the former is answered, or lost."""
+BURST_TIMEOUT_US = 25_000
+"""Also between pings until the first answer; one that comes later is taken all the same."""
+PERIOD_US = 500_000
+OPEN_PINGS = 80
+"""Unanswered pings remembered, two seconds of them; older ones are taken for lost."""
+MAX_DEVICE_US = 1 << 62
+SLACK_US = 1000
+"""A device may seem to have held a ping this much longer than the whole exchange took."""
+
+
+@dataclass
+class Synchroniser:
+    """Keeps the clock of one session.
+
+    Args:
+        session_id: The session's.
+        send: Takes a message for the line.
+        due_us: When the next ping is due, on the host's clock.
+        sent_us: When the last one was sent.
+    """
+
+    session_id: int
+    send: Callable[[Ping], None]
+    due_us: int
+    sent_us: int = 0
+    clock: ClockEstimator = field(default_factory=ClockEstimator)
+    _burst_left: int = BURST
+    _last_id: int = 0
+    """Of its own: a request's id far ahead of the one before it is an old one to the device."""
+    _open: dict[int, int] = field(default_factory=dict)
+
+    @property
+    def ready(self) -> bool:
+        """The first burst is sent and the clock is known."""
+        return self._burst_left <= 0 and self.clock.synchronised
+
+    def awaits_pong(self, now_us: int) -> bool:
+        """Whether an answer is likely still to come."""
+        return bool(self._open) and now_us < self.sent_us + BURST_TIMEOUT_US
+
+    def ping(self, now_us: int) -> None:
+        """Send a ping. A lost one is never repeated: its time would be wrong."""
+        self._last_id = request_id = (self._last_id + 1) % ID_MODULUS
+        self._open[request_id] = now_us
+        if len(self._open) > OPEN_PINGS:
+            del self._open[next(iter(self._open))]
+        self._burst_left -= 1
+        self.sent_us = now_us
+        self.due_us = now_us + (PERIOD_US if self.ready else BURST_TIMEOUT_US)
+        self.send(Ping(self.session_id, request_id, now_us))
+
+    def on_pong(self, pong: Pong, now_us: int) -> Exchange | None:
+        """Take an answer that came at `now_us`; None when it answers no open ping, or cannot be."""
+        if self._open.get(pong.request_id) != pong.host_us:
+            return None
+        held_us = pong.sent_us - pong.received_us
+        if not 0 <= held_us <= now_us - pong.host_us + SLACK_US or pong.sent_us > MAX_DEVICE_US:
+            return None
+        del self._open[pong.request_id]
+        exchange = Exchange(pong.host_us, pong.received_us, pong.sent_us, now_us)
+        self.clock.add(exchange)
+        self.due_us = now_us + PERIOD_US if self._burst_left <= 0 else now_us
+        return exchange

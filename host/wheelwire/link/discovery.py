@@ -1,0 +1,126 @@
+"""Finding one board among several ports: by what it says of itself, not by the port's name.
+
+CP210x bridges of boards and of lidars have the same ids, commonly the same serial number, and
+change names at every plugging. Opening a port asserts DTR, which stops a lidar: so only ports that
+the caller names are opened, and of these only those that no process uses.
+"""
+
+from __future__ import annotations
+
+import select
+from collections.abc import Iterable
+from contextlib import suppress
+from glob import glob
+from pathlib import Path
+
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.schema import schema_hash
+from wheelwire_protocol.types import DeviceHello, Hello
+
+from ..errors import LinkLost, PortUnavailable
+from .clock import host_clock_us
+from .ports import PSEUDO_TERMINALS, final_name, is_in_use
+from .session import HELLO_PERIOD_US
+from .transports import Transport, open_transport
+
+NO_VERSION = 0
+"""Of no release: a device refuses it, so that being asked costs nobody a session; but it answers,
+and says who it is."""
+PATIENCE_US = 1_000_000
+"""Opening a port may reset an ESP32: it answers after its boot."""
+
+
+def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
+    """Open the port at which the board answers.
+
+    Args:
+        ports: Names or glob patterns, separated by commas.
+        board_id: As in `DeviceInfo`: the chip's MAC address, 12 hex digits.
+        baud_rate: Of the board.
+
+    Raises:
+        PortUnavailable: It answers at none of the ports that are free.
+    """
+    asked = [_Asked(transport) for transport in _open_free(ports, baud_rate)]
+    found = None
+    try:
+        found = _first_answer(asked, board_id.lower())
+    finally:
+        for one in asked:
+            if one.transport is not found:
+                one.transport.close()
+    if found is None:
+        known = ", ".join(
+            f"{one.board_id} at {one.transport.port}" for one in asked if one.board_id
+        )
+        heard = f"there is {known}" if known else "no board answers at those that are free"
+        raise PortUnavailable(ports, f"board {board_id} is not there; {heard}")
+    return found
+
+
+class _Asked:
+    """A port whose device is asked who it is."""
+
+    def __init__(self, transport: Transport) -> None:
+        self.transport = transport
+        self.board_id = ""
+        self._encoder = Encoder()
+        self._decoder = Decoder()
+        self._output = b""
+
+    def ask(self) -> None:
+        """Say hello, again."""
+        self._output += self._encoder.encode(Hello(0, NO_VERSION, schema_hash()))
+        with suppress(LinkLost):
+            self._output = self._output[self.transport.write(self._output) :]
+
+    def listen(self) -> bool:
+        """Read what has come; False when the port is gone: it is readable, and nothing comes."""
+        data = b""
+        with suppress(LinkLost):
+            data = self.transport.read()
+        for message in self._decoder.feed(data):
+            if isinstance(message, DeviceHello):
+                self.board_id = f"{message.board_id:012x}"
+        return bool(data)
+
+
+def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
+    # Path.glob takes no absolute pattern.
+    names = {name for pattern in ports.split(",") for name in glob(pattern.strip())}  # noqa: PTH207
+    for name in sorted(names):
+        if _is_free(name):
+            with suppress(PortUnavailable):
+                yield open_transport(name, baud_rate)
+
+
+def _is_free(name: str) -> bool:
+    final = final_name(name)
+    # A pseudo-terminal is held open by whoever simulates the device, too; the lock will tell.
+    if final.startswith(PSEUDO_TERMINALS):
+        return True
+    # Looking through all processes takes long: not for a name that has vanished meanwhile.
+    return Path(final).exists() and is_in_use(final) is not True
+
+
+def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:
+    poller = select.poll()
+    by_descriptor = {one.transport.fileno(): one for one in asked}
+    for descriptor in by_descriptor:
+        poller.register(descriptor, select.POLLIN)
+    now_us = due_us = host_clock_us()
+    end_us = now_us + PATIENCE_US
+    while now_us < end_us and any(not one.board_id for one in by_descriptor.values()):
+        if now_us >= due_us:
+            due_us = now_us + HELLO_PERIOD_US
+            for one in by_descriptor.values():
+                one.ask()
+        for descriptor, _ in poller.poll((due_us - now_us) / 1000):
+            if not by_descriptor[descriptor].listen():
+                poller.unregister(descriptor)
+                del by_descriptor[descriptor]
+            elif by_descriptor[descriptor].board_id == board_id:
+                return by_descriptor[descriptor].transport
+        now_us = host_clock_us()
+    return None

@@ -1,0 +1,149 @@
+"""Who is at either end of the link."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from wheelwire_protocol.codes import Board, Capability, ResetReason
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import DeviceHello
+
+from ..errors import Release
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """What a device says of itself.
+
+    Attributes:
+        release: Its firmware's version, protocol version and schema hash.
+        git_hash: First 8 hex digits of the firmware's commit; empty when unknown.
+        board: What the firmware runs on.
+        board_id: The chip's MAC address, as 12 hex digits.
+        boot_id: Random at each reset.
+        reset_reason: Why it last started.
+        capabilities: What it can do, and what it holds for its host.
+    """
+
+    release: Release
+    git_hash: str
+    board: Board
+    board_id: str
+    boot_id: int
+    reset_reason: ResetReason
+    capabilities: Capability
+
+    @property
+    def has_core_dump(self) -> bool:
+        """Whether its flash held the core dump of a crash when it last started."""
+        return Capability.CORE_DUMP in self.capabilities
+
+    @classmethod
+    def from_hello(cls, hello: DeviceHello) -> DeviceInfo:
+        """Read a hello of our own schema.
+
+        Raises:
+            ValueError: It has a code that means nothing.
+        """
+        return cls(
+            release=device_release(hello),
+            git_hash=f"{hello.git_hash:08x}" if hello.git_hash else "",
+            board=Board(hello.board),
+            board_id=f"{hello.board_id:012x}",
+            boot_id=hello.boot_id,
+            reset_reason=ResetReason(hello.reset_reason),
+            capabilities=Capability(hello.capabilities),
+        )
+
+
+class BootHistory:
+    """Which boot ids a device had, so that a late frame of a former one is no news of a reset."""
+
+    def __init__(self) -> None:
+        self.resets = 0
+        self._boots: deque[int] = deque(maxlen=8)
+
+    def enter(self, boot_id: int) -> None:
+        """A session with this boot was opened."""
+        if self.is_new(boot_id):
+            self.resets += bool(self._boots)
+            self._boots.append(boot_id)
+
+    def is_new(self, boot_id: int) -> bool:
+        """True for a boot not heard of yet."""
+        return boot_id not in self._boots
+
+
+def device_release(hello: DeviceHello) -> Release:
+    """The device's side of a comparison; readable in every protocol version."""
+    firmware = f"{hello.version_major}.{hello.version_minor}.{hello.version_patch}"
+    return Release(hello.protocol_version, hello.schema_hash, firmware)
+
+
+def host_release() -> Release:
+    """This library's side of a comparison."""
+    return Release(PROTOCOL_VERSION, schema_hash(), library_version())
+
+
+def library_version() -> str:
+    """The version of the installed distribution; `unknown` in an uninstalled checkout."""
+    from importlib import metadata  # here, for it is slow to import
+
+    try:
+        return metadata.version("wheelwire")
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@dataclass(frozen=True)
+class LinkStatistics:
+    """A snapshot. Counts never go back, but for `frames_lost`.
+
+    Times are in microseconds, NaN before there is one.
+    """
+
+    frames_sent: int = 0
+    frames_received: int = 0
+    """Good frames of known messages."""
+    frames_lost: int = 0
+    """On the way to the host, by their sequence numbers. One that comes late is taken off again."""
+    bad_crc: int = 0
+    bad_cobs: int = 0
+    unknown_id: int = 0
+    wrong_length: int = 0
+    repeated: int = 0
+    """Frames that came twice."""
+    stale_states: int = 0
+    """State frames that were repeated or older than the newest: not made into samples."""
+    invalid: int = 0
+    """Good frames with a value that has no meaning."""
+    foreign: int = 0
+    """Answers to another session or to no request that is open."""
+    refused: int = 0
+    """Requests and setpoints that the device refused."""
+    requests_repeated: int = 0
+    setpoints_repeated: int = 0
+    sessions: int = 0
+    device_resets: int = 0
+    reconnects: int = 0
+    """How often the port was opened again."""
+    round_trip_p50_us: float = math.nan
+    round_trip_p99_us: float = math.nan
+    clock_error_us: float = math.nan
+    """Bound of the error of the device's clock as the host knows it."""
+
+    @property
+    def bad(self) -> int:
+        """Chunks that did not decode to a valid, known message; as in the decoder's counters."""
+        return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
+
+
+def quantile(values: Collection[float], fraction: float) -> float:
+    """The nearest-rank quantile; NaN of nothing."""
+    if not values:
+        return math.nan
+    ordered = sorted(values)
+    return ordered[max(0, math.ceil(fraction * len(ordered)) - 1)]

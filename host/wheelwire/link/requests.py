@@ -1,0 +1,231 @@
+"""Requests: one at a time, repeated until answered, each answer taken once. Sans-IO."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.parameters import PARAMETER_BY_ID
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    ClearEstop,
+    ClearFault,
+    ControlCounters,
+    ControlCountersGet,
+    Estop,
+    LinkCounters,
+    LinkCountersGet,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterReset,
+    ParameterSave,
+    ParameterSet,
+    ParameterValue,
+    Refuse,
+    SetStreamRate,
+    Stop,
+)
+
+from ..errors import DeviceRefused, RequestTimeout, WheelwireError
+
+RequestMessage: TypeAlias = (
+    Stop
+    | Estop
+    | ClearEstop
+    | ClearFault
+    | SetStreamRate
+    | ParameterGet
+    | ParameterSet
+    | ParameterSave
+    | ParameterReset
+    | ParameterList
+    | LinkCountersGet
+    | ControlCountersGet
+)
+Answer: TypeAlias = Ack | ParameterValue | ParameterEntry | LinkCounters | ControlCounters
+Done: TypeAlias = Callable[[Answer | WheelwireError], None]
+
+REPEAT_US = 25_000
+"""An answer needs less, on nearly every line; on others a repeat costs one more answer."""
+LONGEST_WAIT_US = 100_000
+"""Each repeat waits twice as long as the one before it, up to this: the device may be busy."""
+ATTEMPTS = 12
+"""In about a second, 7 out of 10 being lost."""
+URGENT_ATTEMPTS = 40
+"""In a second. A stop's waits do not grow: each copy is carried out, and harmless."""
+ID_MODULUS = 1 << 16
+_URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
+
+_ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
+    ParameterGet: ParameterValue,
+    ParameterSet: ParameterValue,
+    ParameterList: ParameterEntry,
+    LinkCountersGet: LinkCounters,
+    ControlCountersGet: ControlCounters,
+}
+
+
+def _subject(message: RequestMessage) -> str:
+    """What a person calls the request."""
+    if not isinstance(message, ParameterSet):
+        return type(message).__name__
+    definition = PARAMETER_BY_ID.get(message.parameter)
+    name = definition.name if definition else f"parameter {message.parameter}"
+    return f"{name} = {message.value:g}"
+
+
+@dataclass
+class _Request:
+    message: RequestMessage
+    done: Done
+    urgent: bool
+    attempts: int = 0
+    deadline_us: int = 0
+
+
+@dataclass
+class RequestQueue:
+    """The requests of one session after the other.
+
+    Stop and Estop do not queue: the device neither caches nor orders them. The others go one at a
+    time, for the device remembers only its last few answers. Each kind counts its ids by itself:
+    after 32768 stops in a row the device would take the next request's for an old one.
+
+    Args:
+        send: Takes a message for the line.
+    """
+
+    send: Callable[[AnyMessage], None]
+    repeated: int = 0
+    _waiting: deque[_Request] = field(default_factory=deque)
+    _open: dict[tuple[bool, int], _Request] = field(default_factory=dict)
+    """(urgent, request_id) -> what is not answered yet."""
+    _last_ids: dict[bool, int] = field(default_factory=dict)
+
+    @property
+    def waits_in_order(self) -> bool:
+        """True while a request is open whose place among the others the device minds."""
+        return not all(request.urgent for request in self._open.values())
+
+    @property
+    def next_deadline_us(self) -> int | None:
+        """When `advance` has something to do."""
+        return min((r.deadline_us for r in self._open.values()), default=None)
+
+    def begin_session(self) -> None:
+        """Count ids from the start: the device has forgotten the former session's."""
+        self._last_ids.clear()
+
+    def submit(self, message: RequestMessage, done: Done, now_us: int) -> None:
+        """Send `message`, now or after those before it; its request_id is filled in.
+
+        Args:
+            message: With its session_id; the request_id is replaced.
+            done: Called exactly once, with the answer or the error.
+            now_us: The host's clock.
+        """
+        request = _Request(message, done, urgent=isinstance(message, (Stop, Estop)))
+        if request.urgent:
+            self._begin(request, now_us)
+        else:
+            self._waiting.append(request)
+            self._begin_next(now_us)
+
+    def submit_all(
+        self,
+        messages: Sequence[RequestMessage],
+        done: Callable[[WheelwireError | None], None],
+        now_us: int,
+    ) -> None:
+        """Submit several; `done` is called once, with the first error or when all are answered."""
+        remaining = len(messages)
+
+        def count(result: Answer | WheelwireError) -> None:
+            nonlocal remaining
+            if remaining == 0:
+                return  # an error was reported already
+            failed = isinstance(result, WheelwireError)
+            remaining = 0 if failed else remaining - 1
+            if remaining == 0:
+                done(result if isinstance(result, WheelwireError) else None)
+
+        for message in messages:
+            self.submit(message, count, now_us)
+        if not messages:
+            done(None)
+
+    def advance(self, now_us: int) -> None:
+        """Repeat what has waited long enough; give up what was repeated often enough."""
+        for key, request in list(self._open.items()):
+            if request.deadline_us > now_us or key not in self._open:
+                continue  # not due, or ended by what an earlier one's `done` did
+            if request.attempts < (URGENT_ATTEMPTS if request.urgent else ATTEMPTS):
+                self.repeated += 1
+                self._send(request, now_us)
+            else:
+                name = type(request.message).__name__
+                error = RequestTimeout(
+                    f"no answer to {name} after {request.attempts} attempts: "
+                    "look at the link's statistics, and whether the device still runs"
+                )
+                self._finish(key, error, now_us)
+
+    def on_answer(self, answer: Answer, now_us: int) -> bool:
+        """Take an answer of this session; False when no open request expects it."""
+        urgent = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
+        key = urgent, answer.request_id
+        request = self._open.get(key)
+        if request is None:
+            return False
+        expected = _ANSWER_TYPES.get(type(request.message), Ack)
+        if type(answer) is not expected:
+            return False
+        if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
+            return False
+        self._finish(key, answer, now_us)
+        return True
+
+    def on_refuse(self, refuse: Refuse, now_us: int) -> bool:
+        """Take a refusal of this session; False when it refuses no open request."""
+        key = refuse.message_id in _URGENT_IDS, refuse.reference
+        request = self._open.get(key)
+        if request is None or refuse.message_id != message_id(type(request.message)):
+            return False
+        error = DeviceRefused(refuse.code, _subject(request.message))
+        self._finish(key, error, now_us)
+        return True
+
+    def abort(self, error: WheelwireError) -> None:
+        """End all requests with `error`."""
+        requests = [*self._open.values(), *self._waiting]
+        self._open.clear()
+        self._waiting.clear()
+        for request in requests:
+            request.done(error)
+
+    def _begin_next(self, now_us: int) -> None:
+        if self._waiting and not self.waits_in_order:
+            self._begin(self._waiting.popleft(), now_us)
+
+    def _begin(self, request: _Request, now_us: int) -> None:
+        request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS
+        self._last_ids[request.urgent] = request_id
+        request.message = request.message._replace(request_id=request_id)
+        self._send(request, now_us)
+        self._open[request.urgent, request_id] = request
+
+    def _send(self, request: _Request, now_us: int) -> None:
+        request.attempts += 1
+        doublings = 0 if request.urgent else request.attempts - 1
+        request.deadline_us = now_us + min(REPEAT_US << doublings, LONGEST_WAIT_US)
+        self.send(request.message)
+
+    def _finish(self, key: tuple[bool, int], result: Answer | WheelwireError, now_us: int) -> None:
+        request = self._open.pop(key)
+        self._begin_next(now_us)
+        request.done(result)

@@ -1,0 +1,67 @@
+"""All samples of a driver, one after the other: `for sample in robot.samples():`."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+
+from ..errors import WheelwireError
+from ..samples import WheelSample
+
+QUEUE_S = 1.0
+"""Samples that are older than the newest by more than this are dropped."""
+
+
+class SampleIterator:
+    """Each sample once, in order, from the moment at which the iterator was made.
+
+    Its queue is its own and holds one second of samples: when whoever iterates is slower, the
+    oldest are dropped and counted. It waits as long as the robot is out of reach, and ends when the
+    driver is closed.
+
+    Attributes:
+        dropped: Samples that were not taken in time.
+    """
+
+    def __init__(self, wait: Callable[[Callable[[], bool]], None]) -> None:
+        """`wait` returns when its argument holds, or after a bounded time; see `BaseDriver`."""
+        self.dropped = 0
+        self._wait = wait
+        self._queue: deque[WheelSample] = deque()
+        self._over = False
+        self._failure: WheelwireError | None = None
+
+    def put(self, sample: WheelSample) -> None:
+        """A new sample was measured. Called by one thread."""
+        queue = self._queue
+        queue.append(sample)
+        with suppress(IndexError):  # whoever iterates was quicker
+            while queue[0].stamp < sample.stamp - QUEUE_S:
+                queue.popleft()
+                self.dropped += 1
+
+    def end(self, failure: WheelwireError | None) -> None:
+        """No sample will come any more: because the driver is closed, or for `failure`."""
+        self._failure = failure
+        self._over = True
+
+    def __iter__(self) -> SampleIterator:
+        return self
+
+    def __next__(self) -> WheelSample:
+        """The next sample.
+
+        Raises:
+            StopIteration: The driver was closed.
+            WheelwireError: The link has ended otherwise.
+        """
+        while True:
+            over = self._over  # first: what came before the end is still handed out
+            with suppress(IndexError):
+                return self._queue.popleft()
+            if over:
+                if self._failure is not None:
+                    raise self._failure.with_traceback(None)
+                raise StopIteration
+            self._wait(lambda: bool(self._queue) or self._over)

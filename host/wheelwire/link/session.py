@@ -1,0 +1,622 @@
+"""One host's session with one device: hello, preparation, and each message to its handler.
+
+    CLOSED -> HELLO -> PREPARING -> OPEN      and from each back to HELLO, or to CLOSED
+
+Hello is repeated until the device answers. Then the clock is read, the stream rate set and the
+watched parameters fetched; after that the session is open. It ends with the port, when the device
+falls silent or was reset, and when the device no longer knows it.
+
+Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
+time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
+any other may ask for a setpoint's frame meanwhile, to write it by itself. Nothing is locked for
+that: what it needs of the session is one object, replaced as a whole.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+from typing import Any, NamedTuple
+
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    ClearEstop,
+    ClearFault,
+    ControlCounters,
+    DeviceHello,
+    Estop,
+    Event,
+    Hello,
+    LinkCounters,
+    ParameterEntry,
+    ParameterGet,
+    ParameterSet,
+    ParameterValue,
+    Pong,
+    Refuse,
+    SetDuty,
+    SetStreamRate,
+    SetWheelVelocity,
+    Stop,
+    WheelState,
+)
+
+from ..errors import (
+    DeviceRefused,
+    InvalidCommand,
+    LinkLost,
+    ProtocolMismatch,
+    WheelwireError,
+    WrongBoard,
+)
+from ..samples import WheelSample
+from .clock import ClockEstimator, Synchroniser
+from .info import BootHistory, DeviceInfo, LinkStatistics, device_release, host_release, quantile
+from .requests import Answer, Done, RequestMessage, RequestQueue
+from .setpoints import SETPOINT_IDS, SetpointSender
+from .state_stream import DUTY_SCALE, Sampler
+
+HELLO_PERIOD_US = 30_000
+SILENCE_US = 2_000_000
+"""No ping answered and no state frame for this long: the session is over, say hello again."""
+RETRY_US = 1_000_000
+"""Until the next hello after the device opened a session, but refused what it needs."""
+QUIET_US = 100_000
+"""Nothing was heard for this long: ping, for a device that was reset says nothing by itself."""
+IDLE_QUIET_US = 200_000
+"""The same of a device that streams nothing: these pings are all that an idle link costs."""
+STREAM_US = 500_000
+"""It streams nothing when no state came for this long, though it was heard."""
+QUIET_PERIOD_US = 25_000
+"""Between pings until something is heard."""
+ROUND_TRIPS = 1024
+
+_CLEARS = (message_id(ClearEstop), message_id(ClearFault))
+
+
+class Phase(enum.Enum):
+    """How far the session has come."""
+
+    CLOSED = enum.auto()
+    """No port."""
+    HELLO = enum.auto()
+    """Hello is repeated until answered."""
+    PREPARING = enum.auto()
+    """The clock is read; the stream rate and the watched parameters are settled."""
+    OPEN = enum.auto()
+
+
+class _Opened(NamedTuple):
+    """What a setpoint needs of an open session."""
+
+    session_id: int
+    clock: ClockEstimator
+    command_seqs: count[int]
+    """Setpoints and stops draw from it: so a stop's number is above all that went before it."""
+
+
+class Session:
+    """The host's side of the link, session after session.
+
+    Args:
+        nonce: Draws 32 random bits, anew for each session.
+        stream_rate_hz: Rate of the state frames; None leaves it as the device has it.
+        watched: Ids of parameters whose values are read whenever a session opens.
+        any_board: Whether to go on with another board than that of the first session.
+        settings: Parameter id -> the value that the device is given whenever a session opens.
+
+    Attributes:
+        phase: How far the session has come.
+        error: Why the session is not open; without meaning while it is.
+        device: The device of the newest session.
+        count: How many sessions there were.
+        answers: How often something understood a hello, whether it opened a session or not.
+        unanswered_since_us: Since when hellos have gone unanswered; None while there is a session
+            or no port.
+        values: Parameter id -> the newest value that the device reported in this session.
+        bytes_received: Since the start.
+        every_state: Whether each state frame becomes a sample, or of those that come together the
+            newest only.
+    """
+
+    def __init__(
+        self,
+        nonce: Callable[[], int],
+        stream_rate_hz: int | None = None,
+        watched: Sequence[int] = (),
+        *,
+        any_board: bool = False,
+        settings: Mapping[int, float] | None = None,
+    ) -> None:
+        self.phase = Phase.CLOSED
+        self.error: WheelwireError = LinkLost("the port was not opened yet")
+        self.device: DeviceInfo | None = None
+        self.count = 0
+        self.answers = 0
+        self.unanswered_since_us: int | None = None
+        self.values: dict[int, float] = {}
+        self.bytes_received = 0
+        self.every_state = False
+
+        self._draw_nonce = nonce
+        self._stream_rate_hz = stream_rate_hz
+        self._watched = tuple(watched)
+        self._settings = dict(settings or {})
+        self._any_board = any_board
+
+        self._encoder = Encoder()
+        self._decoder = Decoder()
+        self._output = bytearray()
+        self._frames_sent_before = 0
+        """By former encoders."""
+        self._invalid = 0
+        self._foreign = 0
+        self._refused = 0
+        self._round_trips_us: list[int] = []
+        """The last `ROUND_TRIPS`, in no order: a list, which other threads can copy in one step."""
+        self._oldest_round_trip = 0
+
+        self._nonce = 0
+        self._hello_due_us = 0
+        self._id = 0
+        """The session's; 0 outside one."""
+        self._command_seqs = count(1)
+        self._opened: _Opened | None = None
+        self._boots = BootHistory()
+        self._heard_us = 0
+        """When the device was last heard in this session."""
+        self._state_us = 0
+        """When its last state frame came."""
+        self._prepared = False
+        self._preparation_failure: WheelwireError | None = None
+
+        self._requests = RequestQueue(self._send)
+        self._setpoints = SetpointSender(self._send)
+        self._sampler = Sampler()
+        self._synchroniser = Synchroniser(0, self._send, 0)
+        self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
+            DeviceHello: self._on_hello,
+            Pong: self._on_pong,
+            Event: self._on_event,
+            Refuse: self._on_refuse,
+            Ack: self._on_answer,
+            ParameterValue: self._on_answer,
+            ParameterEntry: self._on_answer,
+            LinkCounters: self._on_answer,
+            ControlCounters: self._on_answer,
+        }
+
+    @property
+    def frames_received(self) -> int:
+        """Good frames of known messages, since the start."""
+        return self._decoder.counters.frames
+
+    def statistics(self, now_us: int) -> LinkStatistics:
+        """A snapshot of what was counted."""
+        counters, clock = self._decoder.counters, self._synchroniser.clock
+        return LinkStatistics(
+            frames_sent=self._frames_sent_before + self._encoder.encoded,
+            frames_received=counters.frames,
+            frames_lost=counters.seq_lost,
+            bad_crc=counters.bad_crc,
+            bad_cobs=counters.bad_cobs,
+            unknown_id=counters.unknown_id,
+            wrong_length=counters.wrong_length,
+            repeated=counters.repeated,
+            stale_states=self._sampler.stale,
+            invalid=self._invalid,
+            foreign=self._foreign,
+            refused=self._refused,
+            requests_repeated=self._requests.repeated,
+            setpoints_repeated=self._setpoints.repeated,
+            sessions=self.count,
+            device_resets=self._boots.resets,
+            round_trip_p50_us=quantile(self._round_trips_us, 0.50),
+            round_trip_p99_us=quantile(self._round_trips_us, 0.99),
+            clock_error_us=clock.error_us(now_us) if clock.synchronised else float("nan"),
+        )
+
+    # --- the port ------------------------------------------------------------------------------
+
+    def connect(self, now_us: int) -> None:
+        """The port is open: say hello. Sequence numbers start anew, and what waited is void."""
+        self._frames_sent_before += self._encoder.encoded
+        self._encoder = Encoder()
+        self._decoder.restart()
+        self._output.clear()
+        self._begin_hello(LinkLost("the device has not answered yet"), now_us)
+
+    def renew(self, error: WheelwireError, now_us: int) -> None:
+        """What the session knew has become worthless: begin another one, if one was begun."""
+        if self._in_session:
+            self._begin_hello(error, now_us)
+
+    def disconnect(self, error: WheelwireError) -> None:
+        """The port is gone: every open request fails with `error`."""
+        self._end(error)
+        self._output.clear()
+
+    def receive(self, data: bytes, now_us: int) -> list[WheelSample]:
+        """Take what has arrived. Never raises on any bytes.
+
+        Returns:
+            New samples; see `every_state`.
+        """
+        self.bytes_received += len(data)
+        samples: list[WheelSample] = []
+        states: list[WheelState] = []
+        for message in self._decoder.feed(data):
+            if type(message) is WheelState:
+                # A state counts from when the session is open: the clock is known then.
+                if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
+                    states.append(message)
+                if self.every_state:
+                    self._take_states(states, samples, now_us)
+                continue
+            self._take_states(states, samples, now_us)
+            handler = self._handlers.get(type(message))
+            if handler is None:
+                self._foreign += 1  # a message of the host's own kind: an echo
+            else:
+                handler(message, now_us)
+        self._take_states(states, samples, now_us)
+        self._open_when_prepared(now_us)
+        return samples
+
+    def advance(self, now_us: int) -> None:
+        """Do what is due: hello, pings, repeats, the end of a silent session."""
+        if self.phase is Phase.HELLO:
+            self._say_hello(now_us)
+        elif self._in_session and now_us >= self._heard_us + SILENCE_US:
+            silent = LinkLost("the device fell silent; saying hello until it answers")
+            self._begin_hello(silent, now_us)
+        if self._in_session:
+            self._requests.advance(now_us)
+            self._setpoints.advance(now_us)
+            if now_us >= self._ping_due_us:
+                self._synchroniser.ping(now_us)
+            self._open_when_prepared(now_us)
+
+    @property
+    def next_deadline_us(self) -> int | None:
+        """When `advance` has something to do; None while there is no port."""
+        if self.phase is Phase.CLOSED:
+            return None
+        if self.phase is Phase.HELLO:
+            return self._hello_due_us
+        others = self._requests.next_deadline_us, self._setpoints.repeat_due_us
+        due = [deadline for deadline in others if deadline is not None]
+        return min([self._heard_us + SILENCE_US, self._ping_due_us, *due])
+
+    @property
+    def setpoint_repeat_due_us(self) -> int | None:
+        """When a setpoint has to be repeated that was not seen to be obeyed; from any thread."""
+        return self._setpoints.repeat_due_us
+
+    def awaits_answer(self, now_us: int) -> bool:
+        """Whether something may come that is to be handled at once."""
+        return (
+            self.phase is not Phase.OPEN
+            or self._requests.next_deadline_us is not None
+            or self._synchroniser.awaits_pong(now_us)
+        )
+
+    def take_output(self) -> bytes:
+        """The bytes to send, once."""
+        output = bytes(self._output)
+        self._output.clear()
+        return output
+
+    # --- what the application asks for ---------------------------------------------------------
+
+    def check_connected(self) -> None:
+        """Raise why there is no port, if there is none."""
+        if self.phase is Phase.CLOSED:
+            raise self.error.with_traceback(None)
+
+    def check_open(self) -> None:
+        """Raise why the session is not open, if it is not."""
+        if self.phase is not Phase.OPEN:
+            raise self.error.with_traceback(None)  # it may be raised for hours: let none pile up
+
+    def velocity_frame(
+        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
+    ) -> bytes:
+        """A velocity setpoint that is void from the host's `expiry_us` on; from any thread.
+
+        Returns:
+            Its frame, to be written at once.
+
+        Raises:
+            InvalidCommand: It would expire within the error bound of the device's clock.
+            LinkLost: The session is not open.
+            DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
+        """
+        return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
+
+    def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
+        """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
+        left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
+        return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
+
+    def drive_velocity(
+        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
+    ) -> None:
+        """As `velocity_frame`, which goes out with `take_output`."""
+        self._output += self.velocity_frame(left_mps, right_mps, expiry_us, now_us)
+
+    def drive_duty(self, left: float, right: float, expiry_us: int, now_us: int) -> None:
+        """As `duty_frame`, which goes out with `take_output`."""
+        self._output += self.duty_frame(left, right, expiry_us, now_us)
+
+    def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
+        """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
+        self._stop(Stop(self._id, 0, next(self._command_seqs), mode), done, now_us)
+
+    def estop(self, done: Done, now_us: int) -> None:
+        """Stop and latch. Without a session it is sent unacknowledged."""
+        self._stop(Estop(self._id, 0), done, now_us)
+
+    def request(self, message: RequestMessage, done: Done, now_us: int) -> None:
+        """Send a request; its session_id and request_id are filled in.
+
+        Raises:
+            LinkLost: The session is not open.
+        """
+        self.check_open()
+        self._requests.submit(message._replace(session_id=self._id), done, now_us)
+
+    def _frame(
+        self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
+    ) -> bytes:
+        opened = self._opened
+        if opened is None:
+            raise self.error.with_traceback(None)
+        self._setpoints.check()
+        # The two clocks are known to each other with an error: its bound is taken off the expiry,
+        # or the setpoint could live longer than it was given.
+        expiry, error_us = opened.clock.host_to_device(expiry_us)
+        bound_us = math.ceil(error_us)
+        sure_us = expiry_us - bound_us
+        if sure_us <= now_us:
+            raise InvalidCommand(
+                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
+                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
+            )
+        command_seq = next(opened.command_seqs)
+        setpoint = kind(opened.session_id, command_seq, expiry - bound_us, left, right)
+        self._setpoints.note_sent(setpoint, sure_us, now_us)
+        return self._encoder.encode(setpoint)
+
+    def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
+        self._setpoints.clear()
+        if self.phase is Phase.OPEN:
+            self._requests.submit(message, done, now_us)
+            return
+        if self.phase is not Phase.CLOSED:
+            self._send(message)
+        done(self.error)
+
+    # --- hello, and the end of a session -------------------------------------------------------
+
+    @property
+    def _in_session(self) -> bool:
+        """The device has opened a session; it may not be ready for use yet."""
+        return self.phase in (Phase.PREPARING, Phase.OPEN)
+
+    def _begin_hello(self, error: WheelwireError, now_us: int, pause_us: int = 0) -> None:
+        """End what there was and, after a pause, say hello under a new nonce."""
+        self._end(error)
+        self.phase = Phase.HELLO
+        self.unanswered_since_us = now_us + pause_us
+        self._nonce = self._draw_nonce()
+        self._hello_due_us = now_us + pause_us
+        self._say_hello(now_us)
+
+    def _say_hello(self, now_us: int) -> None:
+        if now_us >= self._hello_due_us:
+            self._hello_due_us = now_us + HELLO_PERIOD_US
+            self._send(Hello(self._nonce, PROTOCOL_VERSION, schema_hash()))
+
+    def _end(self, error: WheelwireError) -> None:
+        self.error = error  # first: other threads ask why as soon as they see the phase
+        self.phase = Phase.CLOSED
+        self._opened = None
+        self._id = 0
+        self.unanswered_since_us = None
+        self._setpoints.clear()
+        self._requests.abort(error)
+
+    def _on_hello(self, hello: DeviceHello, now_us: int) -> None:
+        """An answer to a hello: it may begin a session."""
+        if hello.nonce != self._nonce:
+            self._foreign += 1
+            return
+        self.answers += 1
+        if self._in_session:
+            self._begin_anew_if_reset(hello.boot_id, now_us)
+            return
+        self.unanswered_since_us = now_us
+        try:
+            device = _judge(hello)
+            self._check_board(device)
+        except WheelwireError as error:
+            self.error = error
+        except ValueError:
+            self._invalid += 1
+        else:
+            self._begin(device, now_us)
+
+    def _check_board(self, found: DeviceInfo) -> None:
+        first = self.device
+        if first is not None and found.board_id != first.board_id and not self._any_board:
+            raise WrongBoard(first.board_id, found.board_id)
+
+    def _begin(self, device: DeviceInfo, now_us: int) -> None:
+        """The device has opened a session: read its clock, and ask for what is needed."""
+        self._boots.enter(device.boot_id)
+        self.device = device
+        self.phase = Phase.PREPARING
+        self.unanswered_since_us = None
+        self.count += 1
+        self._id = self._nonce ^ device.boot_id
+        self._heard_us = self._state_us = now_us
+        self._decoder.restart_sequence()
+        self.values.clear()
+        self._requests.begin_session()
+        self._setpoints.clear()
+        self._command_seqs = count(1)
+        self._synchroniser = Synchroniser(self._id, self._send, now_us)
+        self._synchroniser.ping(now_us)
+        self._prepared = False
+        self._preparation_failure = None
+        needed: list[RequestMessage] = [
+            ParameterSet(self._id, 0, id_, value) for id_, value in self._settings.items()
+        ]
+        needed += [ParameterGet(self._id, 0, id_) for id_ in self._watched]
+        if self._stream_rate_hz is not None:
+            needed.append(SetStreamRate(self._id, 0, self._stream_rate_hz))
+        self._requests.submit_all(needed, self._on_prepared, now_us)
+
+    def _on_prepared(self, failure: WheelwireError | None) -> None:
+        self._prepared = True
+        self._preparation_failure = failure
+
+    def _open_when_prepared(self, now_us: int) -> None:
+        """Open the session for use once all is there; give it up when something is refused."""
+        if self.phase is not Phase.PREPARING or not self._prepared:
+            return
+        failure = self._preparation_failure
+        if failure is not None:
+            pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
+            self._begin_hello(failure, now_us, pause_us)
+        elif self._synchroniser.ready:
+            self._opened = _Opened(self._id, self._synchroniser.clock, self._command_seqs)
+            self.phase = Phase.OPEN
+
+    # --- what the device says ------------------------------------------------------------------
+
+    def _is_ours(self, session_id: int, now_us: int) -> bool:
+        """Whether a message belongs to the session; then the device was heard."""
+        ours = self._in_session and session_id == self._id
+        if ours:
+            self._heard_us = now_us
+        else:
+            self._foreign += 1
+        return ours
+
+    def _is_this_boot(self, boot_id: int, now_us: int) -> bool:
+        """As `_is_ours`, by the boot. A boot not heard of yet is a reset, answered by a hello."""
+        if not self._in_session or self.device is None:
+            return False
+        if self.device.boot_id == boot_id:
+            self._heard_us = now_us
+            return True
+        self._begin_anew_if_reset(boot_id, now_us)
+        return False
+
+    def _begin_anew_if_reset(self, boot_id: int, now_us: int) -> None:
+        if self._boots.is_new(boot_id):
+            reset = LinkLost("the device was reset; a new session is being opened")
+            self._begin_hello(reset, now_us)
+
+    def _take_states(
+        self, states: list[WheelState], samples: list[WheelSample], now_us: int
+    ) -> None:
+        """Make a sample of the newest of state frames in a row, and forget them."""
+        if not states:
+            return
+        self._state_us = now_us
+        try:
+            sample = self._sampler.sample(states, self._synchroniser.clock, now_us)
+        except ValueError:
+            self._invalid += 1
+        else:
+            if sample is not None:
+                samples.append(sample)
+                self._setpoints.supervisor = sample.state
+                self._setpoints.faults = sample.faults
+                self._setpoints.on_obeyed(sample.command_seq)
+        states.clear()
+
+    def _on_pong(self, pong: Pong, now_us: int) -> None:
+        if not self._is_ours(pong.session_id, now_us):
+            return
+        exchange = self._synchroniser.on_pong(pong, now_us)
+        if exchange is None:
+            self._foreign += 1
+        elif len(self._round_trips_us) < ROUND_TRIPS:
+            self._round_trips_us.append(exchange.round_trip_us)
+        else:
+            self._round_trips_us[self._oldest_round_trip] = exchange.round_trip_us
+            self._oldest_round_trip = (self._oldest_round_trip + 1) % ROUND_TRIPS
+
+    def _on_event(self, event: Event, now_us: int) -> None:
+        """A transition of the supervisor."""
+        if not self._is_this_boot(event.boot_id, now_us):
+            return
+        try:
+            self._setpoints.supervisor = SupervisorState(event.after)
+            self._setpoints.faults = Fault(event.faults)
+        except ValueError:
+            self._invalid += 1
+
+    def _on_refuse(self, refuse: Refuse, now_us: int) -> None:
+        if not self._is_ours(refuse.session_id, now_us):
+            return
+        self._refused += 1
+        if refuse.code == RefusalCode.NO_SESSION:
+            error = LinkLost("the device no longer knows this session; opening a new one")
+            self._begin_hello(error, now_us)
+        elif refuse.message_id in SETPOINT_IDS:
+            self._setpoints.on_refused(refuse)
+        elif not self._requests.on_refuse(refuse, now_us):
+            self._foreign += 1
+
+    def _on_answer(self, answer: Answer, now_us: int) -> None:
+        if not self._is_ours(answer.session_id, now_us):
+            return
+        if not self._requests.on_answer(answer, now_us):
+            self._foreign += 1
+        elif isinstance(answer, (ParameterValue, ParameterEntry)):
+            self.values[answer.parameter] = answer.value
+        elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
+            self._setpoints.clear()
+
+    # --- sending -------------------------------------------------------------------------------
+
+    def _send(self, message: AnyMessage) -> None:
+        self._output += self._encoder.encode(message)
+
+    @property
+    def _ping_due_us(self) -> int:
+        streams = self._heard_us < self._state_us + STREAM_US
+        quiet_us = self._heard_us + (QUIET_US if streams else IDLE_QUIET_US)
+        earliest_us = self._synchroniser.sent_us + QUIET_PERIOD_US
+        return min(self._synchroniser.due_us, max(quiet_us, earliest_us))
+
+
+def _judge(hello: DeviceHello) -> DeviceInfo:
+    """Who answered our hello and opened a session.
+
+    Raises:
+        ProtocolMismatch: Another release; no session.
+        LinkLost: The device is still starting; no session yet.
+        DeviceRefused: Another refusal; no session.
+        ValueError: The answer has a code that means nothing.
+    """
+    if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, schema_hash()):
+        raise ProtocolMismatch(host_release(), device_release(hello))
+    if hello.refusal == RefusalCode.BOOTING:
+        raise LinkLost("the device is still starting; wait a moment")
+    if hello.refusal != RefusalCode.NONE:
+        raise DeviceRefused(hello.refusal, "the session")
+    return DeviceInfo.from_hello(hello)

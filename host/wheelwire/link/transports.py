@@ -1,0 +1,345 @@
+"""A byte stream to a device, behind a file descriptor: a serial port, or a TCP or Unix socket.
+
+`read` and `write` never block; `poll` on `fileno()` tells when they have something to do.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import socket
+import termios
+import weakref
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
+from typing import ClassVar
+from urllib.parse import urlsplit
+
+import serial
+
+from ..errors import LinkLost, PortUnavailable
+from .forking import forsake_in_child
+from .ports import PSEUDO_TERMINALS, final_name, lock_holder
+
+READ_SIZE = 4096
+SOCKET_TIMEOUT_S = 5.0
+UNIX = "unix:"
+
+_REMEDIES = {
+    errno.ENOENT: (
+        "there is no such port; `wheelwire ports` lists those there are, "
+        "`wheelwire sim` starts a simulated robot"
+    ),
+    errno.ENODEV: "the device behind it is gone; plug it in again",
+    errno.ENXIO: "the device behind it is gone; plug it in again",
+    errno.EIO: "the device behind it is gone; plug it in again",
+    errno.EACCES: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
+    errno.EPERM: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
+    errno.ENOTTY: "it is no serial port; `wheelwire ports` lists those there are",
+    errno.EISDIR: "it is no serial port; `wheelwire ports` lists those there are",
+    errno.ECONNREFUSED: "nobody listens there; start the peer first",
+}
+
+
+class Transport(ABC):
+    """An open byte stream.
+
+    Attributes:
+        port: Its name, as it was opened.
+        baud_rate: In force; None where there is none.
+        low_latency: True when the kernel delivers bytes at once, False when it may hold them
+            back (FTDI adapters: 16 ms), None where the question does not arise.
+        gone: What it means when the other end is gone, and what is done about it.
+        longest_pause_s: Attempts to open it again are at most this far apart.
+    """
+
+    gone: ClassVar[str] = "the peer closed the connection; trying to connect again"
+    longest_pause_s: ClassVar[float] = 0.05
+    port: str = ""
+    baud_rate: int | None = None
+    low_latency: bool | None = None
+
+    @abstractmethod
+    def fileno(self) -> int:
+        """For `poll`."""
+
+    @abstractmethod
+    def read(self) -> bytes:
+        """What has arrived, possibly nothing.
+
+        Raises:
+            LinkLost: The other end is gone.
+        """
+
+    def write(self, data: bytes) -> int:
+        """Write what fits; returns how many bytes that was.
+
+        Raises:
+            LinkLost: The other end is gone.
+        """
+        try:
+            return os.write(self.fileno(), data)
+        except BlockingIOError:
+            return 0
+        except OSError as error:
+            raise self.lost(error) from error
+
+    def lost(self, error: OSError | termios.error | None = None) -> LinkLost:
+        """The error of a lost other end; `error` is how that was noticed, if by one."""
+        return LinkLost(self.gone if error is None else f"{self.gone}: {_text(error)}")
+
+    def set_baud_rate(self, baud_rate: int) -> None:  # noqa: B027 - a socket has none
+        """Change the baud rate, where there is one."""
+
+    def check(self) -> None:  # noqa: B027 - a socket has nothing that others could change
+        """Look whether the port is still as it was opened.
+
+        Raises:
+            LinkLost: Another program changed its settings, or it is gone.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close it. Never raises; harmless when repeated."""
+
+    @abstractmethod
+    def forsake(self) -> None:
+        """Close this process's copy of the descriptors and touch nothing else: it was forked."""
+
+    def _release(self, close: Callable[[], object]) -> None:
+        """Let go of what is open, but not of the descriptor's number while this object is in use.
+
+        Another thread may be about to write. By then the number would mean any other file; so it
+        leads to nowhere until nobody has this object any more, and `close` frees it.
+        """
+        try:
+            nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+            os.dup2(nowhere, self.fileno(), inheritable=False)
+            os.close(nowhere)
+        except OSError:  # no descriptor is left to do it with, or it is closed already
+            close()
+        else:
+            weakref.finalize(self, close)
+
+
+class SerialTransport(Transport):
+    """A serial port, or whatever else pyserial opens that has a file descriptor."""
+
+    gone = "the port is gone (unplugged?); it is opened again when it is back"
+
+    def __init__(self, port: str, baud_rate: int) -> None:
+        # Defaults on purpose: DTR and RTS both asserted leave an ESP32 running, and any order of
+        # clearing them before the opening passes through its reset state.
+        try:
+            self._serial = serial.serial_for_url(
+                port, baudrate=baud_rate, timeout=0, exclusive=True
+            )
+        except (OSError, termios.error, ValueError) as error:
+            raise _unavailable(port, error) from error
+        try:
+            self._fd = self._serial.fileno()
+        except (OSError, AttributeError) as error:
+            self._serial.close()
+            raise PortUnavailable(port, "this kind of URL has no file descriptor") from error
+        forsake_in_child(self)
+        self.baud_rate = baud_rate
+        self.low_latency = self._ask_low_latency()
+        # A pseudo-terminal would stay shut for other users' programs after this one was killed,
+        # for as long as its other end is open. There the lock that pyserial takes has to do.
+        self._exclusive = not final_name(port).startswith(PSEUDO_TERMINALS)
+        self._settings: list[object] | None = None
+        if os.isatty(self._fd):
+            try:
+                self._hold(baud_rate)
+            except (OSError, termios.error) as error:
+                self.close()
+                raise _unavailable(port, error) from error
+
+    def _hold(self, baud_rate: int) -> None:
+        """Keep other programs out, and undo what the last one left."""
+        if self._exclusive:
+            fcntl.ioctl(self._fd, termios.TIOCEXCL)
+        settings = termios.tcgetattr(self._fd)
+        # pyserial sets most of these flags, but not BRKINT and its like.
+        raw = [0, 0, settings[2], 0, *settings[4:]]
+        if raw != settings:
+            termios.tcsetattr(self._fd, termios.TCSANOW, raw)
+            self._serial.baudrate = baud_rate  # one that termios cannot tell, too
+        self._settings = termios.tcgetattr(self._fd)
+
+    def fileno(self) -> int:
+        """For `poll`."""
+        return self._fd
+
+    def read(self) -> bytes:
+        """What has arrived, possibly nothing."""
+        try:
+            return os.read(self._fd, READ_SIZE)  # b"" is no end here: VMIN is 0
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self.lost(error) from error
+
+    def set_baud_rate(self, baud_rate: int) -> None:
+        """Change the baud rate."""
+        try:
+            self._serial.baudrate = baud_rate
+        except ValueError:
+            return  # this adapter cannot; the next rate will be tried
+        except (OSError, termios.error) as error:
+            raise self.lost(error) from error
+        self.baud_rate = baud_rate
+        self._settings = self._settings and self._read_settings()
+
+    def check(self) -> None:
+        """Look whether another program has changed the port's settings (`stty`, a terminal)."""
+        if self._settings and self._read_settings() != self._settings:
+            raise LinkLost("another program changed the port's settings; opening it anew")
+
+    def _read_settings(self) -> list[object]:
+        try:
+            return termios.tcgetattr(self._fd)
+        except (OSError, termios.error) as error:
+            raise self.lost(error) from error
+
+    def close(self) -> None:
+        """Close the port in the order that leaves an ESP32 running."""
+        # RTS first: DTR cleared while RTS is set would hold an ESP32 in reset.
+        # A pty has no modem lines, and an unplugged adapter nothing at all.
+        with suppress(OSError, termios.error):
+            self._serial.rts = False
+            self._serial.dtr = False
+        with suppress(OSError, termios.error):
+            if self._exclusive and os.isatty(self._fd):
+                fcntl.ioctl(self._fd, termios.TIOCNXCL)
+        self._release(self._serial.close)
+
+    def forsake(self) -> None:
+        """Close the descriptors; modem lines, settings and the lock are left as they are."""
+        with suppress(OSError, termios.error):
+            self._serial.close()
+
+    def _ask_low_latency(self) -> bool | None:
+        try:
+            self._serial.set_low_latency_mode(True)
+        except (OSError, ValueError) as error:
+            # pyserial keeps the errno in the text only; a pty has no such flag, and needs none.
+            return None if "Inappropriate ioctl" in str(error) else False
+        except (AttributeError, NotImplementedError):
+            return None
+        return True
+
+
+class SocketTransport(Transport):
+    """A connected stream socket, which the transport closes."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self._socket = connection
+        forsake_in_child(self)
+
+    def fileno(self) -> int:
+        """For `poll`."""
+        return self._socket.fileno()
+
+    def read(self) -> bytes:
+        """What has arrived, possibly nothing."""
+        try:
+            data = self._socket.recv(READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self.lost(error) from error
+        if not data:
+            raise self.lost()
+        return data
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._release(self._socket.close)
+
+    def forsake(self) -> None:
+        """Close the descriptor: the connection stays, as long as the parent has it."""
+        self._socket.close()
+
+
+class UnixTransport(SocketTransport):
+    """A service on this computer."""
+
+    gone = (
+        "the service closed the connection: another program uses it, or it has ended; trying to "
+        "connect again"
+    )
+
+
+def open_transport(port: str, baud_rate: int) -> Transport:
+    """Open a device path, a pyserial URL, `socket://host:port` or `unix:path`.
+
+    Raises:
+        PortUnavailable: It is not there, in use, not permitted or not usable.
+    """
+    transport: Transport
+    if port.startswith("socket://"):
+        transport = SocketTransport(_connect(port, _connect_tcp))
+    elif port.startswith(UNIX):
+        transport = UnixTransport(_connect(port, _connect_unix))
+    else:
+        transport = SerialTransport(port, baud_rate)
+    transport.port = port
+    return transport
+
+
+def _connect(port: str, connect: Callable[[str], socket.socket]) -> socket.socket:
+    try:
+        return connect(port)
+    except (OSError, ValueError) as error:
+        raise _unavailable(port, error) from error
+
+
+def _connect_tcp(url: str) -> socket.socket:
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not host or not port:
+        raise ValueError("write it as socket://HOST:PORT, such as socket://192.168.1.7:3333")
+    connection = socket.create_connection((host, port), timeout=SOCKET_TIMEOUT_S)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
+
+
+def _connect_unix(port: str) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.settimeout(SOCKET_TIMEOUT_S)
+        connection.connect(port.removeprefix(UNIX))
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _unavailable(port: str, error: Exception) -> PortUnavailable:
+    # pyserial keeps the errno, but buries that of a termios.error in its text.
+    number = getattr(error, "errno", None)
+    if number is None and "Inappropriate ioctl" in str(error):
+        number = errno.ENOTTY
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return PortUnavailable(port, _in_use(port))
+    return PortUnavailable(port, _REMEDIES.get(number or 0, _text(error)))
+
+
+def _in_use(port: str) -> str:
+    holder = lock_holder(port)
+    return (
+        f"another program uses it{f' ({holder})' if holder else ''}, and only one can: end that "
+        "one with Ctrl-C (a Wheelwire program stops the robot as it ends), or use the robot's "
+        "e-stop button"
+    )
+
+
+def _text(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)

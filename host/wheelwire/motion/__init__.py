@@ -1,0 +1,1 @@
+"""What wheels do to a body: kinematics and odometry."""

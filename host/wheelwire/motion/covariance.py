@@ -1,0 +1,67 @@
+"""How uncertain a dead-reckoned pose is: error propagation along the odometry's updates.
+
+The motion model, its Jacobians and the error model are those of Siegwart and Nourbakhsh,
+Introduction to Autonomous Mobile Robots, section 5.2.4.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arguments import number
+from ..errors import InvalidArgument
+from .odometry import OdometryUpdate
+
+Matrix = npt.NDArray[np.float64]
+
+
+class PoseCovariance:
+    """The covariance of (x, y, heading), in m and rad, since the last reset.
+
+    Each wheel's travel has an error of its own, whose variance grows with the distance.
+
+    Args:
+        left_variance_m: Variance of the left wheel's travel per metre of it. [m^2/m]
+        right_variance_m: As `left_variance_m`.
+    """
+
+    def __init__(self, left_variance_m: float, right_variance_m: float) -> None:
+        right = number("right_variance_m", right_variance_m, 0.0, math.inf, InvalidArgument)
+        left = number("left_variance_m", left_variance_m, 0.0, math.inf, InvalidArgument)
+        self._variances_m = np.array([right, left])
+        self.matrix: Matrix = np.zeros((3, 3))
+
+    def update(self, update: OdometryUpdate, wheel_separation: float) -> Matrix:
+        """Propagate over one update of the odometry; returns the new matrix, 3 by 3.
+
+        P <- F_p P F_p' + F_d S F_d', with S = diag(k_r |ds_r|, k_l |ds_l|).
+        """
+        distance, turn = update.distance_m, update.turn_rad
+        middle = update.pose.heading_rad - turn / 2
+        cosine, sine = math.cos(middle), math.sin(middle)
+        by_pose = _matrix([[1, 0, -distance * sine], [0, 1, distance * cosine], [0, 0, 1]])
+        across = distance / (2 * wheel_separation)
+        by_travel = _matrix(
+            [
+                [cosine / 2 - across * sine, cosine / 2 + across * sine],
+                [sine / 2 + across * cosine, sine / 2 - across * cosine],
+                [1 / wheel_separation, -1 / wheel_separation],
+            ]
+        )
+        half_turn_m = turn * wheel_separation / 2
+        travel_m = np.abs([distance + half_turn_m, distance - half_turn_m])  # right, left
+        spread = by_travel * (self._variances_m * travel_m)
+        self.matrix = by_pose @ self.matrix @ by_pose.T + spread @ by_travel.T
+        return self.matrix
+
+    def reset(self) -> None:
+        """The pose is known again."""
+        self.matrix = np.zeros((3, 3))
+
+
+def _matrix(rows: list[list[Any]]) -> Matrix:
+    return np.array(rows, dtype=np.float64)

@@ -1,0 +1,94 @@
+"""Dead reckoning from wheel samples, on the device's clock."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..errors import InvalidArgument, shown
+from ..samples import WheelSample
+from .kinematics import DifferentialDrive, Twist
+
+STRAIGHT_RAD = 1e-6
+"""Below this turn the arc's formula divides by almost zero, and the midpoint rule is exact."""
+
+
+class Pose(NamedTuple):
+    """Where the robot is, in the frame where it was at the last reset of the odometry."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: float = 0.0
+    """Counter-clockwise, not wrapped: two turns are 4 pi."""
+
+    def advance(self, distance_m: float, turn_rad: float) -> Pose:
+        """The pose after a circular arc of `distance_m` that turns by `turn_rad`.
+
+        Exact for constant wheel velocities (Siegwart and Nourbakhsh, Introduction to Autonomous
+        Mobile Robots, section 5.2.4).
+        """
+        x, y, heading = self
+        end = heading + turn_rad
+        if abs(turn_rad) < STRAIGHT_RAD:
+            middle = heading + turn_rad / 2
+            return Pose(x + distance_m * math.cos(middle), y + distance_m * math.sin(middle), end)
+        radius = distance_m / turn_rad
+        return Pose(
+            x + radius * (math.sin(end) - math.sin(heading)),
+            y - radius * (math.cos(end) - math.cos(heading)),
+            end,
+        )
+
+
+class OdometryUpdate(NamedTuple):
+    """What one sample changed."""
+
+    pose: Pose
+    twist: Twist
+    """Mean over the interval, by the device's clock; zero over no time."""
+    distance_m: float
+    turn_rad: float
+    dt_s: float
+    rebased: bool
+    """The device was reset: the pose stayed where it was."""
+
+
+class Odometry:
+    """Integrates samples into a pose. One sample each, in order.
+
+    Args:
+        drive: The robot's numbers.
+        pose: Where to begin.
+    """
+
+    def __init__(self, drive: DifferentialDrive, pose: Pose | None = None) -> None:
+        if not isinstance(drive, DifferentialDrive):
+            raise InvalidArgument(f"drive = {shown(drive)}: give the robot's `geometry`")
+        self.drive = drive
+        self.pose = pose or Pose()
+        self.rebases = 0
+        """How often the device's counters began anew."""
+        self._last: WheelSample | None = None
+
+    def update(self, sample: WheelSample) -> OdometryUpdate:
+        """Advance the pose by the travel since the last sample; the first only sets the start."""
+        if not isinstance(sample, WheelSample):
+            raise InvalidArgument(f"sample = {shown(sample)}: give what `read()` returns")
+        last, self._last = self._last or sample, sample
+        travel = sample.since(last)
+        self.rebases += travel.rebased
+        left_m = travel.left * self.drive.metres_per_tick * self.drive.left_radius_multiplier
+        right_m = travel.right * self.drive.metres_per_tick * self.drive.right_radius_multiplier
+        distance = (left_m + right_m) / 2
+        turn = (right_m - left_m) / self.drive.wheel_separation
+        self.pose = self.pose.advance(distance, turn)
+        dt = travel.dt_s
+        twist = Twist(distance / dt, turn / dt) if dt > 0 else Twist(0.0, 0.0)
+        return OdometryUpdate(self.pose, twist, distance, turn, dt, travel.rebased)
+
+    def reset(self, pose: Pose | None = None) -> None:
+        """Put the robot at `pose`, by default the origin.
+
+        The next sample is measured from the previous one.
+        """
+        self.pose = pose or Pose()

@@ -1,0 +1,51 @@
+"""The simulated device with a bad line before it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from wheelwire.simulation.simulator import Simulator
+
+from .impairment import FaultLine, LineProfile
+from .relay import FaultRelay
+
+
+class FaultySimulator(Simulator):
+    """As `Simulator`, but its port is the far end of a bad line.
+
+    Args:
+        profile: What is wrong with the line.
+        link: Path of a symbolic link to the port.
+        **options: As of `Simulator`.
+    """
+
+    def __init__(self, profile: LineProfile, *, link: Path | None = None, **options: Any) -> None:
+        self._folder = TemporaryDirectory(prefix="wheelwire-")
+        device_port = Path(self._folder.name) / "device"
+        port = link or Path(self._folder.name) / "robot"
+        arguments = [*options.pop("arguments", ()), f"--lock={port}"]
+        super().__init__(link=device_port, arguments=arguments, **options)
+        self._relay = FaultRelay(device_port, port, profile, self.reset)
+
+    @property
+    def port(self) -> str:
+        """Where a host connects."""
+        return str(self._relay.port)
+
+    @property
+    def line(self) -> FaultLine:
+        """The bad line, with its books."""
+        return self._relay.line
+
+    def start(self) -> None:
+        """As of `Simulator`; then the line."""
+        super().start()
+        self._relay.start()
+
+    def close(self) -> None:
+        """End the line, then the device."""
+        self._relay.close()
+        super().close()
+        self._folder.cleanup()

@@ -1,0 +1,221 @@
+"""A bad line in real time: a thread between a device's port and a port of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import select
+import struct
+import termios
+import threading
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+
+from wheelwire.errors import PortUnavailable
+from wheelwire.link.clock import host_clock_us
+
+from .impairment import Direction, FaultLine, Happening, LineProfile
+
+READ_SIZE = 1 << 16
+TURN_S = 0.05
+"""Longest wait: the end is noticed by then."""
+REOPEN_S = 0.005
+"""Between looks for a device's port that is gone."""
+DRAIN_S = 0.1
+"""How long a cable that is pulled waits for the host to read what it was given, so that the line's
+books can be held against the host's counters."""
+RETRY_S = 0.001
+"""Between writes to an end that does not take what waits."""
+OUTPUT_LIMIT = 1 << 16
+"""Bytes that wait for an end that does not read; more are lost."""
+_SPEEDS = slice(4, 6)
+
+
+class FaultRelay:
+    """Serves `port` with what passes the line from and to the device at `device_port`.
+
+    While the device's port is gone, so is ours.
+
+    Args:
+        device_port: Where the device is, also after it was unplugged.
+        port: Where the host is to find it: a symbolic link that the relay makes.
+        profile: What is wrong with the line.
+        reset: Resets the device.
+    """
+
+    def __init__(
+        self, device_port: Path, port: Path, profile: LineProfile, reset: Callable[[], object]
+    ) -> None:
+        self.line = FaultLine(profile, host_clock_us())
+        self.port = port
+        self._device_port = device_port
+        self._reset = reset
+        self._end = threading.Event()
+        self._unplugged = False
+        self._device: int | None = None
+        self._master = self._slave = -1
+        self._to_host = self._to_device = b""
+        self._thread = threading.Thread(target=self._run, name=f"fault line {port}", daemon=True)
+
+    def start(self) -> None:
+        """Make the port; it is there when this returns, if the device's is.
+
+        Raises:
+            PortUnavailable: Something else has the port's name.
+        """
+        if self.port.exists() and not self.port.is_symlink():
+            raise PortUnavailable(str(self.port), "there is a file of that name; choose another")
+        self._plug()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take the port away and end the thread."""
+        self._end.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while not self._end.is_set():
+                self._turn()
+        finally:
+            self._unplug()
+
+    def _turn(self) -> None:
+        for happening in self.line.advance(host_clock_us()):
+            self._obey(happening)
+        if self._device is None and not self._unplugged:
+            self._plug()
+        if self._device is None:
+            self._end.wait(min(REOPEN_S, self._patience_s()))
+            return
+        try:
+            self._write()
+            self._read()
+        except (OSError, termios.error):  # the device's port is gone, and ours with it
+            self._unplug()
+
+    def _obey(self, happening: Happening) -> None:
+        if happening is Happening.RESET:
+            self._reset()
+        elif happening is Happening.UNPLUG:
+            self._unplugged = True
+            self._drain()
+            self._unplug()
+        else:
+            self._unplugged = False
+            self._plug()
+
+    # --- ports ---------------------------------------------------------------------------------
+
+    def _plug(self) -> None:
+        """A new port of ours, if the device's is there."""
+        if self._device is not None:
+            return
+        device = _opened(self._device_port)
+        if device is None:
+            return
+        self._master, self._slave = os.openpty()
+        os.set_blocking(self._master, False)
+        tty.setraw(self._slave, termios.TCSANOW)
+        self._device = device
+        # By renaming: there is no moment at which the name leads nowhere.
+        fresh = self.port.with_name(self.port.name + ".new")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(os.ttyname(self._slave))
+        fresh.replace(self.port)
+
+    def _unplug(self) -> None:
+        if self._device is None:
+            return
+        self.port.unlink(missing_ok=True)
+        for descriptor in (self._device, self._master, self._slave):
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+        self._device = None
+        self._to_host = self._to_device = b""
+        self.line.clear()
+
+    def _drain(self) -> None:
+        if self._device is None:
+            return
+        end = time.monotonic() + DRAIN_S
+        while self._unread() and time.monotonic() < end:
+            time.sleep(0.001)
+
+    def _unread(self) -> int:
+        count: int = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))[0]
+        return count
+
+    def _follow_baud_rate(self, device: int) -> None:
+        """What the host sets at our port is to hold at the device's."""
+        wanted, current = termios.tcgetattr(self._slave), termios.tcgetattr(device)
+        if wanted[_SPEEDS] != current[_SPEEDS]:
+            current[_SPEEDS] = wanted[_SPEEDS]
+            termios.tcsetattr(device, termios.TCSANOW, current)
+
+    # --- bytes ---------------------------------------------------------------------------------
+
+    def _read(self) -> None:
+        device = self._device
+        if device is None:
+            return
+        readable, _, _ = select.select([device, self._master], [], [], self._patience_s())
+        now_us = host_clock_us()
+        for descriptor, direction in (
+            (device, self.line.to_host),
+            (self._master, self.line.to_device),
+        ):
+            if descriptor in readable:
+                self._pass_on(descriptor, direction, now_us)
+
+    def _pass_on(self, descriptor: int, direction: Direction, now_us: int) -> None:
+        data = os.read(descriptor, READ_SIZE)
+        if not data:
+            raise OSError("end of file: the device's port is gone")
+        direction.send(data, now_us)
+
+    def _write(self) -> None:
+        device = self._device
+        if device is None:
+            return
+        self._follow_baud_rate(device)
+        now_us = host_clock_us()
+        self._to_host = _written(self._master, self._to_host, self.line.to_host.take(now_us))
+        self._to_device = _written(device, self._to_device, self.line.to_device.take(now_us))
+
+    def _patience_s(self) -> float:
+        """Until the line has something to do; short while an end does not take what waits."""
+        if self._to_host or self._to_device:
+            return RETRY_S
+        next_us = self.line.next_us
+        if next_us is None:
+            return TURN_S
+        return min(TURN_S, max(0.0, (next_us - host_clock_us()) / 1e6))
+
+
+def _opened(port: Path) -> int | None:
+    """The device's port, raw; None while it is not there."""
+    try:
+        descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return None
+    try:
+        tty.setraw(descriptor, termios.TCSANOW)
+    except termios.error:  # gone again
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _written(descriptor: int, waiting: bytes, pieces: list[bytes]) -> bytes:
+    """Write what waits, and each piece by itself; returns what did not fit."""
+    for piece in pieces or [b""]:
+        waiting += piece
+        if waiting:
+            with contextlib.suppress(BlockingIOError):
+                waiting = waiting[os.write(descriptor, waiting) :]
+    return waiting if len(waiting) <= OUTPUT_LIMIT else b""

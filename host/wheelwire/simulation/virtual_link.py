@@ -1,0 +1,176 @@
+"""A link to a simulated device in virtual time: it passes when it is told to, or is waited for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from wheelwire_protocol.codes import StopMode
+
+from ..errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
+from ..link.connection import Heard, LinkInfo
+from ..link.info import LinkStatistics
+from ..link.latest_sample import SampleInbox
+from ..link.requests import Answer, Done, RequestMessage
+from ..link.session import Phase, Session
+from .library import FwSim
+
+STEP_US = 1000
+OPEN_S = 5.0
+
+
+class VirtualLink:
+    """The host's end of a simulated line, for one thread.
+
+    Args:
+        inbox: Takes the samples.
+        sim: The device; the link closes it.
+        watched: Ids of parameters whose values are always at hand in `value`.
+
+    Attributes:
+        now_us: The host's time, from 0.
+    """
+
+    def __init__(self, inbox: SampleInbox, sim: FwSim, watched: Sequence[int] = ()) -> None:
+        self.now_us = 0
+        self._inbox = inbox
+        self._sim = sim
+        self._session = Session(lambda: int.from_bytes(os.urandom(4), "little"), None, watched)
+        self._plugged = False
+        self._reconnects = -1
+        self._end: LinkClosed | None = None
+        self.plug()
+        self._pass_until(lambda: self._session.phase is Phase.OPEN, OPEN_S)
+        self._check_open()
+
+    # --- time and the cable --------------------------------------------------------------------
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass."""
+        end_us = self.now_us + round(seconds * 1e6)
+        while self.now_us < end_us:
+            self._step()
+
+    def unplug(self) -> None:
+        """The cable is pulled: the device goes on."""
+        self._plugged = False
+        self._session.disconnect(LinkLost("the cable of the simulated robot is unplugged"))
+        self._inbox.interrupt()
+
+    def plug(self) -> None:
+        """The cable is back."""
+        self._plugged = True
+        self._reconnects += 1
+        self._session.connect(self.now_us)
+
+    # --- as every link -------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return "mock"
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port and device."""
+        device = self._session.device
+        if device is None:
+            raise self._session.error
+        return LinkInfo("mock", None, None, device)
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What was counted since the link was opened."""
+        return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
+
+    @property
+    def sessions(self) -> int:
+        """How many there were since the link was opened."""
+        return self._session.count
+
+    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
+        """The newest values of watched parameters."""
+        self.check()
+        return tuple([self._session.values[parameter] for parameter in parameters])
+
+    def check(self) -> None:
+        """Raise why the link is not open, if it is not."""
+        self._check_open()
+        self._session.check_open()
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
+        """Send one velocity setpoint that is void from `expiry_us` on."""
+        self.check()
+        self._session.drive_velocity(left_mps, right_mps, expiry_us, self.now_us)
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Send one duty setpoint that is void from `expiry_us` on."""
+        self.check()
+        self._session.drive_duty(left, right, expiry_us, self.now_us)
+
+    def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer."""
+        return self._answer(lambda done: self._session.request(message, done, self.now_us))
+
+    def post(self, message: RequestMessage, done: Heard) -> None:
+        """Send a request without waiting; `done` is called with what came of it."""
+        self.check()
+        self._session.request(message, done, self.now_us)
+
+    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """Stop and wait for the acknowledgement."""
+        self._answer(lambda done: self._session.stop(mode, done, self.now_us))
+
+    def estop(self) -> None:
+        """Stop, latch and wait for the acknowledgement."""
+        self._answer(lambda done: self._session.estop(done, self.now_us))
+
+    def close(self) -> None:
+        """Stop the robot, and switch it off. Harmless when repeated."""
+        if self._end is not None:
+            return
+        if self._session.phase is Phase.OPEN:
+            self._session.stop(StopMode.CONFIGURED, lambda _: None, self.now_us)
+            self._step()
+        self._end = LinkClosed("the link is closed; open it again")
+        self._session.disconnect(self._end)
+        self._inbox.fail(self._end)
+        self._sim.close()
+
+    # -------------------------------------------------------------------------------------------
+
+    def _step(self) -> None:
+        """A millisecond: the host's turn, then the device's."""
+        self._check_open()
+        self._session.advance(self.now_us)
+        output = self._session.take_output()
+        if self._plugged:
+            self._sim.write(output)
+        self._sim.advance_us(STEP_US)
+        self.now_us += STEP_US
+        arrived = self._sim.read()
+        if self._plugged:
+            for sample in self._session.receive(arrived, self.now_us):
+                self._inbox.put(sample)
+
+    def _answer(self, submit: Callable[[Done], None]) -> Answer:
+        self._check_open()
+        replies: list[Answer | WheelwireError] = []
+        submit(replies.append)
+        self._pass_until(lambda: bool(replies), OPEN_S)
+        reply = replies[0]
+        if isinstance(reply, WheelwireError):
+            raise reply.with_traceback(None)
+        return reply
+
+    def _pass_until(self, condition: Callable[[], bool], patience_s: float) -> None:
+        end_us = self.now_us + round(patience_s * 1e6)
+        while not condition():
+            if self.now_us > end_us:
+                raise RequestTimeout("the simulated robot does not answer")
+            self._step()
+
+    def _check_open(self) -> None:
+        if self._end is not None:
+            raise self._end.with_traceback(None)

@@ -1,0 +1,96 @@
+"""A port that leads to another board than the one that was met first."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.types import SetDuty, SetWheelVelocity
+
+PATIENCE_S = 30.0
+FIRST, STRANGER = 0x240AC4123456, 0x240AC4ABCDEF
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(tmp_path / "robot", FakeDevice(board_id=FIRST)) as device:
+        yield device
+
+
+def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
+    try:
+        driver.set_velocity(0.1, 0.0)
+    except errors.WheelwireError as error:
+        return error
+    return None
+
+
+def replace(robot: PtyDevice, board_id: int) -> FakeDevice:
+    robot.unplug()
+    robot.device = FakeDevice(board_id=board_id)
+    robot.plug()
+    return robot.device
+
+
+def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path)) as driver:
+        stranger = replace(robot, STRANGER)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), PATIENCE_S)
+        error = error_of(driver)
+        assert "240ac4abcdef" in str(error)
+        assert "240ac4123456" in str(error)
+        assert "any_board" in str(error)
+        with pytest.raises(errors.LinkLost):  # after what the first board had sent
+            list(iter(lambda: driver.read(timeout=0.1), None))
+        assert not [m for m in stranger.received if isinstance(m, (SetWheelVelocity, SetDuty))]
+        assert driver.info.device.board_id == "240ac4123456"
+        replace(robot, FIRST)
+        wait_until(lambda: error_of(driver) is None, PATIENCE_S)
+
+
+def test_another_board_may_be_taken_on_purpose(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path), any_board=True) as driver:
+        stranger = replace(robot, STRANGER)
+        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed), PATIENCE_S)
+        assert driver.info.device.board_id == "240ac4abcdef"
+
+
+def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path)) as driver:
+        replace(robot, STRANGER)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), PATIENCE_S)
+
+        def open_second() -> bool:
+            try:
+                SerialDriver(str(robot.path)).shutdown()
+            except errors.PortUnavailable:
+                return False
+            return True
+
+        wait_until(open_second, PATIENCE_S)
+
+
+def board_of(link: Path | None = None) -> str:
+    with Simulator(link=link) as simulator, SerialDriver(simulator.port) as driver:
+        return driver.info.device.board_id
+
+
+def test_a_simulator_at_a_link_is_the_same_board_at_every_start(tmp_path: Path) -> None:
+    first = board_of(link=tmp_path / "robot")
+    assert board_of(link=tmp_path / "robot") == first
+    assert board_of(link=tmp_path / "other") != first
+    assert board_of() != board_of()
+
+
+def test_a_driver_goes_on_when_a_simulator_is_started_again_at_its_link(tmp_path: Path) -> None:
+    link = tmp_path / "robot"
+    with Simulator(link=link) as simulator, SerialDriver(simulator.port) as driver:
+        simulator.close()
+        with Simulator(link=link):
+            wait_until(lambda: error_of(driver) is None, PATIENCE_S)

@@ -1,0 +1,400 @@
+"""The serial driver against the fake device on a pseudo-terminal, in real time."""
+
+import dataclasses
+import gc
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+import pytest
+
+import wheelwire
+from support.fake_device import FakeDevice
+from support.processes import interruptible
+from support.pty_device import PtyDevice
+from support.threads import link_threads
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link.transports import SerialTransport
+from wheelwire.testing.refusing import meaningless
+from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import ParameterSave, ParameterSet, SetDuty, SetWheelVelocity, Stop
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(tmp_path / "robot") as device:
+        yield device
+
+
+@pytest.fixture
+def driver(robot: PtyDevice) -> Iterator[SerialDriver]:
+    with SerialDriver(str(robot.path)) as driver:
+        yield driver
+
+
+def open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def test_a_velocity_arrives_as_wheel_velocities(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.set_velocity(0.2, 1.0, ttl=0.3)
+    wait_until(lambda: bool(robot.device.obeyed))
+    setpoint = robot.device.obeyed[0]
+    assert isinstance(setpoint, SetWheelVelocity)
+    assert (setpoint.left_mps, setpoint.right_mps) == pytest.approx((0.1, 0.3))
+
+
+def test_a_velocity_beyond_the_limit_keeps_its_curvature(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    driver.set_velocity(0.4, 1.5)
+    wait_until(lambda: bool(robot.device.obeyed))
+    setpoint = robot.device.obeyed[0]
+    assert isinstance(setpoint, SetWheelVelocity)
+    assert setpoint.right_mps == pytest.approx(0.4)
+    assert setpoint.right_mps / setpoint.left_mps == pytest.approx(0.55 / 0.25)
+
+
+def test_a_duty_arrives_in_q15(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.set_duty(-1.0, 0.5)
+    wait_until(lambda: bool(robot.device.obeyed))
+    setpoint = robot.device.obeyed[0]
+    assert isinstance(setpoint, SetDuty)
+    assert (setpoint.left_duty_q15, setpoint.right_duty_q15) == (-32767, 16384)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_no_number_is_no_command(robot: PtyDevice, driver: SerialDriver, value: float) -> None:
+    for call in meaningless(driver, value):
+        with pytest.raises(errors.InvalidCommand, match="give"):
+            call()
+    driver.stop()  # acknowledged: whatever was sent before it has arrived
+    assert robot.device.obeyed == []
+
+
+def test_an_overflow_is_no_command(driver: SerialDriver) -> None:
+    driver.parameters.set("wheel_separation", 5)
+    with pytest.raises(errors.InvalidCommand):
+        driver.set_velocity(1.7e308, 1.7e308)
+
+
+@pytest.mark.parametrize("ttl", [0.0, -0.5])
+def test_no_time_to_live_is_no_command(driver: SerialDriver, ttl: float) -> None:
+    with pytest.raises(errors.InvalidCommand, match="ttl"):
+        driver.set_velocity(0.1, 0.0, ttl=ttl)
+    with pytest.raises(ValueError, match="ttl"):
+        driver.set_duty(0.1, 0.0, ttl=ttl)
+
+
+def test_a_duty_beyond_one_is_no_command(driver: SerialDriver) -> None:
+    with pytest.raises(errors.InvalidCommand, match="-1 to 1"):
+        driver.set_duty(1.01, 0.0)
+
+
+def test_an_endless_time_to_live_fits_the_wire(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.set_velocity(0.1, 0.0, ttl=1e300)
+    wait_until(lambda: bool(robot.device.obeyed))
+
+
+def test_samples_are_read_once_and_in_order(driver: SerialDriver) -> None:
+    samples = [driver.read() for _ in range(10)]
+    times = [sample.t_us for sample in samples]
+    assert times == sorted(set(times))
+    age_s = time.monotonic() - samples[-1].stamp
+    assert -samples[-1].stamp_error_s <= age_s < 1.0
+
+
+def test_no_new_sample_is_a_timeout_and_no_old_one(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.read()
+    robot.device.rate_hz = 0
+    wait_until(lambda: not measures(driver))  # what was under way may still be read
+    with pytest.raises(errors.RequestTimeout):
+        driver.read(timeout=0.05)
+
+
+def measures(driver: SerialDriver) -> bool:
+    try:
+        driver.read(timeout=0.2)
+    except (errors.RequestTimeout, errors.LinkLost):
+        return False
+    return True
+
+
+def test_ticks_go_on_across_a_wrap_and_a_reset(robot: PtyDevice, driver: SerialDriver) -> None:
+    wait_until(lambda: driver.get_encoder_ticks()[0] >= 30)
+    robot.device.left_ticks += 2**31 - 10
+    wait_until(lambda: driver.get_encoder_ticks()[0] > 2**31 + 30)
+    left, right = driver.get_encoder_ticks()
+    robot.device.reset()
+    wait_until(lambda: driver.read(timeout=10).boot_id == robot.device.boot_id)
+    assert driver.statistics.device_resets == 1
+    after = driver.get_encoder_ticks()
+    assert after[0] >= left
+    assert after[0] - left < 1000
+    assert after[1] - right < 1000
+
+
+def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(robot: PtyDevice) -> None:
+    before = open_files()
+    with SerialDriver(str(robot.path)) as driver:
+        driver.set_velocity(0.2, 0.0)
+        wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
+    assert robot.device.supervisor is SupervisorState.IDLE
+    assert link_threads() == []
+    assert open_files() == before
+    driver.shutdown()
+    with pytest.raises(errors.LinkClosed, match="closed"):
+        driver.set_velocity(0.1, 0.0)
+    with pytest.raises(errors.LinkClosed, match="closed"):
+        driver.read()
+    with pytest.raises(errors.LinkClosed, match="closed"):
+        driver.stop()
+
+
+def test_a_forgotten_driver_stops_the_robot(robot: PtyDevice) -> None:
+    driver = SerialDriver(str(robot.path))
+    driver.set_velocity(0.2, 0.0)
+    wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
+    del driver
+    gc.collect()
+    assert robot.device.supervisor is SupervisorState.IDLE
+    assert link_threads() == []
+
+
+@pytest.mark.parametrize("end", ["exit", "interrupt"])
+def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> None:
+    program = (
+        "import sys, time, wheelwire\n"
+        "robot = wheelwire.open_driver('serial', port=sys.argv[1])\n"
+        "robot.set_velocity(0.2, 0.0, ttl=60)\n"
+        "time.sleep(0.3 if sys.argv[2] == 'exit' else 60)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, str(robot.path), end],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stderr=subprocess.DEVNULL,
+        preexec_fn=interruptible,
+    )
+    wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
+    if end == "interrupt":
+        process.send_signal(signal.SIGINT)
+    process.wait(10)
+    assert any(isinstance(message, Stop) for message in robot.device.received)
+    assert robot.device.supervisor is SupervisorState.IDLE
+
+
+def test_estop_latches_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.estop()
+    assert robot.device.supervisor is SupervisorState.ESTOPPED
+    wait_until(lambda: driver.read().state is SupervisorState.ESTOPPED)
+    with pytest.raises(errors.DeviceRefused, match="clear"):
+        driver.set_velocity(0.1, 0.0)
+    driver.clear_estop()
+    driver.set_velocity(0.1, 0.0)
+    wait_until(lambda: bool(robot.device.obeyed))
+
+
+def test_a_fault_is_told_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:
+    robot.device.supervisor = SupervisorState.FAULT
+    wait_until(lambda: driver.read().state is SupervisorState.FAULT)
+    with pytest.raises(errors.DeviceRefused, match="fault"):
+        driver.set_velocity(0.1, 0.0)
+    driver.clear_fault()
+    driver.set_velocity(0.1, 0.0)
+
+
+def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
+    device = FakeDevice()
+    device.parameters[PARAMETER_BY_NAME["wheel_separation"].id] = 0.3
+    with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
+        assert driver.geometry.wheel_separation == 0.3
+        assert driver.geometry.wheel_radius == 0.033
+        driver.parameters["max_velocity_mps"] = 0.15
+        assert driver.geometry.max_velocity_mps == 0.15
+        driver.set_velocity(0.3, 0.0)
+        wait_until(lambda: bool(device.obeyed))
+        assert isinstance(device.obeyed[0], SetWheelVelocity)
+        assert device.obeyed[0].left_mps == pytest.approx(0.15)
+        driver.parameters.reset()
+        assert driver.geometry.wheel_separation == 0.2
+        assert driver.geometry.max_velocity_mps == 0.4
+
+
+def test_parameters_by_name(robot: PtyDevice, driver: SerialDriver) -> None:
+    parameters = driver.parameters
+    assert parameters["wheel_radius"] == 0.033
+    assert parameters.set("integral_gain", 7.5) == 7.5
+    assert dict(parameters.items())["integral_gain"] == 7.5
+    assert list(parameters) == list(PARAMETER_BY_NAME)
+    info = next(info for info in parameters.list() if info.name == "ttl_max_s")
+    assert (info.default, info.minimum, info.maximum, info.unit) == (1.0, 0.02, 5.0, "s")
+    parameters.save()
+    parameters.save("integral_gain")
+    with pytest.raises(errors.UnknownParameter):
+        parameters.save("integral_gian")
+    saves = [m.parameter for m in robot.device.done if isinstance(m, ParameterSave)]
+    assert saves == [0, PARAMETER_BY_NAME["integral_gain"].id]
+
+
+def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: SerialDriver) -> None:
+    with pytest.raises(errors.UnknownParameter, match="did you mean wheel_radius"):
+        driver.parameters.get("wheel_radios")
+    with pytest.raises(errors.ParameterOutOfRange, match=r"wheel_radius = 7.*at most 1"):
+        driver.parameters.set("wheel_radius", 7)
+    with pytest.raises(errors.ParameterOutOfRange, match="at least"):
+        driver.parameters.set("wheel_radius", 0)
+    with pytest.raises(errors.ParameterOutOfRange, match="finite"):
+        driver.parameters.set("wheel_radius", math.nan)
+    with pytest.raises(errors.ParameterOutOfRange, match="whole"):
+        driver.parameters.set("counts_per_revolution", 360.5)
+    assert not any(isinstance(message, ParameterSet) for message in robot.device.received)
+
+
+def test_unplugged_and_plugged_in_again_the_same_driver_goes_on(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    driver.read()
+    robot.unplug()
+    wait_until(lambda: is_lost(driver))
+    with pytest.raises(errors.LinkLost):
+        driver.get_encoder_ticks()
+    with pytest.raises(errors.LinkLost):
+        driver.stop()
+    wait_until(lambda: not measures(driver))  # what was measured before may still be read
+    with pytest.raises(errors.LinkLost):
+        driver.read(timeout=0.05)
+    robot.plug()
+    sample = driver.read(timeout=10)
+    assert sample.boot_id == robot.device.boot_id
+    driver.set_velocity(0.1, 0.0)
+    wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
+    assert driver.statistics.reconnects >= 1
+    assert driver.statistics.device_resets == 0
+
+
+def is_lost(driver: SerialDriver) -> bool:
+    try:
+        driver.set_velocity(0.0, 0.0)
+    except errors.LinkLost:
+        return True
+    return False
+
+
+def test_a_driver_may_be_shut_down_while_unplugged(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path)) as driver:
+        robot.unplug()
+        wait_until(lambda: is_lost(driver))
+    assert link_threads() == []
+
+
+def test_the_death_of_the_links_thread_is_told(
+    driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: SerialTransport) -> bytes:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(SerialTransport, "read", fail)
+    wait_until(lambda: is_lost(driver))
+    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+        driver.set_velocity(0.1, 0.0)
+    wait_until(lambda: not measures(driver))
+    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+        driver.read()
+    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+        driver.stop()
+
+
+def test_a_stop_of_the_device_by_itself_is_seen(robot: PtyDevice, driver: SerialDriver) -> None:
+    driver.set_velocity(0.1, 0.0, ttl=0.1)
+    wait_until(lambda: driver.read().state is SupervisorState.TIMED_OUT)
+    robot.device.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, 0)
+    wait_until(lambda: driver.read().state is SupervisorState.IDLE)
+
+
+def test_link_information_and_statistics(robot: PtyDevice, driver: SerialDriver) -> None:
+    for _ in range(5):
+        driver.read()
+    info, statistics = driver.info, driver.statistics
+    assert info.port == str(robot.path)
+    assert info.baud_rate == 921_600
+    assert info.low_latency is None  # a pty has no such thing
+    assert info.device.git_hash == "deadbeef"
+    assert statistics.sessions == 1
+    assert statistics.frames_received >= 13
+    assert 0 < statistics.round_trip_p50_us <= statistics.round_trip_p99_us
+    assert statistics.frames_lost == statistics.bad_crc == statistics.reconnects == 0
+
+
+def test_information_is_what_its_types_say(tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "robot") as robot,
+        SerialDriver(robot.path, baud_rate=115_200.0) as driver,  # type: ignore[arg-type]
+    ):
+        check_types(driver.info)
+
+
+def check_types(record: Any) -> None:
+    hints = get_type_hints(type(record))
+    for field in dataclasses.fields(record):
+        value = getattr(record, field.name)
+        allowed = get_args(hints[field.name]) or (hints[field.name],)
+        assert type(value) in allowed, field.name
+        if dataclasses.is_dataclass(value):
+            check_types(value)
+
+
+def test_while_the_device_is_looked_for_its_last_baud_rate_is_told(
+    robot: PtyDevice, driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    set_baud_rate = SerialTransport.set_baud_rate
+
+    def note(transport: SerialTransport, baud_rate: int) -> None:
+        set_baud_rate(transport, baud_rate)
+        tried.append(baud_rate)
+
+    monkeypatch.setattr(SerialTransport, "set_baud_rate", note)
+    robot.device.mute = True
+    wait_until(lambda: bool(tried))
+    assert driver.info.baud_rate == 921_600
+
+
+def test_a_setpoint_that_the_port_does_not_take_is_no_success(
+    driver: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SerialTransport, "write", lambda *_: 0)
+
+    def send_many() -> None:
+        for _ in range(200):
+            driver.set_duty(0.1, 0.1)
+
+    with pytest.raises(errors.LinkLost, match="was not sent"):
+        send_many()
+
+
+def test_the_devices_own_counters(driver: SerialDriver) -> None:
+    before = driver.device_counters().frames_received
+    driver.set_velocity(0.0, 0.0)
+    assert driver.device_counters().frames_received >= before + 2
+
+
+def test_open_driver_by_name(robot: PtyDevice) -> None:
+    with wheelwire.open_driver("serial", port=str(robot.path)) as driver:
+        assert isinstance(driver, SerialDriver)
+
+
+def test_a_driver_says_what_it_is_and_is_closed_like_a_file(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    assert repr(driver) == f"<SerialDriver {robot.path}: open>"
+    driver.close()
+    assert repr(driver) == f"<SerialDriver {robot.path}: the link is closed; open it again>"

@@ -1,0 +1,150 @@
+import pytest
+
+from support.clocks import CALM, STORMY, USB, Clocks, Coverage, Ways, session
+from wheelwire.link.clock import ClockEstimator, Exchange
+
+
+@pytest.mark.parametrize("drift_ppm", [-200, -20, 0, 50, 200])
+def test_the_bound_covers_the_error(drift_ppm: float) -> None:
+    checked = missed = 0
+    errors: list[float] = []
+    for seed in range(4):
+        clocks, estimator = Clocks(seed, drift_ppm * 1e-6), ClockEstimator()
+        now = 10**9
+        for number in range(200):
+            estimator.add(clocks.exchange(now))
+            gap = 5_000 if number < 8 else 500_000
+            for _ in range(10):
+                moment = now + 25_000 + clocks.random.randrange(gap)
+                host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+                error = abs(host_us - moment)
+                checked += 1
+                missed += error > bound_us
+                if number > 64:
+                    errors.append(error)
+                    assert bound_us < 2_500
+            now += gap
+    assert checked == 8000
+    assert missed <= checked // 1000
+    assert sorted(errors)[len(errors) // 2] < 500  # half the difference of the two ways is 350
+
+
+@pytest.mark.parametrize("ways", [CALM, USB, STORMY])
+@pytest.mark.parametrize("steps", [0, 4])
+def test_the_bound_is_honest_over_steps_and_delays(ways: Ways, steps: int) -> None:
+    coverage = Coverage()
+    for seed in range(4):
+        session(coverage, Clocks(seed, 200e-6, ways), step_us=100_000, steps=steps)
+    assert coverage.share >= 0.999
+
+
+@pytest.mark.parametrize("period_us", [500_000, 50_000])
+@pytest.mark.parametrize("drift_ppm", [-200, 200])
+def test_the_drift_is_known_while_no_ping_is_answered(drift_ppm: float, period_us: int) -> None:
+    errors: list[float] = []
+    for seed in range(20):
+        clocks, estimator = Clocks(seed, drift_ppm * 1e-6), ClockEstimator()
+        last = 10**9 + 63 * 500_000
+        for sent_us in range(10**9, last + 1, period_us):
+            estimator.add(clocks.exchange(sent_us))
+        moment = last + 20_000_000  # the drift alone would make 4 ms of it
+        host_us, bound_us = estimator.device_to_host(clocks.device_us(moment))
+        errors.append(abs(host_us - moment))
+        assert errors[-1] <= bound_us < 5_000
+    assert sorted(errors)[10] < 600
+
+
+def test_the_conversions_are_inverse() -> None:
+    clocks, estimator = Clocks(5, 150e-6), ClockEstimator()
+    for number in range(40):
+        estimator.add(clocks.exchange(10**9 + number * 500_000))
+    moment = 10**9 + 40 * 500_000
+    there, _ = estimator.host_to_device(moment)
+    assert abs(estimator.device_to_host(there)[0] - moment) <= 1
+
+
+def test_the_bound_grows_while_no_ping_is_answered() -> None:
+    clocks, estimator = Clocks(6, 0.0), ClockEstimator()
+    for number in range(20):
+        estimator.add(clocks.exchange(10**9 + number * 500_000))
+    last = 10**9 + 19 * 500_000
+    assert estimator.error_us(last + 60_000_000) > estimator.error_us(last) + 100
+
+
+def test_a_step_of_a_clock_voids_the_past() -> None:
+    clocks, estimator = Clocks(7, 0.0), ClockEstimator()
+    now = 10**9
+    for _ in range(64):
+        estimator.add(clocks.exchange(now))
+        now += 500_000
+    clocks.offset_us += 30_000_000  # the host slept, the device did not
+    exchange = clocks.exchange(now)
+    estimator.add(exchange)
+    host_us, bound_us = estimator.device_to_host(clocks.device_us(now))
+    assert abs(host_us - now) <= bound_us
+
+
+@pytest.mark.parametrize("late_us", [0, 5_000, 900_000])
+def test_a_32_bit_time_is_unwrapped_across_its_wrap(late_us: int) -> None:
+    clocks, estimator = Clocks(8, 0.0), ClockEstimator()
+    now = 10**9
+    clocks.offset_us = 3 * 2**32 - 1_000 - now
+    estimator.add(clocks.exchange(now))
+    for elapsed in (0, 500, 999, 1_000, 1_500):
+        latched = clocks.device_us(now + elapsed)
+        assert estimator.unwrap(latched % 2**32, now + elapsed + late_us) == latched
+
+
+def test_an_empty_estimator_says_so() -> None:
+    assert not ClockEstimator().synchronised
+    with pytest.raises(RuntimeError, match="not synchronised"):
+        ClockEstimator().host_to_device(1)
+
+
+def test_the_bound_covers_ways_that_turn_unequal_in_the_worst_order() -> None:
+    # First all delay is on the way out, later all of it on the way back: a drift that is none.
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        device = sent + (0 if number < 32 else 300)
+        estimator.add(Exchange(sent, device, device, sent + 300))
+    for held_over_us in (0, 1_000_000, 20_000_000, 60_000_000):
+        moment = 10**9 + 63 * 500_000 + held_over_us
+        host_us, bound_us = estimator.device_to_host(moment)
+        assert abs(host_us - moment) <= bound_us
+
+
+def test_the_bound_covers_ways_that_are_always_unequal() -> None:
+    # All of the delay is on the way out: the estimate is off by half of it, which is the bound.
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        estimator.add(Exchange(sent, sent + 300, sent + 300, sent + 300))
+        host_us, bound_us = estimator.device_to_host(sent)
+        assert abs(host_us - sent) == 150
+        assert bound_us >= 150
+    middle = 10**9 + 32 * 500_000
+    host_us, bound_us = estimator.device_to_host(middle)
+    assert abs(host_us - middle) <= bound_us < 200
+
+
+def test_the_bound_covers_a_drift_that_changes_after_the_last_exchange() -> None:
+    estimator = ClockEstimator()
+    for number in range(64):
+        sent = 10**9 + number * 500_000
+        estimator.add(Exchange(sent, sent, sent, sent))
+    for seconds in (10, 60):
+        moment = sent + seconds * 1_000_000
+        device_us = moment + round(seconds * 1.9)  # 1.9 ppm, as a crystal that warms up
+        host_us, bound_us = estimator.device_to_host(device_us)
+        assert abs(host_us - moment) <= bound_us
+
+
+def test_a_device_whose_clock_stands_still_is_converted_within_its_bound() -> None:
+    """Answers that are held up longer than the pings take make a line of slope -1."""
+    estimator, device_us = ClockEstimator(), 5_000_000
+    for number in range(24):
+        sent_us = 10**9 + 1000 * number
+        estimator.add(Exchange(sent_us, device_us, device_us, sent_us + 50_000))
+    host_us, bound_us = estimator.device_to_host(device_us)
+    assert abs(host_us - 10**9 - 25_000) <= bound_us

@@ -1,0 +1,27 @@
+from wheelwire.link.reconnect import REST_US, Coalescing
+
+
+def test_each_frame_of_a_slow_stream_is_read_when_it_comes() -> None:
+    coalescing = Coalescing()
+    for number in range(1, 20):
+        now_us = number * REST_US
+        coalescing.note_read(number, now_us)
+        assert coalescing.rest_until_us <= now_us
+
+
+def test_a_fast_stream_is_left_alone_between_reads() -> None:
+    coalescing = Coalescing()
+    coalescing.note_read(1, 100_000)
+    coalescing.note_read(2, 101_000)
+    assert coalescing.rest_until_us == 101_000 + REST_US
+    coalescing.note_read(12, 101_000 + REST_US)
+    assert coalescing.rest_until_us == 101_000 + 2 * REST_US
+
+
+def test_a_rest_that_brought_one_frame_is_the_last() -> None:
+    coalescing = Coalescing()
+    coalescing.note_read(1, 100_000)
+    coalescing.note_read(2, 101_000)
+    now_us = coalescing.rest_until_us
+    coalescing.note_read(3, now_us)
+    assert coalescing.rest_until_us <= now_us

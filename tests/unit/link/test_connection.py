@@ -1,0 +1,235 @@
+"""What opening a link tells when it fails, on pseudo-terminals and sockets, in real time."""
+
+import os
+import select
+import socket
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.threads import link_threads
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.drivers.transport_driver import TransportDriver
+from wheelwire.link import connection as link
+from wheelwire.link.transports import SerialTransport, SocketTransport, Transport
+from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.types import SetWheelVelocity
+
+
+@contextmanager
+def pty_with(speech: bytes, period_s: float = 0.02) -> Iterator[str]:
+    """A port where something else than a device says `speech` again and again."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    end = threading.Event()
+
+    def speak() -> None:
+        while not end.wait(period_s):
+            while select.select([master], [], [], 0)[0]:
+                os.read(master, 4096)
+            with suppress(BlockingIOError):  # nobody reads any more
+                os.write(master, speech)
+
+    thread = threading.Thread(target=speak)
+    thread.start()
+    try:
+        yield os.ttyname(slave)
+    finally:
+        end.set()
+        thread.join()
+        os.close(slave)
+        os.close(master)
+
+
+def test_a_silent_port() -> None:
+    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="921600 baud") as told:
+        SerialDriver(port, connect_timeout=0.3)
+    assert told.value.baud_rates == (921_600,)
+
+
+def test_a_device_that_is_not_ours() -> None:
+    gps = pty_with(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M\r\n")
+    with gps as port, pytest.raises(errors.ForeignDevice, match="no Wheelwire frame"):
+        SerialDriver(port, connect_timeout=1.5)
+
+
+def test_silence_leads_through_the_usual_baud_rates() -> None:
+    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="115200") as told:
+        SerialDriver(port, baud_rate=57_600, connect_timeout=1.8)
+    assert told.value.baud_rates == (57_600, 921_600, 115_200)
+
+
+def test_the_baud_rate_at_which_the_device_answers_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with PtyDevice(tmp_path / "robot", FakeDevice(mute=True)) as robot:
+        set_baud_rate = SerialTransport.set_baud_rate
+
+        def set_and_hear(transport: SerialTransport, baud_rate: int) -> None:
+            set_baud_rate(transport, baud_rate)
+            robot.device.mute = baud_rate != 115_200
+
+        monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
+        with SerialDriver(str(robot.path)) as driver:
+            assert driver.info.baud_rate == 115_200
+
+
+@pytest.mark.parametrize("difference", ["protocol_version", "schema_hash"])
+def test_a_device_of_another_release(tmp_path: Path, difference: str) -> None:
+    device = FakeDevice()
+    setattr(device, difference, 77)
+    with (
+        PtyDevice(tmp_path / "robot", device) as robot,
+        pytest.raises(errors.ProtocolMismatch, match=r"9\.8\.7.*install both"),
+    ):
+        SerialDriver(str(robot.path))
+    assert not any(isinstance(message, SetWheelVelocity) for message in device.received)
+
+
+def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "robot", FakeDevice(booting=True)) as robot,
+        pytest.raises(errors.RequestTimeout, match="still starting"),
+    ):
+        SerialDriver(str(robot.path), connect_timeout=0.3)
+
+
+def test_a_port_that_is_in_use(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "robot") as robot, SerialDriver(str(robot.path)) as driver:
+        with pytest.raises(errors.PortUnavailable, match="another program uses it") as caught:
+            SerialDriver(str(robot.path))
+        driver.read()
+    assert f"process {os.getpid()}), and only one can: end that one" in str(caught.value)
+    assert "e-stop button" in str(caught.value)
+
+
+def test_no_port() -> None:
+    with pytest.raises(errors.PortUnavailable, match="no such port"):
+        SerialDriver("/dev/does-not-exist")
+    with pytest.raises(errors.PortUnavailable, match="`wheelwire sim` starts a simulated robot"):
+        SerialDriver("/run/does-not-exist")
+
+
+@pytest.mark.parametrize("port", ["socket://", "socket://host", "socket://:1", "socket://host:x"])
+def test_an_address_without_host_or_port_says_how_to_write_one(port: str) -> None:
+    with pytest.raises(errors.PortUnavailable, match="write it as socket://HOST:PORT"):
+        SerialDriver(port)
+
+
+def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair()
+    go_on = threading.Event()
+
+    def open_port(_baud_rate: int) -> Transport:
+        go_on.wait()
+        return SocketTransport(ours)
+
+    monkeypatch.setattr(link, "PORT_TIMEOUT_S", 0.05)
+    monkeypatch.setattr(link, "JOIN_S", 0.05)
+    with theirs:
+        with pytest.raises(errors.PortUnavailable, match="takes longer than"):
+            TransportDriver("robot", open_port)
+        go_on.set()
+        wait_until(lambda: not link_threads())
+        assert ours.fileno() < 0
+
+
+def test_any_error_of_the_opening_is_raised_where_the_driver_is() -> None:
+    def open_port(_baud_rate: int) -> Transport:
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        TransportDriver("robot", open_port)
+    assert not link_threads()
+
+
+def test_a_file_that_is_no_port(tmp_path: Path) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("hello")
+    with pytest.raises(errors.PortUnavailable, match="no serial port"):
+        SerialDriver(str(file))
+
+
+def test_a_url_without_a_file_descriptor() -> None:
+    with pytest.raises(errors.PortUnavailable, match="file descriptor"):
+        SerialDriver("loop://")
+
+
+def test_an_unknown_url() -> None:
+    with pytest.raises(errors.PortUnavailable, match="nonsense"):
+        SerialDriver("nonsense://x")
+
+
+def test_a_socket_that_nobody_listens_on() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        number = server.getsockname()[1]
+    with pytest.raises(errors.PortUnavailable, match="nobody listens"):
+        SerialDriver(f"socket://127.0.0.1:{number}")
+
+
+def test_a_socket_works_where_a_path_does_and_reconnects() -> None:
+    device, end = FakeDevice(), threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        hang_up = threading.Event()
+        thread = threading.Thread(target=serve, args=(server, device, end, hang_up))
+        thread.start()
+        number = server.getsockname()[1]
+        try:
+            with SerialDriver(f"socket://127.0.0.1:{number}") as driver:
+                assert driver.info.baud_rate is None
+                driver.read()
+                hang_up.set()
+                while driver.statistics.reconnects == 0:
+                    assert thread.is_alive()
+                driver.read(timeout=10)
+        finally:
+            end.set()
+            thread.join()
+
+
+def serve(
+    server: socket.socket, device: FakeDevice, end: threading.Event, hang_up: threading.Event
+) -> None:
+    while not end.is_set():
+        if not select.select([server], [], [], 0.05)[0]:
+            continue
+        peer = server.accept()[0]
+        with peer, suppress(ConnectionError):  # the link hangs up whenever it likes
+            while not end.is_set() and not hang_up.is_set():
+                now_us = time.monotonic_ns() // 1000
+                if select.select([peer], [], [], 0.001)[0]:
+                    data = peer.recv(4096)
+                    if not data:
+                        break
+                    device.feed(data, now_us)
+                device.advance(now_us)
+                peer.sendall(device.take_output())
+        hang_up.clear()
+
+
+def test_every_error_has_its_own_exit_code() -> None:
+    kinds = [
+        kind
+        for kind in vars(errors).values()
+        if isinstance(kind, type) and issubclass(kind, errors.WheelwireError)
+    ]
+    codes = [kind.exit_code for kind in kinds]
+    assert len(set(codes)) == len(codes)
+    assert not {0, 2} & set(codes)
+
+
+def test_every_refusal_says_what_to_do_in_one_line() -> None:
+    for code in [*RefusalCode, 250]:
+        text = str(errors.DeviceRefused(code, "the setpoint"))
+        assert "\n" not in text
+        assert len(text) > 40

@@ -1,0 +1,258 @@
+"""The loop that owns a port, run in the test's own thread on a port that the test has in hand."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+
+import pytest
+
+from support.fake_device import FakeDevice
+from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
+from wheelwire.link.clock import host_clock_us
+from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
+from wheelwire.link.session import Phase, Session
+from wheelwire.link.transports import Transport
+from wheelwire.link.waiting import Notifier
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import AnyMessage, Estop, Hello, SetDuty, Stop
+
+pytestmark = pytest.mark.timeout(20)
+
+
+class Port(Transport):
+    """A port with a device at its other end, or none.
+
+    Args:
+        device: Answers whatever is written.
+        accepts: Asked at each write: False takes no byte.
+    """
+
+    def __init__(
+        self, device: FakeDevice | None = None, accepts: Callable[[], bool] = lambda: True
+    ) -> None:
+        self.ours, self.theirs = socket.socketpair()
+        self.written: list[bytes] = []
+        self._device = device
+        self._accepts = accepts
+
+    def fileno(self) -> int:
+        return self.ours.fileno()
+
+    def read(self) -> bytes:
+        return self.ours.recv(4096)
+
+    def write(self, data: bytes) -> int:
+        if not self._accepts():
+            return 0
+        self.written.append(data)
+        if self._device:
+            now_us = host_clock_us()
+            self._device.feed(data, now_us)
+            self._device.advance(now_us)
+            self.theirs.sendall(self._device.take_output())
+        return len(data)
+
+    def close(self) -> None:
+        self.ours.close()
+        self.theirs.close()
+
+    def forsake(self) -> None:
+        self.close()
+
+    def messages(self) -> list[AnyMessage]:
+        return Decoder().feed(b"".join(self.written))
+
+
+class Rig:
+    """A loop on a port; `lost` is called whenever the port is to be opened again."""
+
+    def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
+        self.session = Session(lambda: 7)
+        self.inbox = SampleInbox()
+        self.unopened: Port | None = port
+        self._lost = lost
+        self.loop = PortLoop(self._open, 0, self.session, Notifier(), self.inbox, lambda: True)
+
+    def _open(self, _baud_rate: int) -> Transport:
+        port, self.unopened = self.unopened or self._lost(), None
+        if port is None:
+            self.loop.finish()
+            raise PortUnavailable("port", "gone")
+        return port
+
+
+def ignore(_result: object) -> None:
+    """For calls whose outcome is of no interest."""
+
+
+def test_the_robot_is_stopped_before_the_port_is_closed() -> None:
+    rig: Rig
+
+    def finish() -> bool:
+        rig.loop.finish()
+        return True
+
+    port = Port(accepts=finish)
+    rig = Rig(port)
+    rig.loop.run()
+    assert isinstance(port.messages()[-1], Stop)
+
+
+def test_a_loop_that_is_finished_before_it_runs_opens_no_port() -> None:
+    port = Port()
+    rig = Rig(port)
+    rig.loop.finish()
+    assert isinstance(rig.loop.end, LinkClosed)
+    rig.loop.run()
+    assert rig.unopened is port
+    port.close()
+
+
+def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> None:
+    device = FakeDevice()
+    port = Port(device)
+    rig = Rig(port)
+
+    def end_once_open() -> bool:
+        if rig.session.phase is Phase.OPEN:
+            device.mute = True
+            rig.loop.finish()
+        return True
+
+    port._accepts = end_once_open
+    rig.loop.run()
+    stops = [message for message in device.received if isinstance(message, Stop)]
+    assert len(stops) > 5
+
+
+def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
+    refused = 0
+    rig: Rig
+
+    def accepts() -> bool:
+        nonlocal refused
+        refused += 1
+        if refused <= 1000:
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+        else:
+            rig.loop.finish()
+        return refused > 1000
+
+    port = Port(accepts=accepts)
+    rig = Rig(port)
+    rig.loop.run()
+    assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
+
+
+def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> None:
+    refused = 0
+    rig: Rig
+
+    def accepts() -> bool:
+        nonlocal refused
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        refused += 1
+        if refused == 1:
+            now_us = host_clock_us()
+            rig.loop.check_room()
+            rig.loop.send(rig.session.duty_frame(0.1, 0.1, now_us + 60_000_000, now_us), now_us)
+        elif refused <= 1000:
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+        else:
+            rig.loop.finish()
+        return refused > 1000
+
+    port = Port(FakeDevice(), accepts)
+    rig = Rig(port)
+    rig.loop.run()
+    assert any(isinstance(message, SetDuty) for message in port.messages())
+
+
+def test_an_unplugged_port_is_opened_again_at_once() -> None:
+    port = Port()
+    port.theirs.close()
+    second = Port()
+    rig = Rig(port, iter([second, None]).__next__)
+    second.theirs.close()
+    rig.loop.run()
+    assert rig.loop.reconnects == 1
+    assert len(port.messages()) <= 2  # at once, not after a second of hellos
+
+
+def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
+    asked = False
+    rig: Rig
+
+    def full_once_open_then_lost() -> bool:
+        nonlocal asked
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        if asked:
+            first.theirs.close()
+        else:
+            asked = True
+            rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
+        return False
+
+    def end() -> bool:
+        rig.loop.finish()
+        return True
+
+    first, second = Port(FakeDevice(), full_once_open_then_lost), Port(accepts=end)
+    rig = Rig(first, lambda: second)
+    rig.loop.run()
+    assert asked
+    assert isinstance(second.messages()[0], Hello)
+    assert not any(isinstance(message, Estop) for message in second.messages())
+
+
+def test_while_a_port_is_lost_no_sample_is_current() -> None:
+    device = FakeDevice()
+    found: list[object] = []
+    port = Port(device)
+    rig: Rig
+
+    def unplug_once_open() -> bool:
+        if rig.session.phase is not Phase.OPEN:
+            return True
+        if port.theirs.fileno() >= 0:
+            device.send(device.state(host_clock_us()))
+            port.theirs.sendall(device.take_output())
+            port.theirs.close()
+        return False
+
+    def look() -> None:
+        try:
+            found.append(rig.inbox.ticks(0))
+        except RequestTimeout as error:
+            found.append(error)
+
+    port._accepts = unplug_once_open
+    rig = Rig(port, look)
+    rig.loop.run()
+    assert [type(outcome) for outcome in found] == [RequestTimeout]
+
+
+def test_calls_learn_at_once_that_there_is_no_session() -> None:
+    outcomes: list[object] = []
+    before_the_next_attempt: list[object] = []
+    asked = False
+    port = Port()
+    port.theirs.close()
+    rig: Rig
+
+    def call_once() -> None:
+        nonlocal asked
+        if asked:
+            before_the_next_attempt.extend(outcomes)
+            return
+        asked = True
+        rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), outcomes.append)
+        raise PortUnavailable("port", "gone")
+
+    rig = Rig(port, call_once)
+    rig.loop.run()
+    assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]

@@ -1,0 +1,144 @@
+"""A port whose settings another program changes, and one that is held against other programs."""
+
+import array
+import fcntl
+import os
+import subprocess
+import termios
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link import transports as transport
+from wheelwire.link.reconnect import USUAL_RATES
+from wheelwire.link.transports import SerialTransport
+from wheelwire.simulation.simulator import Simulator
+
+PATIENCE_S = 30.0
+TIOCGEXCL = 0x80045440
+"""Of Linux; the module `termios` does not have it."""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(tmp_path / "robot") as device:
+        yield device
+
+
+def settings(port: Path | str) -> list[object]:
+    file = os.open(port, os.O_RDWR | os.O_NOCTTY)
+    try:
+        return termios.tcgetattr(file)
+    finally:
+        os.close(file)
+
+
+def stty(port: Path | str, *arguments: str) -> None:
+    subprocess.run(["stty", "-F", str(port), *arguments], check=True)
+
+
+def drives(driver: SerialDriver) -> bool:
+    try:
+        driver.set_velocity(0.1, 0.0)
+        driver.stop()
+    except (errors.LinkLost, errors.RequestTimeout):
+        return False
+    return True
+
+
+@pytest.mark.parametrize("change", [["sane"], ["9600"], ["ixon", "ixoff"], ["-raw", "echo"]])
+def test_the_link_comes_back_after_another_program_changed_the_settings(
+    robot: PtyDevice, change: list[str]
+) -> None:
+    with SerialDriver(str(robot.path)) as driver:
+        ours = settings(robot.path)
+        stty(robot.path, *change)
+        assert settings(robot.path) != ours
+        wait_until(lambda: settings(robot.path) == ours, PATIENCE_S)
+        wait_until(lambda: drives(driver), PATIENCE_S)
+        assert driver.statistics.reconnects >= 1
+
+
+def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
+    with Simulator(baud=115_200) as simulator, SerialDriver(simulator.port) as driver:
+        stty(simulator.port, "9600")
+        wait_until(lambda: driver.statistics.reconnects >= 1, PATIENCE_S)
+        wait_until(lambda: drives(driver), PATIENCE_S)
+        assert driver.info.baud_rate == 115_200
+
+
+def test_a_device_that_no_longer_answers_has_its_port_opened_anew(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path)) as driver:
+        robot.device.mute = True
+        wait_until(lambda: driver.statistics.reconnects >= 1, PATIENCE_S)
+        robot.device.mute = False
+        wait_until(lambda: drives(driver), PATIENCE_S)
+
+
+def test_a_device_that_comes_back_at_another_baud_rate_is_found(
+    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_baud_rate = SerialTransport.set_baud_rate
+    with SerialDriver(str(robot.path)) as driver:
+        robot.device.mute = True
+
+        def set_and_hear(port: SerialTransport, baud_rate: int) -> None:
+            set_baud_rate(port, baud_rate)
+            robot.device.mute = baud_rate != 460_800
+
+        monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
+        wait_until(lambda: drives(driver), PATIENCE_S)
+        assert driver.info.baud_rate == 460_800
+
+
+def test_a_port_where_nothing_answers_is_opened_anew_after_each_round(
+    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened, tried = [], []
+    real: Callable[..., None] = SerialTransport.__init__
+    set_baud_rate = SerialTransport.set_baud_rate
+
+    def note_opening(self: SerialTransport, port: str, baud_rate: int) -> None:
+        opened.append(baud_rate)
+        robot.device.mute = len(opened) == 1
+        real(self, port, baud_rate)
+
+    def note_rate(self: SerialTransport, baud_rate: int) -> None:
+        tried.append(baud_rate)
+        set_baud_rate(self, baud_rate)
+
+    monkeypatch.setattr(SerialTransport, "__init__", note_opening)
+    monkeypatch.setattr(SerialTransport, "set_baud_rate", note_rate)
+    with SerialDriver(str(robot.path), connect_timeout=PATIENCE_S) as driver:
+        assert driver.info.baud_rate == 921_600
+    assert opened == [921_600, 921_600]
+    assert tuple(tried) == USUAL_RATES[1:]
+
+
+def exclusive(port: Path) -> bool:
+    file = os.open(port, os.O_RDWR | os.O_NOCTTY)  # which root may, all the same
+    try:
+        flag = array.array("i", [0])
+        fcntl.ioctl(file, TIOCGEXCL, flag)
+        return bool(flag[0])
+    finally:
+        os.close(file)
+
+
+def test_a_port_is_held_against_programs_that_know_no_lock(
+    robot: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transport, "PSEUDO_TERMINALS", "/nowhere/")
+    with SerialDriver(str(robot.path)):
+        assert exclusive(robot.path)
+    assert not exclusive(robot.path)
+
+
+def test_a_pseudo_terminal_is_not_left_shut_by_a_program_that_is_killed(robot: PtyDevice) -> None:
+    with SerialDriver(str(robot.path)):
+        assert not exclusive(robot.path)

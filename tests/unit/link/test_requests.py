@@ -1,0 +1,240 @@
+import pytest
+
+from support.virtual_line import VirtualLine
+from wheelwire.errors import LinkLost, RequestTimeout
+from wheelwire.link.requests import RequestQueue
+from wheelwire.link.session import Phase
+from wheelwire.simulation.impairment import Faults
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import RefusalCode, StopMode
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    ClearEstop,
+    ClearFault,
+    Estop,
+    ParameterGet,
+    ParameterSet,
+    ParameterValue,
+    Ping,
+    Refuse,
+    Stop,
+)
+
+
+def begin(line: VirtualLine, stop: type[Stop | Estop], outcomes: list[object]) -> None:
+    """A stop or an e-stop of the host; its outcome goes to `outcomes`."""
+    if stop is Stop:
+        line.session.stop(StopMode.BRAKE, outcomes.append, line.now_us)
+    else:
+        line.session.estop(outcomes.append, line.now_us)
+
+
+def test_an_answer_to_a_request_that_was_given_up_is_no_value() -> None:
+    line = VirtualLine().open()
+    outcomes: list[object] = []
+    line.device.mute = True
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    line.run_until(lambda: bool(outcomes))
+    assert isinstance(outcomes[0], RequestTimeout)
+    line.device.mute = False
+    line.device.send(ParameterValue(line.device.session_id, 1, 1, 5.0))
+    line.run(0.05)
+    assert len(outcomes) == 1
+
+
+def test_a_request_is_repeated_unchanged_and_done_once() -> None:
+    line = VirtualLine().open()
+    line.to_host.faults.loss = 1.0
+    outcomes: list[object] = []
+    line.session.request(ParameterSet(0, 0, 6, 0.25), outcomes.append, line.now_us)
+    line.run(0.5)
+    line.to_host.faults.loss = 0.0
+    line.run_until(lambda: bool(outcomes))
+    copies = line.sent_of(ParameterSet)
+    assert len(copies) >= 3
+    assert len(set(copies)) == 1
+    assert len([m for m in line.device.done if isinstance(m, ParameterSet)]) == 1
+    assert isinstance(outcomes[0], ParameterValue)
+    assert line.session.statistics(line.now_us).requests_repeated == len(copies) - 1
+
+
+def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often() -> None:
+    line = VirtualLine().open()
+    outcomes: list[object] = []
+    line.device.mute = True
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    copies: list[int] = []
+    begin_us = line.now_us
+    for _ in range(4):
+        line.run_until(lambda: len(line.sent_of(ParameterGet)) > len(copies))
+        copies.append(line.now_us - begin_us)
+    assert copies == pytest.approx([0, 25_000, 75_000, 175_000], abs=2_000)
+    line.run_until(lambda: bool(outcomes))
+    assert line.now_us - begin_us == pytest.approx(1_000_000, rel=0.1)
+    assert len(line.sent_of(ParameterGet)) <= 12
+
+
+def test_a_request_of_a_busy_device_is_done_once_and_answered_late() -> None:
+    line = VirtualLine().open()
+    line.to_host.faults.delay_us = 700_000
+    assert isinstance(line.request(ParameterSet(0, 0, 6, 0.25)), ParameterValue)
+    line.run(2.0)
+    assert len([m for m in line.device.done if isinstance(m, ParameterSet)]) == 1
+    assert line.session.phase is Phase.OPEN
+
+
+def test_requests_go_one_at_a_time_in_order() -> None:
+    line = VirtualLine().open()
+    outcomes: list[object] = []
+    line.device.mute = True
+    for parameter in (1, 2, 3):
+        line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
+    line.run(0.3)
+    assert {m.parameter for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)} == {1}
+    line.device.mute = False
+    line.run_until(lambda: len(outcomes) == 3)
+    assert [o.parameter for o in outcomes if isinstance(o, ParameterValue)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None:
+    line = VirtualLine().open()
+    line.to_device.faults.loss = 1.0
+    answers: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), answers.append, line.now_us)
+    line.run(0.005)
+    line.to_device.faults.loss = 0.0
+    outcomes: list[object] = []
+    begin(line, stop, outcomes)
+    line.run_until(lambda: bool(outcomes), patience_s=0.01)
+    assert isinstance(outcomes[0], Ack)
+    assert answers == []
+
+
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_is_repeated_forty_times_a_second_before_it_is_given_up(
+    stop: type[Stop | Estop],
+) -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    begin_us = line.now_us
+    begin(line, stop, outcomes)
+    line.run_until(lambda: bool(outcomes))
+    assert isinstance(outcomes[0], RequestTimeout)
+    assert len(line.sent_of(stop)) == 40
+    assert line.now_us - begin_us == pytest.approx(1_000_000, abs=2_000)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Ack(0, 1, message_id(ParameterGet)),
+        Refuse(0, message_id(ParameterSet), RefusalCode.OUT_OF_RANGE, 1),
+        ParameterValue(0, 2, 1, 5.0),
+    ],
+)
+def test_what_does_not_answer_the_request_that_is_open_is_foreign(answer: Ack | Refuse) -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    foreign = line.session.statistics(line.now_us).foreign
+    line.device.send(answer._replace(session_id=line.device.session_id))
+    line.run(0.01)
+    assert outcomes == []
+    assert line.session.statistics(line.now_us).foreign == foreign + 1
+
+
+def test_an_acknowledgement_of_something_else_is_foreign() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ClearFault(0, 0), outcomes.append, line.now_us)
+    line.device.send(Ack(line.device.session_id, 1, message_id(ClearEstop)))
+    line.run(0.01)
+    assert outcomes == []
+
+
+def test_neither_stops_nor_pings_make_the_next_request_an_old_one() -> None:
+    """The device takes an id that is ahead by more than 32767 for an old one, and is silent."""
+    line = VirtualLine().open()
+    for _ in range(3):
+        assert isinstance(line.request(ParameterGet(0, 0, 1)), ParameterValue)
+        for _ in range(3):
+            line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+            line.session.estop(lambda _: None, line.now_us)
+        line.run(1.0)
+    assert [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)] == [
+        1,
+        2,
+        3,
+    ]
+
+
+def test_request_ids_wrap_at_65536() -> None:
+    sent: list[AnyMessage] = []
+    queue = RequestQueue(sent.append)
+    for _ in range(65537):
+        queue.submit(ParameterGet(7, 0, 1), lambda _: None, 0)
+        request = sent[-1]
+        assert isinstance(request, ParameterGet)
+        assert queue.on_answer(ParameterValue(7, request.request_id, 1, 0.5), 0)
+    assert [m.request_id for m in sent[-3:] if isinstance(m, ParameterGet)] == [65535, 0, 1]
+
+
+def test_request_ids_begin_anew_in_a_new_session() -> None:
+    line = VirtualLine(watched=(1, 2)).open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    ids = [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)]
+    assert ids == [1, 2, 1, 2]
+
+
+def test_an_answer_that_comes_twice_is_taken_once() -> None:
+    line = VirtualLine(to_host=Faults(repeat=1.0, delay_us=200), watched=(1,)).open()
+    foreign = line.session.statistics(line.now_us).foreign
+    assert isinstance(line.request(ParameterSet(0, 0, 1, 0.05)), ParameterValue)
+    line.run(0.01)
+    assert line.session.statistics(line.now_us).foreign == foreign + 1
+    assert line.session.values[1] == pytest.approx(0.05)
+
+
+def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
+    line = VirtualLine().open()
+    line.run(0.4)
+    line.to_host.faults.loss = 1.0
+    answers: list[object] = []
+    line.session.request(ParameterSet(0, 0, 1, 0.05), answers.append, line.now_us)
+    pings = len(line.sent_of(Ping))
+    line.run(0.75)
+    line.to_host.faults.loss = 0.0
+    line.run(0.2)
+    assert len(line.sent_of(Ping)) > pings
+    assert isinstance(answers[0], ParameterValue)
+    assert sum(isinstance(done, ParameterSet) for done in line.device.done) == 1
+
+
+def test_disconnecting_ends_every_request() -> None:
+    line = VirtualLine().open()
+    outcomes: list[object] = []
+    for parameter in (1, 2):
+        line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
+    line.session.disconnect(LinkLost("unplugged"))
+    assert [str(outcome) for outcome in outcomes] == ["unplugged"] * 2
+    assert line.session.next_deadline_us is None
+    with pytest.raises(LinkLost, match="unplugged"):
+        line.drive()
+
+
+def test_a_stop_without_a_session_is_sent_all_the_same() -> None:
+    line = VirtualLine()
+    line.device.mute = True
+    line.session.connect(line.now_us)
+    outcomes: list[object] = []
+    line.session.stop(StopMode.CONFIGURED, outcomes.append, line.now_us)
+    assert isinstance(outcomes[0], LinkLost)
+    line.run(0.01)
+    assert any(isinstance(message, Stop) for message in line.device.received)

@@ -1,0 +1,111 @@
+"""`for sample in robot.samples():`."""
+
+from __future__ import annotations
+
+import threading
+import time
+from itertools import islice, pairwise
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import Simulator, errors
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link.transports import SerialTransport
+
+
+def test_each_sample_comes_once_and_in_order() -> None:
+    with MockDriver(realtime=False) as robot:
+        times = [sample.t_us for sample in islice(robot.samples(), 50)]
+    assert {b - a for a, b in pairwise(times)} == {10_000}  # the default rate, 100 Hz
+
+
+def test_a_fast_stream_loses_none_though_several_come_at_once() -> None:
+    with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
+        times = [sample.t_us for sample in islice(robot.samples(), 500)]
+        assert robot.statistics.frames_lost == 0
+    assert {b - a for a, b in pairwise(times)} == {1000}
+
+
+def test_iterators_and_read_take_nothing_from_each_other() -> None:
+    with MockDriver(realtime=False) as robot:
+        first, second = robot.samples(), robot.samples()
+        robot.advance(0.1)
+        assert robot.read() == list(islice(first, 10))[-1]
+        assert len(list(islice(second, 10))) == 10
+
+
+def test_whoever_is_slow_misses_the_oldest_and_can_see_how_many() -> None:
+    with MockDriver(realtime=False) as robot:
+        samples = robot.samples()
+        robot.advance(3.0)
+        oldest = next(samples)
+        newest = robot.read()
+        assert samples.dropped == pytest.approx(200, abs=2)
+        assert newest.stamp - oldest.stamp == pytest.approx(1.0, abs=0.02)
+
+
+def test_closing_the_driver_ends_it_after_what_has_come() -> None:
+    robot = MockDriver(realtime=False)
+    samples = robot.samples()
+    robot.advance(0.05)
+    robot.close()
+    assert len(list(samples)) >= 5
+    assert list(robot.samples()) == []
+
+
+def test_closing_ends_a_wait_in_another_thread(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device:
+        device.device.rate_hz = 0
+        robot = SerialDriver(str(device.path))
+        samples = robot.samples()
+        thread = threading.Thread(target=list, args=(samples,))
+        thread.start()
+        robot.close()
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+def test_it_waits_across_a_reconnection(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        samples = robot.samples()
+        next(samples)
+        device.unplug()
+        wait_until(lambda: is_lost(robot))
+        plugged_s = time.monotonic()
+        device.plug()
+        assert next(sample for sample in samples if sample.stamp > plugged_s)
+
+
+def is_lost(robot: SerialDriver) -> bool:
+    try:
+        robot.geometry  # noqa: B018
+    except errors.LinkLost:
+        return True
+    return False
+
+
+def test_a_link_that_ends_otherwise_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: SerialTransport) -> bytes:
+        raise ZeroDivisionError
+
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        samples = robot.samples()
+        monkeypatch.setattr(SerialTransport, "read", fail)
+        with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
+            list(samples)
+
+
+def test_a_forgotten_iterator_costs_nothing() -> None:
+    with MockDriver(realtime=False) as robot:
+        samples = robot.samples()
+        next(samples)
+        assert robot._inbox.is_iterated
+        del samples
+        robot.advance(0.05)
+        assert not robot._inbox.is_iterated

@@ -1,0 +1,342 @@
+import pytest
+
+from support.fake_device import FakeDevice, Request
+from support.virtual_line import VirtualLine
+from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
+from wheelwire.link.session import Phase
+from wheelwire.simulation.impairment import Faults
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.schema import schema_hash
+from wheelwire_protocol.types import (
+    AnyMessage,
+    DeviceHello,
+    Event,
+    Hello,
+    ParameterGet,
+    ParameterValue,
+    Ping,
+    Pong,
+    Refuse,
+    SetStreamRate,
+    SetWheelVelocity,
+)
+
+
+def test_a_session_opens_with_a_known_clock_rate_and_parameters() -> None:
+    line = VirtualLine(stream_rate_hz=200, watched=(1, 6)).open()
+    assert line.device.rate_hz == 200
+    assert line.session.values == pytest.approx({1: 0.033, 6: 0.4})
+    assert len(line.sent_of(Ping)) >= 8
+    assert line.session.device is not None
+    assert line.session.device.release.release == "9.8.7"
+    assert line.session.device.board_id == "240ac4123456"
+
+
+def test_a_session_opens_on_a_line_that_is_slow_to_answer() -> None:
+    slow = Faults(delay_us=350_000)
+    line = VirtualLine(to_device=slow, to_host=slow, stream_rate_hz=100, watched=(1,))
+    line.session.connect(line.now_us)
+    line.run_until(lambda: bool(line.samples), patience_s=10.0)
+    line.run(5.0)
+    assert line.session.statistics(line.now_us).sessions == 1
+
+
+def test_hello_is_repeated_with_one_nonce_until_answered() -> None:
+    line = VirtualLine()
+    line.device.mute = True
+    line.session.connect(line.now_us)
+    line.run(0.45)
+    hellos = line.sent_of(Hello)
+    assert 10 <= len(hellos) <= 20
+    assert len(set(hellos)) == 1
+    line.device.mute = False
+    line.wait_open()
+
+
+@pytest.mark.parametrize("difference", ["protocol_version", "schema_hash"])
+def test_a_mismatch_names_both_sides_and_opens_nothing(difference: str) -> None:
+    device = FakeDevice()
+    setattr(device, difference, 77)
+    line = VirtualLine(device=device)
+    line.session.connect(line.now_us)
+    line.run_until(lambda: isinstance(line.session.error, ProtocolMismatch))
+    text = str(line.session.error)
+    assert "9.8.7" in text
+    assert f"{schema_hash():08x}" in text
+    assert f"{device.schema_hash:08x}" in text
+    assert f"protocol {device.protocol_version}" in text
+    with pytest.raises(ProtocolMismatch):
+        line.drive()
+    assert line.sent_of(SetWheelVelocity) == []
+
+
+def test_a_booting_device_is_greeted_again() -> None:
+    device = FakeDevice(booting=True)
+    line = VirtualLine(device=device)
+    line.session.connect(line.now_us)
+    line.run(0.25)
+    assert len(line.sent_of(Hello)) > 2
+    with pytest.raises(LinkLost, match="starting"):
+        line.drive()
+    device.booting = False
+    line.wait_open()
+
+
+def test_answers_of_another_session_are_ignored_and_counted() -> None:
+    line = VirtualLine(watched=(1,)).open()
+    foreign = line.session.statistics(line.now_us).foreign
+    other = line.device.session_id ^ 1
+    line.device.send(ParameterValue(other, 1, 1, 99.0))
+    line.device.send(Refuse(other, message_id(SetWheelVelocity), RefusalCode.ESTOPPED, 1))
+    line.run(0.01)
+    assert line.session.statistics(line.now_us).foreign == foreign + 2
+    assert line.session.values[1] == pytest.approx(0.033)
+    line.drive()
+
+
+def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile() -> None:
+    line = VirtualLine(stream_rate_hz=50, watched=(1,)).open()
+    line.drive()
+    outcomes: list[object] = []
+    line.device.reset()
+    line.session.request(ParameterGet(0, 0, 2), outcomes.append, line.now_us)
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    with pytest.raises(LinkLost, match="session"):
+        line.drive()
+    assert isinstance(outcomes[0], LinkLost)
+    line.wait_open()
+    assert line.samples[-1].boot_id == line.device.boot_id
+    statistics = line.session.statistics(line.now_us)
+    assert (statistics.sessions, statistics.device_resets) == (2, 1)
+    line.drive()
+    line.run(0.05)
+    assert line.device.obeyed[-1].command_seq == 1
+
+
+def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon() -> None:
+    line = VirtualLine().open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN, patience_s=0.12)
+    line.wait_open()
+
+
+def test_the_reset_is_found_soon_though_the_first_answer_is_lost() -> None:
+    line = VirtualLine().open()
+    line.device.reset()
+    line.to_host.faults.loss = 1.0
+    line.run(0.12)
+    line.to_host.faults.loss = 0.0
+    line.run_until(lambda: line.session.phase is not Phase.OPEN, patience_s=0.03)
+
+
+def test_a_silent_device_is_not_flooded() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    sent = len(line.sent)
+    line.run(1.0)
+    assert 20 <= len(line.sent) - sent <= 50
+
+
+def test_a_device_that_streams_nothing_is_asked_five_times_a_second() -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.run(1.0)
+    pings = len(line.sent_of(Ping))
+    line.run(10.0)
+    assert len(line.sent_of(Ping)) - pings == pytest.approx(50, abs=2)
+
+
+def test_an_event_behind_a_state_in_one_read_has_the_last_word() -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.run(0.1)
+    line.device.send(line.device.state(line.now_us))
+    line.device.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, line.now_us)
+    line.run(0.01)
+    with pytest.raises(DeviceRefused, match="Emergency stop is latched"):
+        line.drive()
+
+
+def test_pings_are_half_a_second_apart_while_states_come() -> None:
+    line = VirtualLine().open()
+    pings = len(line.sent_of(Ping))
+    line.run(10.0)
+    assert len(line.sent_of(Ping)) - pings == pytest.approx(20, abs=1)
+
+
+def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once() -> None:
+    line = VirtualLine().open()
+    state = line.device.state(line.now_us)
+    line.device.send(state._replace(boot_id=state.boot_id ^ 1))
+    hellos = len(line.sent_of(Hello))
+    line.run(0.002)
+    assert len(line.sent_of(Hello)) == hellos + 1
+
+
+def test_a_late_state_frame_of_a_former_boot_changes_nothing() -> None:
+    line = VirtualLine().open()
+    late = line.device.state(line.now_us)
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    count = len(line.samples)
+    sessions = line.session.statistics(line.now_us).sessions
+    line.device.rate_hz = 0
+    line.device.send(late)
+    line.run(0.05)
+    assert line.session.phase is Phase.OPEN
+    assert line.session.statistics(line.now_us).sessions == sessions
+    assert len(line.samples) - count <= 1
+    assert line.samples[-1].boot_id == line.device.boot_id
+
+
+def test_silence_ends_the_session_and_the_answer_opens_a_new_one() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    line.run(1.9)
+    assert line.session.phase is Phase.OPEN
+    line.run(0.2)
+    with pytest.raises(LinkLost, match="silent"):
+        line.drive()
+    line.device.mute = False
+    line.wait_open()
+    assert line.session.statistics(line.now_us).device_resets == 0
+
+
+def test_a_rate_that_the_device_refuses_is_told() -> None:
+    class Narrow(FakeDevice):
+        def _do(self, request: object) -> object:  # type: ignore[override]
+            assert isinstance(request, SetStreamRate)
+            code = RefusalCode.RATE_TOO_HIGH
+            ids = request.session_id, message_id(SetStreamRate)
+            return Refuse(*ids, code, request.request_id)
+
+    line = VirtualLine(device=Narrow(), stream_rate_hz=5000)
+    line.session.connect(line.now_us)
+    line.run_until(lambda: isinstance(line.session.error, DeviceRefused))
+    assert line.session.phase is not Phase.OPEN
+    hellos = len(line.sent_of(Hello))
+    line.run(0.9)
+    assert len(line.sent_of(Hello)) == hellos  # it does not storm the device
+    line.run(0.2)
+    assert len(line.sent_of(Hello)) > hellos
+
+
+def test_after_the_port_was_opened_again_sequence_numbers_start_anew() -> None:
+    line = VirtualLine().open()
+    line.run(1.0)
+    line.session.disconnect(LinkLost("unplugged"))
+    line.session.connect(line.now_us)
+    line.wait_open()
+    assert line.session.statistics(line.now_us).frames_lost == 0
+    assert line.device._decoder.counters.seq_lost == 0
+
+
+def test_after_a_reset_no_value_of_the_former_boot_is_left() -> None:
+    line = VirtualLine(watched=(1,)).open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is Phase.PREPARING)
+    assert line.session.values == {}
+
+
+def test_each_session_has_a_nonce_of_its_own() -> None:
+    line = VirtualLine().open()
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    hellos = [message for message in line.sent if isinstance(message, Hello)]
+    assert hellos[-1].nonce != hellos[0].nonce
+
+
+def test_a_value_for_another_session_answers_no_request_of_this_one() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    outcomes: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 99.0))
+    line.run(0.01)
+    assert outcomes == []
+
+
+def test_a_pong_for_another_session_sets_no_clock() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    pings = len(line.sent_of(Ping))
+    line.run_until(lambda: len(line.sent_of(Ping)) > pings)
+    ping = line.sent_of(Ping)[-1]
+    assert isinstance(ping, Ping)
+    error_us = line.session.statistics(line.now_us).clock_error_us
+    device_us = line.device.clock(line.now_us) + 9_000_000
+    other = line.device.session_id ^ 1
+    line.device.send(Pong(other, ping.request_id, ping.host_us, device_us, device_us))
+    line.run(0.001)
+    assert line.session.statistics(line.now_us).clock_error_us >= error_us
+
+
+def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
+    line = VirtualLine().open()
+    t_us = line.device.clock(line.now_us) & 0xFFFFFFFF
+    states = SupervisorState.IDLE, SupervisorState.ESTOPPED
+    late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0)
+    line.device.reset()
+    line.run_until(lambda: line.session.phase is not Phase.OPEN)
+    line.wait_open()
+    line.device.rate_hz = 0
+    line.run(0.05)
+    line.device.send(late)
+    line.run(0.005)
+    line.drive()
+
+
+def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
+    line = VirtualLine()
+    line.to_device.faults.loss = 1.0
+    line.session.connect(line.now_us)
+    line.run(0.01)
+    hello = line.sent_of(Hello)[0]
+    assert isinstance(hello, Hello)
+    theirs = hello._replace(nonce=hello.nonce ^ 1)
+    line.device.feed(Encoder().encode(theirs), line.now_us)
+    line.run(0.1)
+    assert line.session.phase is Phase.HELLO
+    assert line.session.statistics(line.now_us).foreign > 0
+
+
+def test_what_a_device_says_to_others_does_not_keep_a_session_alive() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    for _ in range(5):
+        line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 0.5))
+        line.run(0.5)
+    assert line.session.phase is Phase.HELLO
+
+
+def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
+    class Unwilling(FakeDevice):
+        def send(self, message: AnyMessage) -> None:
+            if isinstance(message, DeviceHello):
+                message = message._replace(refusal=RefusalCode.NOT_STOPPED)
+            super().send(message)
+
+    line = VirtualLine(device=Unwilling())
+    line.session.connect(line.now_us)
+    line.run(0.2)
+    assert line.session.phase is Phase.HELLO
+    assert isinstance(line.session.error, DeviceRefused)
+
+
+def test_one_refusal_among_what_a_session_needs_keeps_it_closed() -> None:
+    class Forgetful(FakeDevice):
+        def _do(self, request: Request) -> AnyMessage:
+            if isinstance(request, ParameterGet):
+                ids = request.session_id, message_id(ParameterGet)
+                return Refuse(*ids, RefusalCode.UNKNOWN_PARAMETER, request.request_id)
+            return super()._do(request)
+
+    line = VirtualLine(device=Forgetful(), watched=(1,), stream_rate_hz=50)
+    line.session.connect(line.now_us)
+    line.run(0.5)
+    assert line.session.phase is not Phase.OPEN
+    assert isinstance(line.session.error, DeviceRefused)

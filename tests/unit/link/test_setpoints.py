@@ -1,0 +1,208 @@
+import pytest
+
+from support.fake_device import FakeDevice
+from support.virtual_line import VirtualLine
+from wheelwire.errors import DeviceRefused, InvalidCommand
+from wheelwire.simulation.impairment import Faults
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.types import (
+    Ack,
+    ClearEstop,
+    Estop,
+    Refuse,
+    SetWheelVelocity,
+    Stop,
+)
+
+
+def test_a_setpoint_is_sent_once_when_it_is_seen_to_be_obeyed() -> None:
+    line = VirtualLine().open()
+    line.drive()
+    line.run(0.3)
+    assert len(line.sent_of(SetWheelVelocity)) == 1
+    assert line.session.statistics(line.now_us).setpoints_repeated == 0
+
+
+def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry() -> None:
+    line = VirtualLine().open()
+    line.to_device.faults.loss = 1.0
+    line.drive(ttl_s=0.4)
+    line.run(0.01)
+    line.to_device.faults.loss = 0.0
+    line.run(0.39)
+    copies = line.sent_of(SetWheelVelocity)
+    assert len(copies) == 2
+    assert copies[0] == copies[1]
+    assert len(line.device.obeyed) == 1
+
+
+def test_nothing_renews_a_setpoint() -> None:
+    line = VirtualLine().open()
+    line.drive(ttl_s=0.3)
+    begin_us = line.now_us
+    line.run_until(lambda: line.device.supervisor is SupervisorState.TIMED_OUT)
+    assert line.now_us - begin_us == pytest.approx(300_000, abs=2_000)
+    line.run(2.0)
+    assert len(line.device.obeyed) == 1
+
+
+def test_a_setpoint_that_expired_before_its_repeat_is_not_repeated() -> None:
+    line = VirtualLine().open()
+    line.to_device.faults.loss = 1.0
+    line.drive(ttl_s=0.015)
+    line.run(0.1)
+    assert len(line.sent_of(SetWheelVelocity)) == 1
+
+
+def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice() -> None:
+    line = VirtualLine().open()
+    line.device.mute = True
+    line.drive(ttl_s=0.5)
+    line.run(0.45)
+    assert len(line.sent_of(SetWheelVelocity)) == 2
+
+
+@pytest.mark.parametrize("stop", [Stop, Estop])
+def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0  # no state frame tells that anything arrived
+    line.run(0.05)
+    line.to_device.faults.loss = 1.0
+    line.drive()
+    line.flush()
+    line.to_device.faults.loss = 0.0
+    if stop is Stop:
+        line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    else:
+        line.session.estop(lambda _: None, line.now_us)
+    line.run(0.3)
+    assert len(line.sent_of(SetWheelVelocity)) == 1
+    assert line.sent_of(stop)
+
+
+def test_a_stop_outdates_the_setpoints_before_it() -> None:
+    line = VirtualLine().open()
+    line.drive()
+    line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    line.run(0.05)
+    stop = line.sent_of(Stop)[0]
+    assert isinstance(stop, Stop)
+    line.drive()
+    line.run(0.05)
+    before, after = (setpoint.command_seq for setpoint in line.device.obeyed)
+    assert before < stop.command_seq < after
+
+
+@pytest.mark.parametrize("news", ["refused", "obeyed"])
+def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.drive()
+    line.run(0.05)
+    line.to_device.faults.loss = 1.0
+    line.drive()
+    line.flush()
+    line.to_device.faults.loss = 0.0
+    if news == "obeyed":
+        line.device.send(line.device.state(line.now_us))
+    else:
+        ids = line.device.session_id, message_id(SetWheelVelocity)
+        line.device.send(Refuse(*ids, RefusalCode.EXPIRED, 1))
+    line.run(0.05)
+    assert [setpoint.command_seq for setpoint in line.device.obeyed] == [1, 2]
+
+
+def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
+    device = FakeDevice(drift=200e-6, clock_offset_us=-900_000)
+    line = VirtualLine(device=device).open()
+    line.run(20.0)
+    line.drive(ttl_s=0.5)
+    expiry_us = line.now_us + 500_000
+    line.run(0.1)
+    assert line.device.obeyed[0].expiry_us == pytest.approx(device.clock(expiry_us), abs=600)
+
+
+@pytest.mark.parametrize(("out_us", "back_us"), [(200, 200), (200, 40_000), (40_000, 200)])
+@pytest.mark.parametrize("drift", [-200e-6, 0, 200e-6])
+def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
+    out_us: int, back_us: int, drift: float
+) -> None:
+    device = FakeDevice(drift=drift)
+    ways = Faults(delay_us=out_us), Faults(delay_us=back_us)
+    line = VirtualLine(to_device=ways[0], to_host=ways[1], device=device).open()
+    for _ in range(40):
+        line.drive(ttl_s=0.2)
+        true_us = device.clock(line.now_us + 200_000)
+        line.run(0.25)
+        setpoint = device.obeyed[-1]
+        assert setpoint.expiry_us <= true_us
+        # What it lost is the round trip at most, and the drift of half a second.
+        assert setpoint.expiry_us >= true_us - out_us - back_us - 600
+
+
+def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
+    slow = Faults(delay_us=20_000)
+    line = VirtualLine(to_device=slow, to_host=slow).open()
+    with pytest.raises(InvalidCommand, match=r"10 ms are left .*ttl.* known to 20\.\d+ ms"):
+        line.drive(ttl_s=0.010)
+    assert line.sent_of(SetWheelVelocity) == []
+    line.drive(ttl_s=0.1)
+    line.run(0.05)
+    assert len(line.device.obeyed) == 1
+
+
+def test_a_refused_setpoint_is_told_once_at_the_next_one() -> None:
+    line = VirtualLine().open()
+    line.to_device.faults.delay_us = 30_000
+    line.drive(ttl_s=0.01)
+    line.run(0.2)
+    with pytest.raises(DeviceRefused) as told:
+        line.drive()
+    assert told.value.code == RefusalCode.EXPIRED
+    line.drive()
+    assert line.session.statistics(line.now_us).refused == 1
+
+
+@pytest.mark.parametrize(
+    ("state", "code"),
+    [
+        (SupervisorState.ESTOPPED, RefusalCode.ESTOPPED),
+        (SupervisorState.FAULT, RefusalCode.FAULT),
+    ],
+)
+def test_a_latched_device_is_sent_no_setpoint(state: SupervisorState, code: RefusalCode) -> None:
+    line = VirtualLine().open()
+    line.device.move_to(state, SupervisorEvent.ESTOP, line.now_us)
+    line.run(0.002)  # the event, before any state frame
+    with pytest.raises(DeviceRefused) as told:
+        line.drive()
+    assert told.value.code == code
+    assert line.sent_of(SetWheelVelocity) == []
+
+
+@pytest.mark.parametrize("told_first", ["state", "refusal"])
+def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -> None:
+    line = VirtualLine().open()
+    line.device.supervisor = SupervisorState.FAULT
+    state = line.device.state(line.now_us)
+    if told_first == "refusal":
+        line.drive()
+    line.device.send(state._replace(faults=Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN))
+    line.device.rate_hz = 0
+    line.run(0.005)
+    with pytest.raises(DeviceRefused, match=r"LEFT_REVERSED.*swap.*CONTROL_OVERRUN") as told:
+        line.drive()
+    assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN
+
+
+def test_after_a_clear_the_next_setpoint_goes_at_once() -> None:
+    line = VirtualLine().open()
+    line.session.estop(lambda _: None, line.now_us)
+    line.run(0.05)
+    with pytest.raises(DeviceRefused):
+        line.drive()
+    assert isinstance(line.request(ClearEstop(0, 0)), Ack)
+    line.drive()
+    line.run(0.05)
+    assert len(line.device.obeyed) == 1

@@ -1,0 +1,174 @@
+"""Calls in signal handlers, and exceptions out of them, at every step of the calls they interrupt.
+
+The handler is called between two bytecodes of the main thread, as a signal's is, in the library's
+frames and in the standard library's, and at each of them in turn.
+"""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from support.bytecodes import interrupted
+from support.interrupted_host import LONGEST_S
+from support.interrupts import storm
+from support.pty_device import PtyDevice
+from support.threads import link_threads
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.drivers.transport_driver import TransportDriver
+from wheelwire.link.connection import Link
+from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.transports import Transport, open_transport
+from wheelwire.link.waiting import Notifier
+
+CALLS: dict[str, Callable[[SerialDriver], object]] = {
+    "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=60.0),
+    "stop": lambda robot: robot.stop(),
+    "read": lambda robot: robot.read(),
+    "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
+    "statistics": lambda robot: robot.statistics,
+    "get": lambda robot: robot.parameters.get("wheel_radius"),
+}
+
+
+STRIDE = 7
+"""An opening has a thousand bytecodes and more: every seventh takes a few seconds."""
+
+
+@pytest.fixture
+def driver(tmp_path: Path) -> Iterator[SerialDriver]:
+    with PtyDevice(tmp_path / "robot") as device, SerialDriver(str(device.path)) as driver:
+        yield driver
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) -> None:
+    step = 1
+    while interrupted(lambda: CALLS[name](driver), step, driver.stop):
+        step += 1
+    assert step > 20
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
+    driver: SerialDriver, name: str
+) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    step, done = 0, False
+    while not done:
+        step += 1
+        try:
+            done = not interrupted(lambda: CALLS[name](driver), step, interrupt)
+        except KeyboardInterrupt:
+            driver.stop()
+    driver.read()
+    assert step > 20
+
+
+def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
+    step = 1
+    while interrupted(lambda: driver.read(10.0), step, lambda: driver.read(10.0)):
+        step += 1
+
+
+# Of an exception in a finaliser, and of an interrupted constructor's sockets when they are freed.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupted_opening_leaves_the_port_free(tmp_path: Path) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    step, done = 1, False
+    with PtyDevice(tmp_path / "robot") as device:
+        path = str(device.path)
+        while not done:
+            opened: list[SerialDriver] = []
+            with suppress(KeyboardInterrupt):
+                done = not interrupted(partial(_open_into, opened, path), step, interrupt)
+            for driver in opened:
+                driver.shutdown()
+            wait_until(lambda: not link_threads())
+            step += STRIDE
+        SerialDriver(path).shutdown()
+    assert step > 500
+
+
+def _open_into(opened: list[SerialDriver], path: str) -> None:
+    opened.append(SerialDriver(path))
+
+
+def test_no_handler_interrupts_the_opening_itself(tmp_path: Path) -> None:
+    threads: list[threading.Thread] = []
+
+    def open_port(baud_rate: int) -> Transport:
+        threads.append(threading.current_thread())
+        return open_transport(str(tmp_path / "robot"), baud_rate)
+
+    with PtyDevice(tmp_path / "robot"), TransportDriver("robot", open_port, baud_rate=921_600):
+        assert threads
+        assert threading.main_thread() not in threads
+
+
+def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "robot") as device:
+        Link(str(device.path), SampleInbox(), baud_rate=921_600, connect_timeout_s=5.0)
+        wait_until(lambda: not link_threads())
+        SerialDriver(str(device.path)).shutdown()
+
+
+def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    for step in range(1, 60):
+        with PtyDevice(tmp_path / f"robot{step}") as device:
+            driver = SerialDriver(str(device.path))
+            try:
+                interrupted(driver.shutdown, step, interrupt)
+            except KeyboardInterrupt:
+                driver.shutdown()
+            with pytest.raises(errors.LinkClosed):
+                driver.stop()
+            SerialDriver(str(device.path)).shutdown()
+
+
+@pytest.mark.parametrize("mode", ["raise", "stop"])
+def test_a_storm_of_interrupts(mode: str) -> None:
+    result = storm(500, mode)
+    # A named error may come of a busy computer, now and then.
+    assert sum(result.report["errors"].values()) < result.report["interrupts"] / 10
+    assert result.unsent == []
+    assert (result.report["alive"], result.report["left"]) == (1, 0)
+    assert result.report["longest_s"] < LONGEST_S
+
+
+def test_nobody_who_gave_up_waiting_is_remembered() -> None:
+    notifier = Notifier()
+    assert not notifier.wait_for(lambda: False, 0.01)
+    assert not notifier._waiting
+
+
+def test_a_notification_between_look_and_wait_is_not_missed() -> None:
+    notifier, looks = Notifier(), iter([False, True, True])
+    assert notifier.wait_for(lambda: next(looks), 10)
+
+
+def test_all_who_wait_are_woken() -> None:
+    notifier, flag = Notifier(), threading.Event()
+    woken: list[bool] = []
+    threads = [
+        threading.Thread(target=lambda: woken.append(notifier.wait_for(flag.is_set, 10)))
+        for _ in range(3)
+    ]
+    for thread in threads:
+        thread.start()
+    flag.set()
+    while any(thread.is_alive() for thread in threads):
+        notifier.notify_all()
+    assert woken == [True] * 3

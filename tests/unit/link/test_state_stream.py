@@ -1,0 +1,58 @@
+from support.virtual_line import VirtualLine
+from wheelwire.simulation.impairment import Faults
+from wheelwire_protocol.codes import Fault, SupervisorState
+
+
+def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.run(0.05)
+    count = len(line.samples)
+    newer = line.device.state(line.now_us)
+    older = newer._replace(t_us=newer.t_us - 5_000)
+    for state in (newer, newer, older):
+        line.device.send(state)
+    line.run(0.01)
+    assert len(line.samples) == count + 1
+    assert line.session.statistics(line.now_us).stale_states == 2
+
+
+def test_the_stamp_of_a_sample_is_the_hosts_time_of_its_latch() -> None:
+    faults = Faults(delay_us=2_000, jitter_us=8_000)
+    line = VirtualLine(to_device=faults, to_host=faults).open()
+    line.run(10.0)
+    for sample in line.samples:
+        latched_us = sample.t_us - line.device.clock_offset_us
+        assert abs(sample.stamp * 1e6 - latched_us) <= sample.stamp_error_s * 1e6 + 1
+
+
+def test_each_side_of_a_sample_is_that_of_the_state_frame() -> None:
+    line = VirtualLine().open()
+    line.device.rate_hz = 0
+    line.run(0.05)
+    state = line.device.state(line.now_us)._replace(
+        left_ticks=11,
+        right_ticks=-12,
+        left_mps=0.25,
+        right_mps=-0.5,
+        left_duty_q15=32767,
+        right_duty_q15=-32767,
+        command_seq=13,
+        supervisor=SupervisorState.FAULT,
+        faults=Fault.RIGHT_NOT_COUNTING,
+        overruns=14,
+        battery_mv=11_100,
+    )
+    line.device.send(state)
+    line.run(0.005)
+    sample = line.samples[-1]
+    assert (sample.left_ticks, sample.right_ticks) == (11, -12)
+    assert (sample.left_mps, sample.right_mps) == (0.25, -0.5)
+    assert (sample.left_duty, sample.right_duty) == (1.0, -1.0)
+    assert (sample.state, sample.faults) == (SupervisorState.FAULT, Fault.RIGHT_NOT_COUNTING)
+    assert (sample.command_seq, sample.overruns, sample.battery_v) == (13, 14, 11.1)
+
+
+def test_a_battery_that_is_not_measured_has_no_voltage() -> None:
+    line = VirtualLine().open()
+    assert line.samples[-1].battery_v is None

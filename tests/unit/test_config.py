@@ -1,0 +1,136 @@
+"""A robot's file: what is taken, and how what is wrong is told."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wheelwire
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire.config import parse_config
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import ConfigurationError
+from wheelwire.linux_mcu.pins import Pins
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+RADIUS = PARAMETER_BY_NAME["wheel_radius"].id
+
+
+def test_the_shipped_file_is_the_wiring_guides() -> None:
+    config = wheelwire.load_config()
+    assert config.driver == "pigpio"
+    assert config.pins == Pins()
+    assert (config.pigpio.host, config.pigpio.port) == ("localhost", 8888)
+    assert config.parameters["wheel_separation"] == 0.2
+    assert config.parameters["counts_per_revolution"] == 360
+    assert config.aliases == {}
+
+
+def test_other_names_are_taken_and_reported(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO):
+        config = parse_config(
+            {
+                "driver_type": "mock",
+                "wheel_base": 0.25,
+                "cpr": 1440,
+                "max_speed": 0.5,
+                "max_rpm": 200,
+                "pigpio_host": "robot",
+            }
+        )
+    assert config.driver == "mock"
+    assert config.pigpio.host == "robot"
+    assert config.parameters == pytest.approx(
+        {
+            "wheel_separation": 0.25,
+            "counts_per_revolution": 1440,
+            "max_velocity_mps": 0.5,
+            "velocity_feedforward": 1.367,
+        },
+        rel=1e-3,
+    )
+    assert config.aliases["wheel_base"] == "parameters.wheel_separation"
+    assert "cpr is taken for parameters.counts_per_revolution" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"wheelbase": 0.2}, r"wheelbase = 0.2: no such key; did you mean wheel_base\?"),
+        ({"pins": {"left_pvm": 3}}, r"pins.left_pvm = 3: .* mean pins.left_pwm\?"),
+        ({"pins": {"left_pwm": 99}}, "pins.left_pwm = 99: .*0 to 27"),
+        ({"pins": {"left_pwm": 19}}, "pins.right_pwm = 19: .*differ from pins.left_pwm"),
+        ({"pins": {"left_pwm": "x"}}, "pins.left_pwm = 'x': .*integer"),
+        ({"pins": 3}, "pins = 3: .*mapping"),
+        ({"parameters": {"wheel_radius": 7}}, "parameters.wheel_radius = 7: .*at most 1"),
+        ({"parameters": {"wheel_radius": "a"}}, "parameters.wheel_radius = 'a': .*number"),
+        ({"parameters": {"cpr": 1}}, "parameters.cpr = 1: no such key"),
+        ({"cpr": 360.5}, "parameters.counts_per_revolution = 360.5: .*whole"),
+        ({"max_rpm": 0}, "max_rpm = 0: .*above 0"),
+        (
+            {"wheel_base": 1, "parameters": {"wheel_separation": 2}},
+            "wheel_base = 1: parameters.wheel_separation is given too",
+        ),
+        ({"pigpio": {"port": "a"}}, "pigpio.port = 'a': .*integer"),
+        ({"port": "/dev/ttyUSB0"}, r"no such key; did you mean pigpio.port or serial.port\?"),
+        ({"left_pwm": 18}, r"no such key; did you mean pins.left_pwm\?"),
+        ({"wheel_separation": 0.2}, r"no such key; did you mean parameters.wheel_separation\?"),
+        (None, "it is empty; say which, such as `driver: serial`"),
+        ({}, "driver is missing; say which"),
+        ({"wheel_base": 0.2}, "driver is missing; say which"),
+        ({"/**": {"ros__parameters": {"port": "x"}}}, "parameter file of ROS.*params_file:="),
+        ([1, 2], r"the file = \[1, 2\]: .*mapping"),
+    ],
+)
+def test_an_error_names_key_value_and_bound(content: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        parse_config(content)
+
+
+def test_an_error_names_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    with pytest.raises(ConfigurationError, match=r"robot\.yaml"):
+        wheelwire.load_config(file)
+    with pytest.raises(ConfigurationError, match=r"robot\.yaml: there is no such file$"):
+        wheelwire.load_config(file)
+    for content in ("a: [", "cpr: 0", ""):
+        file.write_text(content)
+        with pytest.raises(ConfigurationError, match=r"robot\.yaml"):
+            wheelwire.load_config(file)
+
+
+def test_a_robot_opens_from_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: mock\nwheel_base: 0.3\n")
+    with wheelwire.open_robot(file) as robot:
+        assert isinstance(robot, MockDriver)
+        assert robot.geometry.wheel_separation == 0.3
+
+
+def test_a_key_that_is_there_twice_is_named_with_its_line(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: mock\nparameters:\n  wheel_radius: 0.03\n  wheel_radius: 0.04\n")
+    with pytest.raises(ConfigurationError, match=r"wheel_radius is given twice.* line 4"):
+        wheelwire.load_config(file)
+
+
+def test_the_parameter_file_of_the_ros_node_is_recognised() -> None:
+    file = Path(__file__).parents[2] / "ros_node" / "config" / "pi4b_params.yaml"
+    with pytest.raises(ConfigurationError, match="parameter file of ROS"):
+        wheelwire.load_config(file)
+
+
+def test_a_serial_robot_goes_by_the_files_parameters(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    with PtyDevice(tmp_path / "robot") as device:
+        file.write_text(
+            f"driver: serial\nserial: {{port: {device.path}}}\nparameters: {{wheel_radius: 0.04}}\n"
+        )
+        with wheelwire.open_robot(file) as robot:
+            assert device.device.parameters[RADIUS] == pytest.approx(0.04)
+            device.device.parameters[RADIUS] = 0.033
+            device.device.reset()
+            wait_until(lambda: device.device.parameters[RADIUS] == pytest.approx(0.04))
+            wait_until(lambda: robot.sessions == 2)

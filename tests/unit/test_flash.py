@@ -1,0 +1,212 @@
+"""`wheelwire flash` with the real esptool, against a stand-in for the chip and its flash."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
+from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from wheelwire import errors, flash
+from wheelwire.link.ports import SerialPort
+from wheelwire_protocol.codes import Board
+from wheelwire_protocol.types import Stop
+
+PATIENCE_S = 120.0
+OTA_1_IS_SELECTED = OTADATA_ENTRY.pack(2, b"\xff" * 20, 2, 0x55F63774)
+"""As the bootloader's tools write it: sequence number 2, valid, and the CRC of the number."""
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    path = tmp_path / "wheelwire-esp32.bin"
+    path.write_bytes(merged_image(seed=1))
+    return path
+
+
+@pytest.fixture
+def chip() -> EspChip:
+    """A board that runs an earlier release of ours."""
+    chip = EspChip(device=FakeDevice(board=Board.ESP32, wheel_mps=0.0))
+    put(chip, 0, merged_image(seed=2, app_bytes=12_345))
+    return chip
+
+
+@pytest.fixture
+def port(chip: EspChip, tmp_path: Path) -> Iterator[str]:
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
+        yield str(pty.path)
+
+
+def put(chip: EspChip, offset: int, content: bytes) -> None:
+    chip.flash[offset : offset + len(content)] = content
+
+
+def fill_data(chip: EspChip) -> dict[str, bytes]:
+    """Something in every data partition of ours; returns what."""
+    held = {}
+    for seed, (name, kind, subtype, offset, size) in enumerate(our_layout()):
+        if kind == "data" and subtype != "ota":
+            held[name] = Random(seed).randbytes(size)
+            put(chip, offset, held[name])
+    return held
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "wheelwire", "flash", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def run_json(*arguments: str) -> Any:
+    result = run(*arguments, "--json")
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def check_holds(chip: EspChip, image: Path) -> None:
+    """The image is in flash to the byte, and boots."""
+    content = image.read_bytes()
+    for start, end in ((0x1000, 0x8000), (0x8000, 0x8C00), (0x100000, len(content))):
+        assert chip.flash[start:end] == content[start:end]
+    assert chip.boots()
+
+
+def check_refusal(result: subprocess.CompletedProcess[str], hint: str) -> None:
+    """One line that helps."""
+    assert result.returncode == errors.FlashFailed.exit_code, result.stderr
+    (line,) = result.stderr.splitlines()
+    assert hint in line
+
+
+def test_what_the_chip_saved_is_there_afterwards(chip: EspChip, port: str, image: Path) -> None:
+    held = fill_data(chip)
+    put(chip, 0x11000, OTA_1_IS_SELECTED)
+    put(chip, 0x280000, b"\xe9 another application")
+    assert chip.application() == 0x280000
+    result = run("--port", port, "--image", str(image))
+    assert result.returncode == 0, result.stderr
+    assert "keeps of the data on the chip: nvs, recorder, coredump" in result.stdout
+    assert "erases" not in result.stdout
+    assert "ESP32 240ac4123456" in result.stdout
+    for name, _, _, offset, size in our_layout():
+        if name in held:
+            assert chip.flash[offset : offset + size] == held[name], name
+    check_holds(chip, image)
+    assert chip.application() == 0x100000
+    assert any(isinstance(message, Stop) for message in chip.device.received)
+
+
+def test_another_layouts_leftovers_are_erased_and_named(
+    chip: EspChip, port: str, image: Path
+) -> None:
+    """A board of another firmware: its code lies in what becomes NVS, recorder and core dump."""
+    fill_data(chip)
+    put(chip, 0x8000, table_bytes(FACTORY_LAYOUT))
+    put(chip, 0x10000, b"\xe9" + Random(9).randbytes(0x8FFFF))
+    saved = bytes(chip.flash[0x9000:0xF000])
+    told = run_json("--port", port, "--image", str(image))
+    assert told["kept"] == ["nvs"]
+    assert [(region["name"], region["offset"]) for region in told["erased"]] == [
+        ("nvs", 0xF000),
+        ("recorder", 0x20000),
+        ("coredump", 0x70000),
+    ]
+    assert chip.flash[0x9000:0xF000] == saved
+    assert set(chip.flash[0xF000:0x13000]) == {0xFF}
+    assert set(chip.flash[0x20000:0x90000]) == {0xFF}
+    check_holds(chip, image)
+
+
+def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> None:
+    put(chip, 0, Random(3).randbytes(len(chip.flash)))
+    result = run("--port", port, "--image", str(image), "--erase")
+    assert result.returncode == 0, result.stderr
+    assert "erases the whole flash, saved parameters included" in result.stdout
+    check_holds(chip, image)
+    content = image.read_bytes().ljust(len(chip.flash), b"\xff")
+    assert chip.flash == content
+
+
+def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
+    chip = EspChip(ESP32S3, FakeDevice(board=Board.ESP32S3, wheel_mps=0.0))
+    image = tmp_path / "wheelwire-esp32s3.bin"
+    image.write_bytes(merged_image(ESP32S3))
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
+        told = run_json("--port", str(pty.path), "--image", str(image))
+    assert told["kept"] == []
+    assert told["device"]["board"] == "ESP32S3"
+    assert chip.flash == image.read_bytes().ljust(len(chip.flash), b"\xff")
+
+
+def test_another_chip_than_the_images_is_refused(chip: EspChip, port: str, tmp_path: Path) -> None:
+    image = tmp_path / "wheelwire-esp32s3.bin"
+    image.write_bytes(merged_image(ESP32S3))
+    check_refusal(run("--port", port, "--image", str(image)), "is for the ESP32S3, the chip at")
+    assert chip.erased == []
+
+
+def test_a_chip_without_the_peripherals_is_refused(tmp_path: Path, image: Path) -> None:
+    chip = EspChip(ESP32C3)
+    with PtyDevice(tmp_path / "port", before=chip) as pty:
+        check_refusal(run("--port", str(pty.path), "--image", str(image)), "is an ESP32-C3")
+    assert chip.erased == []
+
+
+def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) -> None:
+    chip.answers_loader = False
+    result = run("--port", port, "--image", str(image))
+    check_refusal(result, "Failed to connect")
+    assert "BOOT button" in result.stderr
+
+
+def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
+    chip.device.wheel_mps = 0.2
+    check_refusal(run("--port", port, "--image", str(image)), "still turn")
+    assert chip.erased == []
+
+
+def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
+    chip.device.board = Board.ESP32C6
+    check_refusal(run("--port", port, "--image", str(image), "--json"), "runs on ESP32C6")
+
+
+def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    with pytest.raises(errors.FlashFailed, match=r"wheelwire\[tools\]"):
+        flash.identify_chip("/dev/null")
+
+
+def test_a_missing_build_says_which_image_to_take(tmp_path: Path) -> None:
+    with pytest.raises(errors.FlashFailed, match=r"wheelwire-esp32s3\.bin"):
+        flash.built_image(Board.ESP32S3, tmp_path)
+
+
+def test_the_port_is_chosen_only_when_there_is_no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    def found(*names: str) -> None:
+        ports = [SerialPort(name, None, "", 1, 2, None, True, "", False) for name in names]
+        monkeypatch.setattr(flash, "list_serial_ports", lambda: ports)
+
+    found("/dev/ttyUSB0")
+    assert flash.only_likely_port() == "/dev/ttyUSB0"
+    found("/dev/ttyUSB0", "/dev/ttyACM0")
+    with pytest.raises(errors.FlashFailed, match="/dev/ttyUSB0, /dev/ttyACM0; name one"):
+        flash.only_likely_port()
+    found()
+    with pytest.raises(errors.FlashFailed, match="a cable that carries data"):
+        flash.only_likely_port()
