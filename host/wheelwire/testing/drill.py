@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Literal, TypeVar
 
 from ..drivers.base import BaseDriver
 from ..errors import LinkLost, RequestTimeout
@@ -17,7 +18,10 @@ SPEED_MPS = 0.2
 """What the tests drive at, where nothing else is said."""
 CLOSE = 0.1
 """Relative."""
+ATTEMPTS = 10
+"""At what another program may spoil that takes the processor for a while."""
 
+Result = TypeVar("Result")
 Condition = Callable[[WheelSample], bool]
 
 
@@ -61,6 +65,33 @@ class Drill:
         """Command a duty until a sample fulfils `condition`."""
         return self._until(condition, lambda: self.driver.set_duty(left, right, ttl=TTL_S))
 
+    def steady(
+        self, linear: float, angular: float, expected: Callable[[list[WheelSample]], bool]
+    ) -> list[WheelSample]:
+        """The first second at a body velocity whose samples are as `expected`.
+
+        A second in which this program or the robot's stood still is followed by another one.
+        """
+        self.drive(linear, angular, 1.0)
+        return self._first(lambda: self.drive(linear, angular, 1.0), expected)
+
+    def time_to(
+        self, begin: Callable[[], object], condition: Condition, limit_s: float
+    ) -> WheelSample:
+        """What ends `limit_s` at most after `begin` has returned; the sample that shows the end.
+
+        `begin` is repeated when the end was late: this program may have stood still meanwhile.
+        """
+
+        def attempt() -> tuple[WheelSample, float]:
+            before = self.next().command_seq
+            begin()
+            begun_s = self.driver._now_us() / 1e6
+            sample = self.wait(lambda s: s.command_seq != before and condition(s))
+            return sample, sample.stamp - begun_s
+
+        return self._first(attempt, lambda result: result[1] < limit_s)[0]
+
     def rest(self) -> WheelSample:
         """Stop, and wait until the wheels do not turn."""
         self.driver.stop()
@@ -73,6 +104,15 @@ class Drill:
         except (LinkLost, RequestTimeout):
             return False
         return True
+
+    @staticmethod
+    def _first(attempt: Callable[[], Result], good: Callable[[Result], bool]) -> Result:
+        results = []
+        for _ in range(ATTEMPTS):
+            results.append(attempt())
+            if good(results[-1]):
+                return results[-1]
+        raise AssertionError(f"none of {ATTEMPTS} attempts is as it should be: {results[-1]}")
 
     def _until(self, condition: Condition, command: Callable[[], None]) -> WheelSample:
         command()
@@ -97,6 +137,7 @@ def standing(sample: WheelSample) -> bool:
     return sample.left_mps == 0 and sample.right_mps == 0
 
 
-def mean(values: list[float]) -> float:
-    """Arithmetic."""
-    return sum(values) / len(values)
+def mean_of(samples: list[WheelSample], side: Literal["left", "right"]) -> float:
+    """The arithmetic mean of a wheel's velocity, in m/s."""
+    left = side == "left"
+    return sum(s.left_mps if left else s.right_mps for s in samples) / len(samples)

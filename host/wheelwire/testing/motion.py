@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ..motion.kinematics import WheelVelocities
-from .drill import CLOSE, SPEED_MPS, Drill, mean, turning
+from ..samples import WheelSample
+from .drill import CLOSE, SPEED_MPS, Drill, mean_of, turning
 
 TURN_RADPS = 1.5
 
@@ -39,20 +40,22 @@ class MotionTests:
         assert after[1] > before[1]
 
     def test_a_left_turn_has_the_right_wheel_faster(self, drill: Drill) -> None:
-        drill.drive(SPEED_MPS, 0.5, 1.0)
-        steady = drill.drive(SPEED_MPS, 0.5, 1.0)
-        geometry = drill.driver.geometry
-        difference = mean([s.right_mps - s.left_mps for s in steady])
-        assert difference == pytest.approx(0.5 * geometry.wheel_separation, rel=2 * CLOSE)
+        separation = drill.driver.geometry.wheel_separation
+        close = pytest.approx(0.5 * separation, rel=2 * CLOSE)
+        drill.steady(SPEED_MPS, 0.5, lambda s: mean_of(s, "right") - mean_of(s, "left") == close)
 
     def test_velocities_are_in_metres_per_second(self, drill: Drill) -> None:
-        drill.drive(SPEED_MPS, 0.0, 1.0)
-        steady = drill.drive(SPEED_MPS, 0.0, 1.0)
-        assert mean([s.left_mps for s in steady]) == pytest.approx(SPEED_MPS, rel=CLOSE)
-        assert mean([s.right_mps for s in steady]) == pytest.approx(SPEED_MPS, rel=CLOSE)
-        travel = steady[-1].since(steady[0])
-        metres = travel.left * drill.driver.geometry.metres_per_tick
-        assert metres / travel.dt_s == pytest.approx(SPEED_MPS, rel=CLOSE)
+        close = pytest.approx(SPEED_MPS, rel=CLOSE)
+        metres_per_tick = drill.driver.geometry.metres_per_tick
+
+        def as_commanded(steady: list[WheelSample]) -> bool:
+            travel = steady[-1].since(steady[0])
+            by_ticks = travel.left * metres_per_tick / travel.dt_s
+            return all(
+                v == close for v in (mean_of(steady, "left"), mean_of(steady, "right"), by_ticks)
+            )
+
+        drill.steady(SPEED_MPS, 0.0, as_commanded)
 
     def test_a_duty_drives_open_loop(self, drill: Drill) -> None:
         sample = drill.drive_duty(0.5, -0.5, lambda s: s.left_mps > 0.1 and s.right_mps < -0.1)
@@ -63,11 +66,13 @@ class MotionTests:
         limit = drill.driver.geometry.max_velocity_mps
         separation = drill.driver.geometry.wheel_separation
         linear, angular = limit, 1.5
-        drill.drive(linear, angular, 1.5)
-        steady = drill.drive(linear, angular, 1.0)
-        left, right = mean([s.left_mps for s in steady]), mean([s.right_mps for s in steady])
         asked = WheelVelocities(
             linear - angular * separation / 2, linear + angular * separation / 2
         )
-        assert right == pytest.approx(limit, rel=CLOSE)
-        assert left / right == pytest.approx(asked.left_mps / asked.right_mps, rel=CLOSE)
+        ratio = pytest.approx(asked.left_mps / asked.right_mps, rel=CLOSE)
+
+        def as_commanded(steady: list[WheelSample]) -> bool:
+            left, right = mean_of(steady, "left"), mean_of(steady, "right")
+            return right == pytest.approx(limit, rel=CLOSE) and left / right == ratio
+
+        drill.steady(linear, angular, as_commanded)

@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .. import errors
 from ..drivers.base import BaseDriver
-from .drill import CLOSE, PATIENCE_S, SPEED_MPS, Drill, mean
+from .drill import CLOSE, PATIENCE_S, SPEED_MPS, Drill, mean_of
 
 
 def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
@@ -76,9 +76,8 @@ class RefusingTests:
 
     def test_a_limit_that_is_changed_is_kept_to(self, drill: Drill) -> None:
         drill.driver.parameters["max_velocity_mps"] = 0.15
-        drill.drive(0.4, 0.0, 1.0)
-        steady = drill.drive(0.4, 0.0, 1.0)
-        assert mean([s.left_mps for s in steady]) == pytest.approx(0.15, rel=CLOSE)
+        close = pytest.approx(0.15, rel=CLOSE)
+        drill.steady(0.4, 0.0, lambda samples: mean_of(samples, "left") == close)
 
     def test_what_safety_rests_on_does_not_change_while_driving(self, drill: Drill) -> None:
         parameters = drill.driver.parameters
