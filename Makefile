@@ -22,11 +22,13 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write what is generated from the protocol's definitions
+gen: $(VENV)/installed  ## Write what is generated: from the protocol's definitions, and the picture of the package
 	$(BIN)/python -m wheelwire_protocol.generate
+	$(BIN)/python tools/draw-rooms
 
-gen-check: $(VENV)/installed  ## Fail when a generated file is not what the definitions say
+gen-check: $(VENV)/installed  ## Fail when a generated file is not up to date
 	$(BIN)/python -m wheelwire_protocol.generate --check
+	$(BIN)/python tools/draw-rooms --check
 
 format: $(VENV)/installed  ## Format Python and C++
 	$(BIN)/ruff format host protocol ros_node tests bench examples
