@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
+import tty
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -19,7 +21,8 @@ from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.reconnect import REST_US
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol import Decoder
+from wheelwire_protocol import Decoder, Encoder
+from wheelwire_protocol.types import SetWheelVelocity
 
 RATE_HZ = 1000
 READS_HZ = 50
@@ -30,6 +33,9 @@ SETTLING_S = 0.3
 DECODED = 20_000
 FAST_HZ = 5000
 FAST_S = 5.0
+BURST = 40
+BURSTS = 50
+BURST_PAUSE_S = 0.02
 
 ROUND_TRIPS = f"""\
 Host and peer are processes on a pseudo-terminal: the firmware's core (`wheelwire-fwsim`), or an
@@ -50,6 +56,14 @@ CPU of the host's process by the kernel's accounts, medians of {CPU_ROUNDS} inte
 {CPU_S:g} s; the idle link {IDLE_S:g} s. The *bare host* reads the same stream and throws it away.
 A fast stream that nobody asks for is read every {REST_US / 1e3:g} ms only, unless an answer is
 under way. *Decoding* is the codec's time for so many frames, fed one by one.
+"""
+
+
+CALLS = f"""\
+`set_velocity` returns when its frame is written; nobody is waited for. *Encode and write* is the
+least that a program of one thread has to do: the same message through the same encoder, and
+`os.write` to a pseudo-terminal. Bursts of {BURST} calls {BURST_PAUSE_S * 1e3:g} ms apart,
+{BURSTS} of each, interleaved; medians of all calls.
 """
 
 
@@ -170,6 +184,47 @@ def _load_row(name: str, load: Load) -> list[str]:
     return [name, f"{load.cpu:.2%}", f"{load.wake_ups:.0f}"]
 
 
+def show_calls() -> list[Aim]:
+    """Print what a setpoint costs the thread that gives it."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    encoder = Encoder()
+
+    def write() -> None:
+        os.write(slave, encoder.encode(SetWheelVelocity(1, 2, 3, 0.1, 0.2)))
+
+    calls_us: dict[str, list[float]] = {"set_velocity": [], "encode and write": []}
+    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
+
+        def drive() -> None:
+            robot.set_velocity(0.1, 0.1)
+
+        time.sleep(SETTLING_S)
+        for _ in range(BURSTS):
+            for work, times_us in zip((drive, write), calls_us.values(), strict=True):
+                for _ in range(BURST):
+                    begun = time.perf_counter_ns()
+                    work()
+                    times_us.append((time.perf_counter_ns() - begun) / 1e3)
+                time.sleep(BURST_PAUSE_S)
+            with suppress(BlockingIOError):
+                while os.read(master, 65_536):
+                    pass
+    os.close(slave)
+    os.close(master)
+    set_us, write_us = (median(times_us) for times_us in calls_us.values())
+    rows = [
+        ["set_velocity", f"{set_us:.1f}", f"{set_us / write_us:.2f}"],
+        ["encode and write", f"{write_us:.1f}", "1.00"],
+    ]
+    sys.stdout.write(f"{CALLS}\n{table(('call [us]', 'p50', 'p50 / the least'), rows)}\n")
+    return [
+        at_most("a call of set_velocity", set_us, 12, " us"),
+        at_most("a call of set_velocity / encode and write", set_us / write_us, 3),
+    ]
+
+
 def show_fast_stream() -> list[Aim]:
     """Print what is lost of a fast stream."""
     with Simulator() as simulator:
@@ -193,7 +248,13 @@ def main() -> int:
     """Measure and print; 1 when an aim is missed."""
     output_folder(__doc__)
     sys.stdout.write("## The serial link\n\n")
-    aims = [*show_round_trips(), *show_slow_lines(), *show_cpu(), *show_fast_stream()]
+    aims = [
+        *show_round_trips(),
+        *show_slow_lines(),
+        *show_calls(),
+        *show_cpu(),
+        *show_fast_stream(),
+    ]
     sys.stdout.write(table_of_aims(aims))
     return 0 if all(aim.reached for aim in aims) else 1
 
