@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import threading
 from collections.abc import Callable
@@ -21,7 +22,14 @@ def interrupted(call: Callable[[], object], step: int, handler: Callable[[], obj
         left -= 1
         return left == 0
 
-    _watch(call, is_due, handler)
+    # The interpreter swallows what is raised in a callback of its garbage collection.
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        _watch(call, is_due, handler)
+    finally:
+        if collects:
+            gc.enable()
     return left <= 0
 
 

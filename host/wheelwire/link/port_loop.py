@@ -195,7 +195,9 @@ class PortLoop:
             while transport is not None:
                 self._connect(transport)
                 lost = self._serve(transport)
-                transport = self._reopen() if lost else None
+                transport = None  # its descriptors are freed with it
+                if lost:
+                    transport = self._reopen()
         except BaseException as error:
             _log.exception("the link's thread failed")
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
@@ -393,6 +395,9 @@ class PortLoop:
         self._expectant, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
+        for kept in (error, error.__cause__):
+            if kept is not None:  # its traceback would keep the port's descriptors
+                kept.__traceback__ = None
         self.lost = None if isinstance(error, _Unanswered) else error
         self._session.disconnect(error)
         self._tell_changes()

@@ -233,3 +233,25 @@ def test_every_refusal_says_what_to_do_in_one_line() -> None:
         text = str(errors.DeviceRefused(code, "the setpoint"))
         assert "\n" not in text
         assert len(text) > 40
+
+
+def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
+    def files() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    def is_open() -> bool:
+        try:
+            robot.geometry  # noqa: B018
+        except errors.LinkLost:
+            return False
+        return True
+
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        before = files()
+        for _ in range(3):
+            device.unplug()
+            wait_until(lambda: not is_open())
+            wait_until(lambda: files() < before)  # neither the port's nor the device's
+            device.plug()
+            wait_until(is_open)
+            wait_until(lambda: files() == before)
