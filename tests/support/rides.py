@@ -9,7 +9,7 @@ from random import Random
 from typing import NamedTuple
 
 from wheelwire.errors import WheelwireError
-from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.session import Phase, Session
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry
@@ -86,7 +86,7 @@ class Ride:
         self.robot = FaultyRobot(seed, profile, **settings)
         self.robot.session = Session(lambda: self.random.getrandbits(32), STATE_HZ)
         self.account = Account()
-        self._inbox = SampleInbox()
+        self._latest_sample = LatestSample()
         self._odometry = Odometry(GEOMETRY)
         self._truth: dict[tuple[int, int], tuple[int, int]] = {}
         self._zero: tuple[int, int, int] | None = None
@@ -155,7 +155,7 @@ class Ride:
 
     def finish(self) -> Account:
         """The account of the whole ride."""
-        left, _ = self._inbox.ticks(0.0)
+        left, _ = self._latest_sample.ticks(0.0)
         self.account.seen_ticks = left - self._started_at
         self.account.true_ticks = self._last[0] - self._first[0]
         return self.account
@@ -167,7 +167,7 @@ class Ride:
     def _take(self, sample: WheelSample) -> None:
         account, true = self.account, self._truth[(sample.boot_id, sample.t_us)]
         update = self._odometry.update(sample)
-        self._inbox.put(sample)
+        self._latest_sample.put(sample)
         if self._last_sample is None:
             self._first = true
             self._started_at = sample.left_ticks

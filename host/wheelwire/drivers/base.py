@@ -10,7 +10,7 @@ from ..arguments import LONGEST_WAIT_S, is_number, timeout_s
 from ..errors import InvalidCommand, RequestTimeout, WheelwireError, shown
 from ..link.clock import host_clock_us
 from ..link.info import LinkStatistics
-from ..link.latest_sample import SampleInbox
+from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
 from ..parameters import Parameters
@@ -34,7 +34,7 @@ class BaseDriver(ABC):
     """
 
     def __init__(self) -> None:
-        self._inbox = SampleInbox()
+        self._latest_sample = LatestSample()
 
     # --- driving -------------------------------------------------------------------------------
 
@@ -117,7 +117,7 @@ class BaseDriver(ABC):
 
     def close(self) -> None:
         """As `shutdown`, by the name that files and sockets have."""
-        self._inbox.close()
+        self._latest_sample.close()
         self.shutdown()
 
     @abstractmethod
@@ -138,7 +138,7 @@ class BaseDriver(ABC):
         """
         timeout = timeout_s("timeout", timeout)
         try:
-            return self._inbox.take(timeout)
+            return self._latest_sample.take(timeout)
         except RequestTimeout:
             self._check_link()
             raise
@@ -150,7 +150,7 @@ class BaseDriver(ABC):
         taken in time is in its `dropped`. It waits while the robot is out of reach, however long,
         and ends when the driver is closed.
         """
-        return self._inbox.iterate()
+        return self._latest_sample.iterate()
 
     def get_encoder_ticks(self) -> tuple[int, int]:
         """(left, right) ticks of the newest sample, forward positive, without bounds.
@@ -163,7 +163,7 @@ class BaseDriver(ABC):
         """
         self._check_link()
         try:
-            return self._inbox.ticks(FIRST_SAMPLE_S)
+            return self._latest_sample.ticks(FIRST_SAMPLE_S)
         except RequestTimeout:
             self._check_link()  # it may have been lost meanwhile
             raise

@@ -18,7 +18,7 @@ from ..arguments import flag, path, timeout_s
 from ..errors import InvalidCommand, LinkLost, RequestTimeout
 from ..link.clock import host_clock_us
 from ..link.connection import Link
-from ..link.latest_sample import SampleInbox
+from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..link.transports import SocketTransport, Transport
 from ..linux_mcu.store import converted_store
@@ -107,16 +107,16 @@ class MockDriver(DeviceDriver):
         link = self._virtual
         if link is None:
             return super().samples()
-        return self._inbox.iterate(lambda _: link.advance(0.001))
+        return self._latest_sample.iterate(lambda _: link.advance(0.001))
 
     def get_encoder_ticks(self) -> tuple[int, int]:
         """As every driver's; in virtual time, waiting for the first sample makes it pass."""
-        if self._virtual is not None and not self._inbox.is_current:
+        if self._virtual is not None and not self._latest_sample.is_current:
             self.read()
         return super().get_encoder_ticks()
 
-    def _open_virtual_link(self, inbox: SampleInbox) -> VirtualLink:
-        self._virtual = VirtualLink(inbox, self._sim, GEOMETRY)
+    def _open_virtual_link(self, latest_sample: LatestSample) -> VirtualLink:
+        self._virtual = VirtualLink(latest_sample, self._sim, GEOMETRY)
         return self._virtual
 
     def _now_us(self) -> int:
@@ -149,10 +149,10 @@ class _Process:
         self._store = store
         self._plugged = True
 
-    def open_link(self, inbox: SampleInbox) -> Link:
+    def open_link(self, latest_sample: LatestSample) -> Link:
         return Link(
             "mock",
-            inbox,
+            latest_sample,
             baud_rate=0,
             connect_timeout_s=5.0,
             watched=GEOMETRY,

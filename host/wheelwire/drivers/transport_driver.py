@@ -30,7 +30,7 @@ from ..arguments import timeout_s, whole
 from ..errors import LinkLost, WheelwireError
 from ..link.connection import Link, LinkInfo, OpenPort
 from ..link.info import LinkStatistics
-from ..link.latest_sample import SampleInbox
+from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..parameters import ParameterInfo, Parameters, checked_values, decimal_of_float32
@@ -102,9 +102,9 @@ class DeviceDriver(BaseDriver):
         open_link: Opens it; it puts the samples into its argument. The driver closes it.
     """
 
-    def __init__(self, open_link: Callable[[SampleInbox], DeviceLink]) -> None:
+    def __init__(self, open_link: Callable[[LatestSample], DeviceLink]) -> None:
         super().__init__()
-        self._link = link = open_link(self._inbox)
+        self._link = link = open_link(self._latest_sample)
         # Also runs when the driver is forgotten, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
@@ -184,7 +184,7 @@ class DeviceDriver(BaseDriver):
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Harmless when repeated."""
-        self._inbox.close()
+        self._latest_sample.close()
         self._link.close()  # not by the finalizer: interrupted, it would do nothing the next time
         self._finalizer.detach()
 

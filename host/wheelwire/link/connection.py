@@ -32,7 +32,7 @@ from ..errors import (
 from .clock import host_clock_us
 from .discovery import open_board
 from .info import DeviceInfo, LinkStatistics
-from .latest_sample import SampleInbox
+from .latest_sample import LatestSample
 from .port_loop import PortLoop, Task
 from .requests import Answer, RequestMessage
 from .session import Phase, Session
@@ -69,7 +69,7 @@ class Link:
     Args:
         port: Device path, pyserial URL, `socket://host:port` or `unix:path`; or, beside
             `open_port`, a name for what that opens.
-        inbox: Takes the samples.
+        latest_sample: Takes the samples.
         baud_rate: Tried first.
         connect_timeout_s: How long to look for the device.
         stream_rate_hz: Rate of the samples; None leaves it to the device.
@@ -94,7 +94,7 @@ class Link:
     def __init__(
         self,
         port: str,
-        inbox: SampleInbox,
+        latest_sample: LatestSample,
         *,
         baud_rate: int,
         connect_timeout_s: float,
@@ -120,7 +120,7 @@ class Link:
             baud_rate,
             self._session,
             self._changed,
-            inbox,
+            latest_sample,
             is_wanted=lambda: this() is not None,
         )
         self._thread = threading.Thread(

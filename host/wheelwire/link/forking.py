@@ -11,24 +11,24 @@ from typing import Protocol
 from weakref import WeakSet
 
 
-class Forsakable(Protocol):
+class Abandonable(Protocol):
     """Something that belongs to the process that made it."""
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """Give up this process's copy. The parent's must not notice."""
 
 
-_held: WeakSet[Forsakable] = WeakSet()
+_held: WeakSet[Abandonable] = WeakSet()
 
 
-def forsake_in_child(thing: Forsakable) -> None:
+def abandon_in_child(thing: Abandonable) -> None:
     """Have `thing` given up in every child that this process forks, until it is forgotten."""
     _held.add(thing)
 
 
 def _after_fork_in_child() -> None:
     for thing in list(_held):
-        thing.forsake()
+        thing.abandon()
     _held.clear()
 
 

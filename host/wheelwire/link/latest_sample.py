@@ -22,7 +22,7 @@ ITERATOR_WAIT_S = 1.0
 """Between two looks of an iterator, at most: it waits for as long as the driver is open."""
 
 
-class SampleInbox:
+class LatestSample:
     """One slot, the newest sample wins, each is handed out once.
 
     One thread at a time puts; any thread may take, also in a signal handler: nothing is locked.

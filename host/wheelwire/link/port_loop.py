@@ -23,8 +23,8 @@ from wheelwire_protocol.framing import MAX_ENCODED
 
 from ..errors import LinkClosed, LinkLost, PortUnavailable, WheelwireError, WrongBoard
 from .clock import SuspendWatch, host_clock_us
-from .forking import forsake_in_child
-from .latest_sample import SampleInbox
+from .forking import abandon_in_child
+from .latest_sample import LatestSample
 from .reconnect import BaudSearch, Coalescing
 from .requests import Answer
 from .session import Phase, Session
@@ -34,7 +34,7 @@ from .waiting import Notifier
 
 FIRST_PAUSE_S = 0.05
 """Between two attempts to open the port; each further one waits twice as long."""
-FAREWELL_US = 500_000
+STOP_ACK_TIMEOUT_US = 500_000
 """How long the end waits for the device to acknowledge the stop."""
 IDLE_US = 1_000_000
 """How long the loop may sleep when nothing is due."""
@@ -70,7 +70,7 @@ class PortLoop:
         baud_rate: Tried first.
         session: Not connected yet. Others may look at it, and change nothing.
         changed: Notified when the session opens, ends or fails to open.
-        inbox: Takes the samples.
+        latest_sample: Takes the samples.
         is_wanted: Whether anybody is left who could use the link, or finish it.
     """
 
@@ -80,7 +80,7 @@ class PortLoop:
         baud_rate: int,
         session: Session,
         changed: Notifier,
-        inbox: SampleInbox,
+        latest_sample: LatestSample,
         is_wanted: Callable[[], bool],
     ) -> None:
         self.reconnects = 0
@@ -105,7 +105,7 @@ class PortLoop:
         """Before the next attempt. No session since the last one: it did not help."""
         self._session = session
         self._changed = changed
-        self._inbox = inbox
+        self._latest_sample = latest_sample
         self._is_wanted = is_wanted
         self._calls: deque[tuple[Task, Done]] = deque()
         self._was_open = False
@@ -118,19 +118,19 @@ class PortLoop:
         """When the loop last looked at everything."""
         self._coalescing = Coalescing()
         self._due_us = 0
-        self._expectant = True
+        self._work_pending = True
         """Another thread, or an answer that is under way, may have given the session work."""
         self._finishing = False
         self._begun = threading.Lock()
         """Taken for good, by `run` or by a `finish` that came before it."""
-        self._farewell_until_us: int | None = None
-        self._farewell_done = False
+        self._last_stop_until_us: int | None = None
+        self._last_stop_done = False
         self._wake_read, self._wake_write = socket.socketpair()
         self._wake_read.setblocking(False)
         self._wake_write.setblocking(False)
         self._poller = select.poll()
         self._poller.register(self._wake_read, select.POLLIN)
-        forsake_in_child(self)
+        abandon_in_child(self)
 
     def wake(self) -> None:
         """Make the loop look at the session; from any thread."""
@@ -183,7 +183,7 @@ class PortLoop:
         self._finishing = True
         self.wake()
         if self._begun.acquire(blocking=False):
-            self._die(LinkClosed(CLOSED))
+            self._terminate(LinkClosed(CLOSED))
 
     def run(self) -> None:
         """The thread's whole life."""
@@ -203,7 +203,7 @@ class PortLoop:
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
         finally:
-            self._die(end)
+            self._terminate(end)
 
     # --- the port ------------------------------------------------------------------------------
 
@@ -228,7 +228,7 @@ class PortLoop:
         self._poller.register(transport)
         self._transport = transport
         try:
-            while not (self._is_ending() and self._farewell_over()):
+            while not (self._is_ending() and self._last_stop_over()):
                 self._turn(transport)
         except LinkLost as error:
             self._lose(error)
@@ -270,7 +270,7 @@ class PortLoop:
         events = dict(self._poller.poll(max(0.0, (until_us - now_us) / 1000)))
         if self._wake_read.fileno() in events:
             self._drain_wake_ups()
-            self._expectant = True
+            self._work_pending = True
         found = events.get(transport.fileno(), 0)
         rested = rests and host_clock_us() >= self._coalescing.rest_until_us
         return found | select.POLLIN if rested else found
@@ -278,14 +278,14 @@ class PortLoop:
     def _may_rest(self, now_us: int) -> bool:
         """Nobody misses what the port has before the rest is over."""
         resting = now_us < self._coalescing.rest_until_us
-        return resting and not self._expectant and not self._inbox.is_read(now_us)
+        return resting and not self._work_pending and not self._latest_sample.is_read(now_us)
 
     # --- the session ---------------------------------------------------------------------------
 
     def _do_calls(self, now_us: int) -> None:
         while self._calls:
             task, done = self._calls.popleft()
-            self._expectant = True
+            self._work_pending = True
             try:
                 task(done, now_us)
             except WheelwireError as error:
@@ -301,16 +301,16 @@ class PortLoop:
                 self._calls.popleft()[1](error)
 
     def _receive(self, data: bytes, now_us: int) -> None:
-        self._session.every_state = self._inbox.is_iterated
+        self._session.every_state = self._latest_sample.is_iterated
         samples = self._session.receive(data, now_us)
         self._coalescing.note_read(self._session.frames_received, now_us)
         for sample in samples:
-            self._inbox.put(sample)
+            self._latest_sample.put(sample)
 
     def _has_work(self, now_us: int) -> bool:
         """State frames alone make none, and most reads bring nothing else."""
         return (
-            self._expectant
+            self._work_pending
             or now_us >= min(self._due_us, self._repeat_due_us)
             or self._session.phase is not Phase.OPEN
         )
@@ -328,7 +328,7 @@ class PortLoop:
         self._queue_output()
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
-        self._expectant = self._session.awaits_answer(now_us)
+        self._work_pending = self._session.awaits_answer(now_us)
         self._tell_changes()
 
     def _queue_output(self) -> None:
@@ -386,13 +386,13 @@ class PortLoop:
         self._answers_before = self._session.answers
         self._check_due_us = now_us + CHECK_US
         self._session.connect(now_us)
-        self._expectant, self._due_us = True, 0
+        self._work_pending, self._due_us = True, 0
 
     def _renew(self, now_us: int) -> None:
         """The computer slept: what is known of the device's clock is wrong."""
         error = LinkLost("the computer was suspended; a new session is being opened")
         self._session.renew(error, now_us)
-        self._expectant, self._due_us = True, 0
+        self._work_pending, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
         for kept in (error, error.__cause__):
@@ -436,48 +436,48 @@ class PortLoop:
                 self._pause_s = 0.0
                 _log.info("%s: link open", self.port)
             else:
-                self._inbox.interrupt()
+                self._latest_sample.interrupt()
                 _log.warning("%s: %s", self.port, self._session.error)
         self._changed.notify_all()
 
     def _is_ending(self) -> bool:
         return self._finishing or not self._is_wanted()
 
-    def _farewell_over(self) -> bool:
+    def _last_stop_over(self) -> bool:
         """Stop the robot before the end; True when that is done, or in vain."""
         now_us = host_clock_us()
-        if self._farewell_until_us is None:
-            self._farewell_until_us = now_us + FAREWELL_US
-            self._session.stop(StopMode.CONFIGURED, self._on_farewell, now_us)
+        if self._last_stop_until_us is None:
+            self._last_stop_until_us = now_us + STOP_ACK_TIMEOUT_US
+            self._session.stop(StopMode.CONFIGURED, self._on_last_stop, now_us)
             self.wake()  # one more turn, to write it
             return False
-        done = self._farewell_done and not self._output
-        return done or now_us >= self._farewell_until_us
+        done = self._last_stop_done and not self._output
+        return done or now_us >= self._last_stop_until_us
 
-    def _on_farewell(self, _result: Answer | WheelwireError) -> None:
-        self._farewell_done = True
+    def _on_last_stop(self, _result: Answer | WheelwireError) -> None:
+        self._last_stop_done = True
 
     def fail(self, error: Exception) -> None:
         """End before the beginning: there is no thread to run in."""
-        self._die(
+        self._terminate(
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """This process was forked: its copy of the link ends, the parent's goes on."""
-        self._die(
+        self._terminate(
             LinkClosed(
                 f"this process was forked from the one that opened {self.port}, which keeps it: "
                 "close it there and open it here, or fork before it is opened"
             )
         )
 
-    def _die(self, end: WheelwireError) -> None:
+    def _terminate(self, end: WheelwireError) -> None:
         self.end = end
         self.opened.put(end)
         self._session.disconnect(end)
         self._refuse_calls(end)
-        self._inbox.fail(end)
+        self._latest_sample.fail(end)
         self._wake_read.close()
         self._wake_write.close()
         self._changed.notify_all()

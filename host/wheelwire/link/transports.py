@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 import serial
 
 from ..errors import LinkLost, PortUnavailable
-from .forking import forsake_in_child
+from .forking import abandon_in_child
 from .ports import PSEUDO_TERMINALS, final_name, lock_holder
 
 READ_SIZE = 4096
@@ -105,7 +105,7 @@ class Transport(ABC):
         """Close it. Never raises; harmless when repeated."""
 
     @abstractmethod
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """Close this process's copy of the descriptors and touch nothing else: it was forked."""
 
     def _release(self, close: Callable[[], object]) -> None:
@@ -143,7 +143,7 @@ class SerialTransport(Transport):
         except (OSError, AttributeError) as error:
             self._serial.close()
             raise PortUnavailable(port, "this kind of URL has no file descriptor") from error
-        forsake_in_child(self)
+        abandon_in_child(self)
         self.baud_rate = baud_rate
         self.low_latency = self._ask_low_latency()
         # A pseudo-terminal would stay shut for other users' programs after this one was killed,
@@ -216,7 +216,7 @@ class SerialTransport(Transport):
                 fcntl.ioctl(self._fd, termios.TIOCNXCL)
         self._release(self._serial.close)
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """Close the descriptors; modem lines, settings and the lock are left as they are."""
         with suppress(OSError, termios.error):
             self._serial.close()
@@ -238,7 +238,7 @@ class SocketTransport(Transport):
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
         self._socket = connection
-        forsake_in_child(self)
+        abandon_in_child(self)
 
     def fileno(self) -> int:
         """For `poll`."""
@@ -260,7 +260,7 @@ class SocketTransport(Transport):
         """Close the connection."""
         self._release(self._socket.close)
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         """Close the descriptor: the connection stays, as long as the parent has it."""
         self._socket.close()
 

@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import StopMode
 from ..errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
 from ..link.connection import Heard, LinkInfo
 from ..link.info import LinkStatistics
-from ..link.latest_sample import SampleInbox
+from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, Done, RequestMessage
 from ..link.session import Phase, Session
 from .library import FwSim
@@ -24,7 +24,7 @@ class VirtualLink:
     """The host's end of a simulated line, for one thread.
 
     Args:
-        inbox: Takes the samples.
+        latest_sample: Takes the samples.
         sim: The device; the link closes it.
         watched: Ids of parameters whose values are always at hand in `value`.
 
@@ -32,9 +32,11 @@ class VirtualLink:
         now_us: The host's time, from 0.
     """
 
-    def __init__(self, inbox: SampleInbox, sim: FwSim, watched: Sequence[int] = ()) -> None:
+    def __init__(
+        self, latest_sample: LatestSample, sim: FwSim, watched: Sequence[int] = ()
+    ) -> None:
         self.now_us = 0
-        self._inbox = inbox
+        self._latest_sample = latest_sample
         self._sim = sim
         self._session = Session(lambda: int.from_bytes(os.urandom(4), "little"), None, watched)
         self._plugged = False
@@ -56,7 +58,7 @@ class VirtualLink:
         """The cable is pulled: the device goes on."""
         self._plugged = False
         self._session.disconnect(LinkLost("the cable of the simulated robot is unplugged"))
-        self._inbox.interrupt()
+        self._latest_sample.interrupt()
 
     def plug(self) -> None:
         """The cable is back."""
@@ -135,7 +137,7 @@ class VirtualLink:
             self._step()
         self._end = LinkClosed("the link is closed; open it again")
         self._session.disconnect(self._end)
-        self._inbox.fail(self._end)
+        self._latest_sample.fail(self._end)
         self._sim.close()
 
     # -------------------------------------------------------------------------------------------
@@ -152,7 +154,7 @@ class VirtualLink:
         arrived = self._sim.read()
         if self._plugged:
             for sample in self._session.receive(arrived, self.now_us):
-                self._inbox.put(sample)
+                self._latest_sample.put(sample)
 
     def _answer(self, submit: Callable[[Done], None]) -> Answer:
         self._check_open()

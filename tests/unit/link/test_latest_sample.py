@@ -5,69 +5,69 @@ import pytest
 from support.host_samples import sample
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.latest_sample import ATTENTION_US, SampleInbox
+from wheelwire.link.latest_sample import ATTENTION_US, LatestSample
 
 
 def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
-    inbox = SampleInbox()
-    inbox.put(sample(t_us=1))
-    inbox.put(sample(t_us=2))
-    assert inbox.take(0).t_us == 2
+    latest_sample = LatestSample()
+    latest_sample.put(sample(t_us=1))
+    latest_sample.put(sample(t_us=2))
+    assert latest_sample.take(0).t_us == 2
     with pytest.raises(RequestTimeout):
-        inbox.take(0)
+        latest_sample.take(0)
 
 
 def test_a_waiting_thread_gets_the_sample() -> None:
-    inbox = SampleInbox()
-    threading.Timer(0.02, inbox.put, [sample(t_us=5)]).start()
-    assert inbox.take(10).t_us == 5
+    latest_sample = LatestSample()
+    threading.Timer(0.02, latest_sample.put, [sample(t_us=5)]).start()
+    assert latest_sample.take(10).t_us == 5
 
 
 def test_after_a_failure_there_is_only_the_error() -> None:
-    inbox = SampleInbox()
-    inbox.put(sample(t_us=1))
-    inbox.fail(LinkLost("over"))
+    latest_sample = LatestSample()
+    latest_sample.put(sample(t_us=1))
+    latest_sample.fail(LinkLost("over"))
     with pytest.raises(LinkLost, match="over"):
-        inbox.take(10)
+        latest_sample.take(10)
     with pytest.raises(LinkLost, match="over"):
-        inbox.ticks(10)
+        latest_sample.ticks(10)
 
 
 def test_a_failure_ends_the_wait() -> None:
-    inbox = SampleInbox()
-    threading.Timer(0.02, inbox.fail, [LinkLost("over")]).start()
+    latest_sample = LatestSample()
+    threading.Timer(0.02, latest_sample.fail, [LinkLost("over")]).start()
     with pytest.raises(LinkLost, match="over"):
-        inbox.take(10)
+        latest_sample.take(10)
 
 
 def test_ticks_from_before_an_interruption_are_not_current() -> None:
-    inbox = SampleInbox()
-    inbox.put(sample(left_ticks=7))
-    inbox.interrupt()
+    latest_sample = LatestSample()
+    latest_sample.put(sample(left_ticks=7))
+    latest_sample.interrupt()
     with pytest.raises(RequestTimeout):
-        inbox.ticks(0)
-    inbox.put(sample(left_ticks=9))
-    assert inbox.ticks(0) == (9, 0)
+        latest_sample.ticks(0)
+    latest_sample.put(sample(left_ticks=9))
+    assert latest_sample.ticks(0) == (9, 0)
 
 
 def test_the_first_ticks_are_the_devices_own() -> None:
-    inbox = SampleInbox()
-    inbox.put(sample(left_ticks=-4, right_ticks=1000))
-    assert inbox.ticks(0) == (-4, 1000)
+    latest_sample = LatestSample()
+    latest_sample.put(sample(left_ticks=-4, right_ticks=1000))
+    assert latest_sample.ticks(0) == (-4, 1000)
 
 
 def test_it_is_read_for_some_time_after_each_question() -> None:
-    inbox = SampleInbox()
-    assert not inbox.is_read(host_clock_us())
+    latest_sample = LatestSample()
+    assert not latest_sample.is_read(host_clock_us())
     with pytest.raises(RequestTimeout):
-        inbox.take(0)
+        latest_sample.take(0)
     asked_us = host_clock_us()
-    assert inbox.is_read(asked_us)
-    assert not inbox.is_read(asked_us + ATTENTION_US)
+    assert latest_sample.is_read(asked_us)
+    assert not latest_sample.is_read(asked_us + ATTENTION_US)
 
 
 def test_ticks_go_on_across_a_reset_of_the_device() -> None:
-    inbox = SampleInbox()
+    latest_sample = LatestSample()
     for boot_id, left, right in ((1, 5, 7), (1, 8, 9), (2, 0, 0), (2, 2, 3)):
-        inbox.put(sample(boot_id=boot_id, left_ticks=left, right_ticks=right))
-    assert inbox.ticks(0) == (10, 12)
+        latest_sample.put(sample(boot_id=boot_id, left_ticks=left, right_ticks=right))
+    assert latest_sample.ticks(0) == (10, 12)

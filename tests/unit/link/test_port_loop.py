@@ -10,7 +10,7 @@ import pytest
 from support.fake_device import FakeDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
@@ -58,7 +58,7 @@ class Port(Transport):
         self.ours.close()
         self.theirs.close()
 
-    def forsake(self) -> None:
+    def abandon(self) -> None:
         self.close()
 
     def messages(self) -> list[AnyMessage]:
@@ -70,10 +70,12 @@ class Rig:
 
     def __init__(self, port: Port, lost: Callable[[], Port | None] = lambda: None) -> None:
         self.session = Session(lambda: 7)
-        self.inbox = SampleInbox()
+        self.latest_sample = LatestSample()
         self.unopened: Port | None = port
         self._lost = lost
-        self.loop = PortLoop(self._open, 0, self.session, Notifier(), self.inbox, lambda: True)
+        self.loop = PortLoop(
+            self._open, 0, self.session, Notifier(), self.latest_sample, lambda: True
+        )
 
     def _open(self, _baud_rate: int) -> Transport:
         port, self.unopened = self.unopened or self._lost(), None
@@ -226,7 +228,7 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
 
     def look() -> None:
         try:
-            found.append(rig.inbox.ticks(0))
+            found.append(rig.latest_sample.ticks(0))
         except RequestTimeout as error:
             found.append(error)
 

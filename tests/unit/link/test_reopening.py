@@ -12,7 +12,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link
-from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import SocketTransport, Transport
 
 
@@ -63,7 +63,7 @@ def places() -> Places:
 
 def open_link(places: Places) -> Link:
     return Link(
-        "a process", SampleInbox(), baud_rate=0, connect_timeout_s=5.0, open_port=places.open
+        "a process", LatestSample(), baud_rate=0, connect_timeout_s=5.0, open_port=places.open
     )
 
 

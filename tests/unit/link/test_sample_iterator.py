@@ -105,7 +105,7 @@ def test_a_forgotten_iterator_costs_nothing() -> None:
     with MockDriver(realtime=False) as robot:
         samples = robot.samples()
         next(samples)
-        assert robot._inbox.is_iterated
+        assert robot._latest_sample.is_iterated
         del samples
         robot.advance(0.05)
-        assert not robot._inbox.is_iterated
+        assert not robot._latest_sample.is_iterated

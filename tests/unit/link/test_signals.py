@@ -22,7 +22,7 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import TransportDriver
 from wheelwire.link.connection import Link
-from wheelwire.link.latest_sample import SampleInbox
+from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import Transport, open_transport
 from wheelwire.link.waiting import Notifier
 
@@ -117,7 +117,7 @@ def test_no_handler_interrupts_the_opening_itself(tmp_path: Path) -> None:
 
 def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "robot") as device:
-        Link(str(device.path), SampleInbox(), baud_rate=921_600, connect_timeout_s=5.0)
+        Link(str(device.path), LatestSample(), baud_rate=921_600, connect_timeout_s=5.0)
         wait_until(lambda: not link_threads())
         SerialDriver(str(device.path)).shutdown()
 

@@ -76,7 +76,7 @@ class PigpioClient:
         self._closed = True
         with suppress(OSError):
             self._pi.stop()
-        self._notify.join(JOIN_S)  # a daemon that is there answers the farewell
+        self._notify.join(JOIN_S)  # a daemon that still runs acknowledges the close
         self._notify_socket.shutdown()
         self._notify.join(JOIN_S)
         self._notify_socket.close()
