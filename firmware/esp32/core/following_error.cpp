@@ -43,7 +43,7 @@ void FollowingError::update(int32_t change, uint64_t now_us, uint32_t period_us,
                    exact_um + (forward ? uneven_um : beyond_um));
 }
 
-void FollowingError::aim(int32_t setpoint_umps) {
+void FollowingError::set_target(int32_t setpoint_umps) {
   following_ = true;
   setpoint_umps_ = setpoint_umps;
 }

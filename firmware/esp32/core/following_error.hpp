@@ -13,7 +13,7 @@ class FollowingError {
   /// Call at every control step with the ticks since the last call.
   void update(int32_t change, uint64_t now_us, uint32_t period_us, int32_t um_per_tick_q10);
   /// The setpoint from now on.
-  void aim(int32_t setpoint_umps);
+  void set_target(int32_t setpoint_umps);
   /// Nothing is asked of the wheel: the error stays as it is.
   void rest();
   /// Forgets all but so much of the error.

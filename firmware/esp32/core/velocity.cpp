@@ -62,7 +62,7 @@ bool VelocityEstimator::follows_a_pause() const {
          static_cast<uint64_t>(kPeriodsOfAPause) * baseline_.t_us;
 }
 
-/// At times that no tick decides: kMarks of them span all the windows of kPatience.
+/// At times that no tick decides: kMarks of them span all kMaxWindows windows.
 void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
   if (count_ > 0 && t_us - mark(count_ - 1).noted_us < spacing_us_) return;
   // Not evenly apart, or the marks could lock into the ratio of ticks to steps themselves: by the
@@ -91,7 +91,7 @@ void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
     // speed its length is constant. Chosen by the ticks that happen to be in it, a short one would
     // have many of them.
     const int32_t needed = fine || age_us >= cycle_us_ ? kCycle : kCycle + 1;
-    if (ticks < needed && age_us < kPatience * window_us) {
+    if (ticks < needed && age_us < kMaxWindows * window_us) {
       if (cycle_us_ <= age_us) cycle_us_ = age_us + 1;
       return;
     }

@@ -43,8 +43,8 @@ class VelocityEstimator {
   };
   static constexpr uint32_t kMarksPerWindow = 6;
   /// A baseline of a whole cycle is worth waiting for, up to this many windows.
-  static constexpr uint32_t kPatience = 4;
-  static constexpr size_t kMarks = kMarksPerWindow * kPatience;
+  static constexpr uint32_t kMaxWindows = 4;
+  static constexpr size_t kMarks = kMarksPerWindow * kMaxWindows;
 
   static Tick since(const Tick& before, const Tick& after) {
     return {after.ticks - before.ticks, after.t_us - before.t_us,

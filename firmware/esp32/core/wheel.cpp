@@ -26,7 +26,7 @@ void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool mot
     return;
   }
   const int32_t error = error_umps(setpoint_umps, command_umps, config);
-  if (config.path.follows()) following_.aim(setpoint_umps);
+  if (config.path.follows()) following_.set_target(setpoint_umps);
   closed_loop_ = true;
   output(controller_.update(command_umps, error, supply_q12, config.gains), motor_inverted);
 }

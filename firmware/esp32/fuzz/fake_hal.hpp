@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <vector>
 
+#include "drive_oracle.hpp"
 #include "fixed.hpp"
 #include "framing.hpp"
 #include "hal.hpp"
-#include "licence.hpp"
 #include "require.hpp"
 
 namespace wheelwire::fuzz {
@@ -46,10 +46,10 @@ class FakeEncoders final : public EncoderPort {
   int right_ = 0;
 };
 
-/// Whatever the firmware reads, the licence reads too.
+/// Whatever the firmware reads, the oracle reads too.
 class FakeLine final : public ByteStream {
  public:
-  explicit FakeLine(Licence& licence) : licence_(licence) {}
+  explicit FakeLine(DriveOracle& oracle) : oracle_(oracle) {}
 
   void arrive(const uint8_t* data, size_t size) {
     waiting_.insert(waiting_.end(), data, data + size);
@@ -59,7 +59,7 @@ class FakeLine final : public ByteStream {
     const size_t size = std::min(capacity, waiting_.size() - read_);
     std::copy_n(waiting_.begin() + static_cast<ptrdiff_t>(read_), size, out);
     read_ += size;
-    licence_.read(out, size, now_us);
+    oracle_.read(out, size, now_us);
     return size;
   }
 
@@ -78,7 +78,7 @@ class FakeLine final : public ByteStream {
   bool full = false;
 
  private:
-  Licence& licence_;
+  DriveOracle& oracle_;
   std::vector<uint8_t> waiting_;
   size_t read_ = 0;
 };

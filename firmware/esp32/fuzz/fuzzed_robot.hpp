@@ -1,7 +1,7 @@
 // The whole firmware on a fake robot. After everything that happens to it, it has to be true that
 //
 // - it drives only by a setpoint of the open session that has not expired, by the firmware's own
-//   account and by that of `Licence`, and only in the state DRIVING without a fault;
+//   account and by that of `DriveOracle`, and only in the state DRIVING without a fault;
 // - its deadline moves only when a setpoint was taken, or ends with its session.
 #pragma once
 
@@ -14,14 +14,14 @@ namespace wheelwire::fuzz {
 class FuzzedRobot {
  public:
   FuzzedRobot(uint32_t boot_id, MemoryStore& store)
-      : licence_(boot_id),
-        line_(licence_),
+      : oracle_(boot_id),
+        line_(oracle_),
         robot_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
     robot_.start(0);
   }
 
   uint64_t now_us() const { return now_us_; }
-  uint32_t session_id() const { return licence_.session_id(); }
+  uint32_t session_id() const { return oracle_.session_id(); }
   FakeLine& line() { return line_; }
   FakeEncoders& encoders() { return encoders_; }
   FakeEstop& estop() { return estop_; }
@@ -35,7 +35,7 @@ class FuzzedRobot {
     robot_.step(now_us_);
     check(before);
     if (!driven()) return;
-    REQUIRE(licence_.valid(now_us_));
+    REQUIRE(oracle_.valid(now_us_));
     REQUIRE(now_us_ < robot_.deadline_us());
     REQUIRE(robot_.faults() == 0);
   }
@@ -58,18 +58,18 @@ class FuzzedRobot {
     return identity;
   }
 
-  Before now() const { return {robot_.deadline_us(), licence_.granted()}; }
+  Before now() const { return {robot_.deadline_us(), oracle_.granted()}; }
   bool driven() const { return left_.driven() || right_.driven(); }
 
   void check(const Before& before) const {
     REQUIRE(!driven() || robot_.state() == SupervisorState::kDriving);
     const uint64_t deadline_us = robot_.deadline_us();
     if (deadline_us == before.deadline_us || deadline_us == 0) return;
-    REQUIRE(licence_.granted() > before.granted);
-    REQUIRE(deadline_us <= licence_.furthest_us());
+    REQUIRE(oracle_.granted() > before.granted);
+    REQUIRE(deadline_us <= oracle_.furthest_us());
   }
 
-  Licence licence_;
+  DriveOracle oracle_;
   FakeMotor left_;
   FakeMotor right_;
   FakeEncoders encoders_;

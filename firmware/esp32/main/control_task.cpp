@@ -22,7 +22,7 @@ constexpr uint32_t kStackBytes = 8192;
 
 /// A robot whose timer does not start still steps, late, and says so. Longer than any period,
 /// shorter than the task watchdog.
-constexpr TickType_t kPatience = pdMS_TO_TICKS(50);
+constexpr TickType_t kStepTimeout = pdMS_TO_TICKS(50);
 
 StackType_t stack[kStackBytes];
 StaticTask_t task_memory;
@@ -75,7 +75,7 @@ IRAM_ATTR void ControlTask::on_timer(void* task) {
 void ControlTask::serve() {
   for (;;) {
     uint32_t events = 0;
-    const bool woken = xTaskNotifyWait(0, UINT32_MAX, &events, kPatience) == pdTRUE;
+    const bool woken = xTaskNotifyWait(0, UINT32_MAX, &events, kStepTimeout) == pdTRUE;
     if (!woken || events & kStepDue) {
       step();
     } else {

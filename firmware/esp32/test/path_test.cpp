@@ -46,7 +46,7 @@ TEST(without_gains_nothing_is_made_up) {
 
 TEST(a_wheel_that_keeps_up_shows_no_error_between_its_ticks) {
   FollowingError error;
-  error.aim(30'000);
+  error.set_target(30'000);
   for (uint64_t step = 1; step <= 20'000; ++step) {
     const auto now = static_cast<int64_t>(step * 30 / 576);
     const auto before = static_cast<int64_t>((step - 1) * 30 / 576);
@@ -59,7 +59,7 @@ TEST(a_wheel_that_keeps_up_shows_no_error_between_its_ticks) {
 TEST(a_wheel_that_stands_falls_behind_by_its_whole_setpoint) {
   FollowingError error;
   error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.aim(-100'000);
+  error.set_target(-100'000);
   for (uint64_t step = 2; step <= 1001; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
   CHECK(magnitude(error.um() + 100'000) < 1000);
   CHECK(magnitude(error.least_umps(kTick_q10) + 100'000) < 1000);
@@ -71,7 +71,7 @@ TEST(a_wheel_that_stands_falls_behind_by_its_whole_setpoint) {
 TEST(ticks_to_and_fro_are_no_progress) {
   FollowingError error;
   error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.aim(100'000);
+  error.set_target(100'000);
   for (uint64_t step = 2; step <= 501; ++step)
     error.update(step % 2 == 0 ? 1 : -1, step * 1000, kPeriod_us, kTick_q10);
   CHECK(error.least_umps(kTick_q10) > 90'000);
@@ -80,7 +80,7 @@ TEST(ticks_to_and_fro_are_no_progress) {
 TEST(a_wheel_that_is_pushed_at_rest_is_not_behind) {
   FollowingError error;
   error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.aim(100'000);
+  error.set_target(100'000);
   for (uint64_t step = 2; step <= 101; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
   error.rest();
   const int32_t before_um = error.um();
@@ -94,7 +94,7 @@ TEST(a_wheel_that_is_pushed_at_rest_is_not_behind) {
 TEST(a_late_step_counts_as_the_longest_one) {
   FollowingError error;
   error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.aim(400'000);
+  error.set_target(400'000);
   error.update(0, 61'000, kPeriod_us, kTick_q10);
   CHECK(error.um() > 10'000 && error.um() < 12'400);
 }
@@ -102,7 +102,7 @@ TEST(a_late_step_counts_as_the_longest_one) {
 TEST(while_no_tick_comes_the_next_one_may_be_about_to) {
   FollowingError error;
   error.update(0, 1000, kPeriod_us, kTick_q10);
-  error.aim(100'000);
+  error.set_target(100'000);
   for (uint64_t step = 2; step <= 11; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
   // 1000 um asked in 10 ms, of which 576 um may have been rolled.
   CHECK(magnitude(error.least_umps(kTick_q10) - 42'400) < 200);

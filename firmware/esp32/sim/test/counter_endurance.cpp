@@ -58,9 +58,9 @@ class Bench {
   int64_t updates_ = 0;
 };
 
-class Ride {
+class EnduranceRun {
  public:
-  explicit Ride(uint64_t seed) : random_(seed) {}
+  explicit EnduranceRun(uint64_t seed) : random_(seed) {}
 
   bool run(int64_t edges) {
     while (bench_.edges() < edges) {
@@ -121,10 +121,10 @@ class Ride {
 
 int main(int argc, char** argv) {
   const int64_t edges = argc > 1 ? static_cast<int64_t>(std::atof(argv[1])) : kDefaultEdges;
-  Ride ride(1);
-  const bool exact = ride.run(edges);
-  std::printf("%lld edges, %lld reads, %s\n", static_cast<long long>(ride.bench().edges()),
-              static_cast<long long>(ride.bench().updates()),
+  EnduranceRun endurance(1);
+  const bool exact = endurance.run(edges);
+  std::printf("%lld edges, %lld reads, %s\n", static_cast<long long>(endurance.bench().edges()),
+              static_cast<long long>(endurance.bench().updates()),
               exact ? "every total exact" : "a total is wrong");
   return exact ? 0 : 1;
 }

@@ -1,5 +1,5 @@
-// What entitles the wheels to be driven, told from the bytes that the firmware read: a second
-// opinion that shares the decoder with it, and nothing else.
+// An oracle for the fuzzer: whether the wheels may be driven, derived from the bytes that the
+// firmware read. It shares the decoder with the firmware and nothing else.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 
 namespace wheelwire::fuzz {
 
-class Licence {
+class DriveOracle {
  public:
-  explicit Licence(uint32_t boot_id) : boot_id_(boot_id), decoder_(body_size) {}
+  explicit DriveOracle(uint32_t boot_id) : boot_id_(boot_id), decoder_(body_size) {}
 
   void read(const uint8_t* data, size_t size, uint64_t now_us) {
     Frame frame;
