@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     from .motion.odometry import Odometry as Odometry
     from .motion.odometry import OdometryUpdate as OdometryUpdate
     from .motion.odometry import Pose as Pose
-    from .samples import Travel as Travel
     from .samples import WheelSample as WheelSample
+    from .samples import WheelTravel as WheelTravel
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
@@ -82,7 +82,7 @@ _MODULES = {
     "motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
     "linux_mcu.pins": ("Pins",),
     "motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
-    "samples": ("Travel", "WheelSample"),
+    "samples": ("WheelTravel", "WheelSample"),
     "link.sample_iterator": ("SampleIterator",),
     "simulation.simulator": ("Simulator",),
     "link.info": ("LinkStatistics",),

@@ -15,7 +15,7 @@ def tick_difference(later: int, earlier: int) -> int:
     return (later - earlier + half) % TICK_MODULUS - half
 
 
-class Travel(NamedTuple):
+class WheelTravel(NamedTuple):
     """From one sample to a later one."""
 
     left: int
@@ -65,11 +65,11 @@ class WheelSample(NamedTuple):
     stamp: float
     stamp_error_s: float
 
-    def since(self, earlier: WheelSample) -> Travel:
+    def since(self, earlier: WheelSample) -> WheelTravel:
         """The travel from `earlier` to this sample, right across counter wraps."""
         if self.boot_id != earlier.boot_id:
-            return Travel(0, 0, 0.0, rebased=True)
-        return Travel(
+            return WheelTravel(0, 0, 0.0, rebased=True)
+        return WheelTravel(
             tick_difference(self.left_ticks, earlier.left_ticks),
             tick_difference(self.right_ticks, earlier.right_ticks),
             (self.t_us - earlier.t_us) / 1e6,

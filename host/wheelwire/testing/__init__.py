@@ -13,11 +13,11 @@ The entry point group `wheelwire.drivers` then offers the driver to `open_driver
 
 import pytest
 
-for _module in ("drill", "motion", "sampling", "stopping", "refusing", "lifecycle"):
+for _module in ("harness", "motion", "sampling", "stopping", "refusing", "lifecycle"):
     pytest.register_assert_rewrite(f"{__name__}.{_module}")
 
 from .bench import Bench as Bench
 from .conformance import DriverConformance as DriverConformance
-from .drill import Drill as Drill
+from .harness import DriveHarness as DriveHarness
 
-__all__ = ["Bench", "Drill", "DriverConformance"]
+__all__ = ["Bench", "DriveHarness", "DriverConformance"]

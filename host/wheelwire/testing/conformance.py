@@ -11,7 +11,7 @@ import pytest
 
 from ..drivers.base import BaseDriver
 from .bench import Bench
-from .drill import Drill
+from .harness import DriveHarness
 from .lifecycle import LifecycleTests
 from .motion import MotionTests
 from .refusing import RefusingTests
@@ -29,6 +29,6 @@ class DriverConformance(MotionTests, SamplingTests, StoppingTests, RefusingTests
             yield driver
 
     @pytest.fixture
-    def drill(self, driver: BaseDriver) -> Drill:
+    def harness(self, driver: BaseDriver) -> DriveHarness:
         """It, and what it measures."""
-        return Drill(driver)
+        return DriveHarness(driver)

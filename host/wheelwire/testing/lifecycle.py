@@ -12,7 +12,7 @@ import pytest
 from .. import errors
 from ..drivers.base import BaseDriver
 from .bench import Bench
-from .drill import PATIENCE_S, SPEED_MPS, Drill, turning
+from .harness import PATIENCE_S, SPEED_MPS, DriveHarness, turning
 
 POLL_S = 0.01
 
@@ -20,23 +20,25 @@ POLL_S = 0.01
 class LifecycleTests:
     """From opening to oblivion."""
 
-    def test_a_lost_link_is_told_and_recovers_by_itself(self, bench: Bench, drill: Drill) -> None:
-        drill.drive_until(SPEED_MPS, 0.0, turning)
+    def test_a_lost_link_is_told_and_recovers_by_itself(
+        self, bench: Bench, harness: DriveHarness
+    ) -> None:
+        harness.drive_until(SPEED_MPS, 0.0, turning)
         bench.lose_link()
-        while not _is_lost(drill.driver):
+        while not _is_lost(harness.driver):
             bench.pass_time(POLL_S)
         with pytest.raises(errors.LinkLost):
-            drill.driver.set_velocity(SPEED_MPS, 0.0)
+            harness.driver.set_velocity(SPEED_MPS, 0.0)
         with pytest.raises(errors.LinkLost):
-            drill.driver.stop()
+            harness.driver.stop()
         with pytest.raises(errors.LinkLost):
-            drill.driver.get_encoder_ticks()
+            harness.driver.get_encoder_ticks()
         bench.restore_link()
-        assert drill.recovers()
-        drill.drive_until(SPEED_MPS, 0.0, turning)
+        assert harness.recovers()
+        harness.drive_until(SPEED_MPS, 0.0, turning)
 
-    def test_a_robot_without_its_link_stops(self, bench: Bench, drill: Drill) -> None:
-        drill.drive_until(SPEED_MPS, 0.0, turning)
+    def test_a_robot_without_its_link_stops(self, bench: Bench, harness: DriveHarness) -> None:
+        harness.drive_until(SPEED_MPS, 0.0, turning)
         bench.lose_link()
         for _ in range(round(PATIENCE_S / POLL_S)):
             bench.pass_time(POLL_S)
@@ -48,8 +50,8 @@ class LifecycleTests:
     def test_shutdown_stops_gives_back_everything_and_may_be_repeated(self, bench: Bench) -> None:
         threads, files = _threads(), _open_files()
         driver = bench.open()
-        drill = Drill(driver)
-        drill.drive_until(SPEED_MPS, 0.0, turning)
+        harness = DriveHarness(driver)
+        harness.drive_until(SPEED_MPS, 0.0, turning)
         driver.shutdown()
         driver.shutdown()
         assert not _threads() - threads
@@ -68,12 +70,12 @@ class LifecycleTests:
     def test_a_driver_may_be_opened_again(self, bench: Bench) -> None:
         for _ in range(2):
             with bench.open() as driver:
-                Drill(driver).drive_until(SPEED_MPS, 0.0, turning)
+                DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
 
     def test_a_forgotten_driver_stops_the_robot(self, bench: Bench) -> None:
         threads = _threads()
         driver = bench.open()
-        Drill(driver).drive_until(SPEED_MPS, 0.0, turning)
+        DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
         del driver
         gc.collect()
         assert not _threads() - threads

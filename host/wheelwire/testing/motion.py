@@ -6,7 +6,7 @@ import pytest
 
 from ..motion.kinematics import WheelVelocities
 from ..samples import WheelSample
-from .drill import CLOSE, SPEED_MPS, Drill, mean_of, turning
+from .harness import CLOSE, SPEED_MPS, DriveHarness, mean_of, turning
 
 TURN_RADPS = 1.5
 
@@ -14,39 +14,39 @@ TURN_RADPS = 1.5
 class MotionTests:
     """Signs, units, and the limit."""
 
-    def test_forward_is_positive_on_both_wheels(self, drill: Drill) -> None:
-        before = drill.driver.get_encoder_ticks()
-        sample = drill.drive_until(SPEED_MPS, 0.0, turning)
+    def test_forward_is_positive_on_both_wheels(self, harness: DriveHarness) -> None:
+        before = harness.driver.get_encoder_ticks()
+        sample = harness.drive_until(SPEED_MPS, 0.0, turning)
         assert sample.left_duty > 0
         assert sample.right_duty > 0
-        after = drill.driver.get_encoder_ticks()
+        after = harness.driver.get_encoder_ticks()
         assert after[0] > before[0]
         assert after[1] > before[1]
 
-    def test_backward_is_negative_on_both_wheels(self, drill: Drill) -> None:
-        before = drill.driver.get_encoder_ticks()
-        drill.drive_until(-SPEED_MPS, 0.0, lambda s: max(s.left_mps, s.right_mps) < -0.1)
-        after = drill.driver.get_encoder_ticks()
+    def test_backward_is_negative_on_both_wheels(self, harness: DriveHarness) -> None:
+        before = harness.driver.get_encoder_ticks()
+        harness.drive_until(-SPEED_MPS, 0.0, lambda s: max(s.left_mps, s.right_mps) < -0.1)
+        after = harness.driver.get_encoder_ticks()
         assert after[0] < before[0]
         assert after[1] < before[1]
 
     def test_counter_clockwise_is_positive_so_the_right_wheel_goes_forward(
-        self, drill: Drill
+        self, harness: DriveHarness
     ) -> None:
-        before = drill.driver.get_encoder_ticks()
-        drill.drive_until(0.0, TURN_RADPS, lambda s: s.right_mps > 0.1 and s.left_mps < -0.1)
-        after = drill.driver.get_encoder_ticks()
+        before = harness.driver.get_encoder_ticks()
+        harness.drive_until(0.0, TURN_RADPS, lambda s: s.right_mps > 0.1 and s.left_mps < -0.1)
+        after = harness.driver.get_encoder_ticks()
         assert after[0] < before[0]
         assert after[1] > before[1]
 
-    def test_a_left_turn_has_the_right_wheel_faster(self, drill: Drill) -> None:
-        separation = drill.driver.geometry.wheel_separation
+    def test_a_left_turn_has_the_right_wheel_faster(self, harness: DriveHarness) -> None:
+        separation = harness.driver.geometry.wheel_separation
         close = pytest.approx(0.5 * separation, rel=2 * CLOSE)
-        drill.steady(SPEED_MPS, 0.5, lambda s: mean_of(s, "right") - mean_of(s, "left") == close)
+        harness.steady(SPEED_MPS, 0.5, lambda s: mean_of(s, "right") - mean_of(s, "left") == close)
 
-    def test_velocities_are_in_metres_per_second(self, drill: Drill) -> None:
+    def test_velocities_are_in_metres_per_second(self, harness: DriveHarness) -> None:
         close = pytest.approx(SPEED_MPS, rel=CLOSE)
-        metres_per_tick = drill.driver.geometry.metres_per_tick
+        metres_per_tick = harness.driver.geometry.metres_per_tick
 
         def as_commanded(steady: list[WheelSample]) -> bool:
             travel = steady[-1].since(steady[0])
@@ -55,16 +55,16 @@ class MotionTests:
                 v == close for v in (mean_of(steady, "left"), mean_of(steady, "right"), by_ticks)
             )
 
-        drill.steady(SPEED_MPS, 0.0, as_commanded)
+        harness.steady(SPEED_MPS, 0.0, as_commanded)
 
-    def test_a_duty_drives_open_loop(self, drill: Drill) -> None:
-        sample = drill.drive_duty(0.5, -0.5, lambda s: s.left_mps > 0.1 and s.right_mps < -0.1)
+    def test_a_duty_drives_open_loop(self, harness: DriveHarness) -> None:
+        sample = harness.drive_duty(0.5, -0.5, lambda s: s.left_mps > 0.1 and s.right_mps < -0.1)
         assert sample.left_duty == pytest.approx(0.5, abs=1e-3)
         assert sample.right_duty == pytest.approx(-0.5, abs=1e-3)
 
-    def test_both_wheels_are_slowed_by_one_factor(self, drill: Drill) -> None:
-        limit = drill.driver.geometry.max_velocity_mps
-        separation = drill.driver.geometry.wheel_separation
+    def test_both_wheels_are_slowed_by_one_factor(self, harness: DriveHarness) -> None:
+        limit = harness.driver.geometry.max_velocity_mps
+        separation = harness.driver.geometry.wheel_separation
         linear, angular = limit, 1.5
         asked = WheelVelocities(
             linear - angular * separation / 2, linear + angular * separation / 2
@@ -75,4 +75,4 @@ class MotionTests:
             left, right = mean_of(steady, "left"), mean_of(steady, "right")
             return right == pytest.approx(limit, rel=CLOSE) and left / right == ratio
 
-        drill.steady(linear, angular, as_commanded)
+        harness.steady(linear, angular, as_commanded)

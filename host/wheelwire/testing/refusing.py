@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .. import errors
 from ..drivers.base import BaseDriver
-from .drill import CLOSE, PATIENCE_S, SPEED_MPS, Drill, mean_of
+from .harness import CLOSE, PATIENCE_S, SPEED_MPS, DriveHarness, mean_of
 
 
 def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
@@ -30,11 +30,11 @@ class RefusingTests:
     """Commands and parameters that mean nothing."""
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-    def test_no_number_is_no_command(self, drill: Drill, value: float) -> None:
-        for call in meaningless(drill.driver, value):
+    def test_no_number_is_no_command(self, harness: DriveHarness, value: float) -> None:
+        for call in meaningless(harness.driver, value):
             with pytest.raises(errors.InvalidCommand):
                 call()
-        assert drill.next().state is not SupervisorState.DRIVING
+        assert harness.next().state is not SupervisorState.DRIVING
 
     @pytest.mark.parametrize("ttl", [0.0, -0.5])
     def test_no_time_to_live_is_no_command(self, driver: BaseDriver, ttl: float) -> None:
@@ -42,20 +42,22 @@ class RefusingTests:
             driver.set_velocity(0.1, 0.0, ttl=ttl)
 
     @pytest.mark.parametrize("ahead_s", [1.0, 1.7e9])
-    def test_a_stamp_of_another_clock_is_no_command(self, drill: Drill, ahead_s: float) -> None:
-        later = drill.next().stamp + PATIENCE_S + ahead_s
-        for call in (drill.driver.set_velocity, drill.driver.set_wheel_velocity):
+    def test_a_stamp_of_another_clock_is_no_command(
+        self, harness: DriveHarness, ahead_s: float
+    ) -> None:
+        later = harness.next().stamp + PATIENCE_S + ahead_s
+        for call in (harness.driver.set_velocity, harness.driver.set_wheel_velocity):
             with pytest.raises(errors.InvalidCommand, match="monotonic"):
                 call(0.1, 0.0, stamp=later)
         with pytest.raises(errors.InvalidCommand, match="monotonic"):
-            drill.driver.set_duty(0.1, 0.0, stamp=later)
+            harness.driver.set_duty(0.1, 0.0, stamp=later)
 
-    def test_a_command_older_than_its_ttl_is_not_sent(self, drill: Drill) -> None:
-        made = drill.next().stamp
-        drill.watch(0.3)
+    def test_a_command_older_than_its_ttl_is_not_sent(self, harness: DriveHarness) -> None:
+        made = harness.next().stamp
+        harness.watch(0.3)
         with pytest.raises(errors.InvalidCommand, match=r"0\.2 s: send it sooner"):
-            drill.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2, stamp=made)
-        assert drill.next().state is not SupervisorState.DRIVING
+            harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2, stamp=made)
+        assert harness.next().state is not SupervisorState.DRIVING
 
     def test_a_duty_beyond_one_is_no_command(self, driver: BaseDriver) -> None:
         with pytest.raises(errors.InvalidCommand):
@@ -74,32 +76,34 @@ class RefusingTests:
         assert driver.geometry.max_velocity_mps == 0.15
         assert {info.name for info in parameters.list()} >= {"wheel_radius", "ttl_max_s"}
 
-    def test_a_limit_that_is_changed_is_kept_to(self, drill: Drill) -> None:
-        drill.driver.parameters["max_velocity_mps"] = 0.15
+    def test_a_limit_that_is_changed_is_kept_to(self, harness: DriveHarness) -> None:
+        harness.driver.parameters["max_velocity_mps"] = 0.15
         close = pytest.approx(0.15, rel=CLOSE)
-        drill.steady(0.4, 0.0, lambda samples: mean_of(samples, "left") == close)
+        harness.steady(0.4, 0.0, lambda samples: mean_of(samples, "left") == close)
 
-    def test_what_safety_rests_on_does_not_change_while_driving(self, drill: Drill) -> None:
-        parameters = drill.driver.parameters
+    def test_what_safety_rests_on_does_not_change_while_driving(
+        self, harness: DriveHarness
+    ) -> None:
+        parameters = harness.driver.parameters
         before = {name: parameters[name] for name in ("counts_per_revolution", "ttl_max_s")}
-        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+        harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         for name, value in before.items():
-            drill.driver.set_velocity(SPEED_MPS, 0.0)
+            harness.driver.set_velocity(SPEED_MPS, 0.0)
             with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
                 parameters[name] = value * 2
             assert parameters[name] == value
             parameters[name] = value
-        drill.driver.stop()
+        harness.driver.stop()
         parameters["ttl_max_s"] = 0.5
         assert parameters["ttl_max_s"] == 0.5
 
-    def test_gains_may_change_while_driving(self, drill: Drill) -> None:
-        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
-        drill.driver.parameters["integral_gain"] = 12.0
-        assert drill.driver.parameters["integral_gain"] == 12.0
-        assert drill.next().state is SupervisorState.DRIVING
+    def test_gains_may_change_while_driving(self, harness: DriveHarness) -> None:
+        harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+        harness.driver.parameters["integral_gain"] = 12.0
+        assert harness.driver.parameters["integral_gain"] == 12.0
+        assert harness.next().state is SupervisorState.DRIVING
 
-    def test_nothing_is_saved_while_driving(self, drill: Drill) -> None:
-        drill.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+    def test_nothing_is_saved_while_driving(self, harness: DriveHarness) -> None:
+        harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         with pytest.raises(errors.DeviceRefused, match="driving"):
-            drill.driver.parameters.save()
+            harness.driver.parameters.save()

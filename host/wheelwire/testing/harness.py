@@ -25,7 +25,7 @@ Result = TypeVar("Result")
 Condition = Callable[[WheelSample], bool]
 
 
-class Drill:
+class DriveHarness:
     """A driver and what it measured. Time is the samples' own, so nothing here sleeps."""
 
     def __init__(self, driver: BaseDriver) -> None:
