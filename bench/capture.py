@@ -35,7 +35,7 @@ STREAM = "`Decoder`, in parts of 4096 bytes"
 NUMPY = "numpy alone, where there is no library"
 LOOP = "C: a loop for this message, CRC by zlib"
 LOOP_BY_EIGHT = "C: the same, CRC eight bytes a step"
-AIM = 0.9
+TARGET = 0.9
 """Of the speed of a C loop that takes eight bytes of the CRC a step."""
 
 METHOD = f"""\
@@ -180,7 +180,7 @@ def size_rows(sizes: list[Sized]) -> list[list[str]]:
 
 
 def main() -> int:
-    """Measure, print, draw; 1 when the aim is missed."""
+    """Measure, print, draw; 1 when the target is missed."""
     folder = output_folder(__doc__)
     with TemporaryDirectory(dir=folder) as scratch:
         times = measure_speeds(Path(scratch))
@@ -188,11 +188,11 @@ def main() -> int:
     draw(sizes, folder / "capture.png")
     header = ("decoder", "ns a frame", "speed of `decode_capture`, as a share")
     sys.stdout.write(f"## Captures in bulk\n\n{METHOD}\n{table(header, speed_rows(times))}\n")
-    sys.stdout.write(f"Aim: at least {AIM} of the speed of the faster C loop.\n\n")
+    sys.stdout.write(f"Target: at least {TARGET} of the speed of the faster C loop.\n\n")
     sys.stdout.write(f"{METHOD_OF_SIZES}\n")
     columns = ("capture", "frames", "time [s]", "ns a frame", "peak memory [MiB]")
     sys.stdout.write(f"{table(columns, size_rows(sizes))}\n![By size](capture.png)\n")
-    return 0 if ratio(times[LOOP_BY_EIGHT], times[BULK]) >= AIM else 1
+    return 0 if ratio(times[LOOP_BY_EIGHT], times[BULK]) >= TARGET else 1
 
 
 if __name__ == "__main__":

@@ -17,14 +17,14 @@ from bench.peers.mavlink import Pymavlink
 from bench.peers.ours import Streaming
 from bench.peers.survival import CORRUPT, Survival, survival
 from support.benchmark import (
-    Aim,
+    Target,
     cpu_seconds,
     import_ms,
     interleaved,
     output_folder,
     ratio,
     table,
-    table_of_aims,
+    table_of_targets,
 )
 from support.captures import wheel_states
 
@@ -39,7 +39,7 @@ BATCH_FRAMES = 20_000
 PART_SIZES = (4096, 64)
 STARTS = 5
 
-AIM = 16
+TARGET = 16
 """Times pymavlink's speed of decoding, by our stream of typed messages."""
 
 METHOD = f"""\
@@ -129,12 +129,14 @@ class Results:
         return sum(survived.wrong for survived in survivals)
 
 
-def aims(results: Results) -> list[Aim]:
+def targets(results: Results) -> list[Target]:
     """Speed, and no message made up."""
     stream, wrong = results.against(Streaming, Pymavlink), results.wrong()
     return [
-        Aim("pymavlink's decode / our stream", f"{stream:.1f}", f">= {AIM}", stream >= AIM),
-        Aim("our wrong messages", str(wrong), "0", wrong == 0),
+        Target(
+            "pymavlink's decode / our stream", f"{stream:.1f}", f">= {TARGET}", stream >= TARGET
+        ),
+        Target("our wrong messages", str(wrong), "0", wrong == 0),
     ]
 
 
@@ -176,14 +178,14 @@ def _bars(
 
 
 def main() -> int:
-    """Measure, print, draw; 1 when an aim is missed."""
+    """Measure, print, draw; 1 when a target is missed."""
     folder = output_folder(__doc__)
     results = Results()
     draw(results, folder / "codec.png")
-    found = aims(results)
+    found = targets(results)
     sys.stdout.write(f"## The codec and its peers\n\n{METHOD}\n{table(HEADER, results.rows())}\n")
-    sys.stdout.write(f"{ratios(results)}\n{table_of_aims(found)}\n![Decoding](codec.png)\n")
-    return 0 if all(aim.reached for aim in found) else 1
+    sys.stdout.write(f"{ratios(results)}\n{table_of_targets(found)}\n![Decoding](codec.png)\n")
+    return 0 if all(target.reached for target in found) else 1
 
 
 if __name__ == "__main__":

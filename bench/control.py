@@ -16,7 +16,7 @@ The firmware's velocity loop on the simulated robot, in virtual time: the same a
 
 
 def rows() -> list[tuple[str, str, str]]:
-    """(measure, value, aim) triples."""
+    """(measure, value, target) triples."""
     step = quality.velocity_step()
     dip, recovery_s = quality.load_step()
     rough = quality.CRAWL_EDGE_ERROR_TICKS
@@ -46,7 +46,7 @@ def rows() -> list[tuple[str, str, str]]:
 def main() -> None:
     """Print the table."""
     output_folder(__doc__)
-    found = table(("measure", "value", "aim"), rows())
+    found = table(("measure", "value", "target"), rows())
     sys.stdout.write(f"## Control quality\n\n{METHOD}\n{found}")
 
 

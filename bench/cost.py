@@ -19,7 +19,7 @@ WORK = {
     "code_bytes": "bytes of code and constants",
     "ram_bytes": "bytes of RAM without the stack",
 }
-AIMS = {
+TARGETS = {
     "step_with_both, max": rv32.AIM_INSTRUCTIONS,
     "code_bytes": rv32.AIM_CODE_BYTES,
     "ram_bytes": rv32.AIM_RAM_BYTES,
@@ -36,8 +36,8 @@ def row(figure: str, now: int, before: int | None) -> list[str]:
     """One figure beside what it was and what it may be."""
     work, _, kind = figure.partition(", ")
     was = ["-", "-"] if before is None else [str(before), f"{now / before - 1:+.1%}"]
-    aim = f"< {AIMS[figure]}" if figure in AIMS else ""
-    return [f"{WORK[work]}, {kind}" if kind else WORK[work], str(now), *was, aim]
+    target = f"< {TARGETS[figure]}" if figure in TARGETS else ""
+    return [f"{WORK[work]}, {kind}" if kind else WORK[work], str(now), *was, target]
 
 
 def main() -> int:
@@ -52,7 +52,7 @@ def main() -> int:
     rows = [row(name, figure, baseline.figures.get(name)) for name, figure in now.items()]
     compilers = f"GCC {rv32.compiler_version()} now, {baseline.compiler} then"
     sys.stdout.write(f"{METHOD}The baseline is {baseline.release}; {compilers}.\n\n")
-    sys.stdout.write(table(("", "now", baseline.release, "change", "aim"), rows))
+    sys.stdout.write(table(("", "now", baseline.release, "change", "target"), rows))
     if baseline.compiler != rv32.compiler_version():
         return 0
     return 1 if rv32_baseline.too_much(rv32_baseline.growth(now, baseline.figures)) else 0

@@ -25,7 +25,7 @@ MODULES = {
 
 
 def main() -> int:
-    """Print the table; 1 when the aim is missed."""
+    """Print the table; 1 when the target is missed."""
     output_folder(__doc__)
     times = import_ms(MODULES, ROUNDS)
     rows = [["`python -c pass`, for comparison", f"{times['']:.0f}", ""]]
@@ -34,7 +34,7 @@ def main() -> int:
         for module, what in MODULES.items()
     ]
     rows[1][-1] = f"< {AIM_MS}"
-    header = ("", "time [ms]", "aim")
+    header = ("", "time [ms]", "target")
     sys.stdout.write(f"## Imports\n\n{METHOD}\n{table(header, rows)}")
     return 0 if times["wheelwire"] < AIM_MS else 1
 

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import round_trips
 from support.bare_host import PING_SIZE, PONG_SIZE, BareHost
-from support.benchmark import Aim, cpu_seconds, output_folder, ratio, table, table_of_aims
+from support.benchmark import Target, cpu_seconds, output_folder, ratio, table, table_of_targets
 from support.captures import capture
 from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.drivers.serial import SerialDriver
@@ -67,13 +67,13 @@ least that a program of one thread has to do: the same message through the same 
 """
 
 
-def at_most(what: str, measured: float, limit: float, unit: str = "") -> Aim:
+def at_most(what: str, measured: float, limit: float, unit: str = "") -> Target:
     """The limit itself will do."""
     number, bound = (f"{number:.3g}{unit}" for number in (measured, limit))
-    return Aim(what, number, f"<= {bound}", measured <= limit)
+    return Target(what, number, f"<= {bound}", measured <= limit)
 
 
-def show_round_trips() -> list[Aim]:
+def show_round_trips() -> list[Target]:
     """Print the round trips without a baud rate."""
     with TemporaryDirectory() as folder:
         found = round_trips.compare(Path(folder))
@@ -99,21 +99,21 @@ def show_round_trips() -> list[Aim]:
     ]
 
 
-def show_slow_lines() -> list[Aim]:
+def show_slow_lines() -> list[Target]:
     """Print the round trips at baud rates."""
-    rows, aims = [], []
+    rows, targets = [], []
     for baud, found in round_trips.on_slow_lines().items():
         line_us = round_trips.line_us(baud)
         p50, p99 = found.p50_us / line_us, found.p99_us / line_us
         microseconds = (f"{us:.0f}" for us in (line_us, found.p50_us, found.p99_us))
         rows.append([f"{baud} baud", *microseconds, f"{p50:.2f}", f"{p99:.2f}"])
-        aims += [
+        targets += [
             at_most(f"p50 at {baud} baud / the line's", p50, 1.25),
             at_most(f"p99 at {baud} baud / the line's", p99, 2),
         ]
     header = ("round trip [us]", "on the line", "p50", "p99", "p50 / line's", "p99 / line's")
     sys.stdout.write(f"{SLOW_LINES}\n{table(header, rows)}\n")
-    return aims
+    return targets
 
 
 def library_load(port: str, rate_hz: int, duration_s: float, reads_hz: int = 0) -> Load:
@@ -138,7 +138,7 @@ def decoding() -> float:
     return RATE_HZ / DECODED * cpu_seconds(lambda: [decoder.feed(frame) for frame in frames])
 
 
-def show_cpu() -> list[Aim]:
+def show_cpu() -> list[Target]:
     """Print what an idle and a busy link cost."""
     with Simulator() as simulator:
         port = simulator.port
@@ -184,7 +184,7 @@ def _load_row(name: str, load: Load) -> list[str]:
     return [name, f"{load.cpu:.2%}", f"{load.wake_ups:.0f}"]
 
 
-def show_calls() -> list[Aim]:
+def show_calls() -> list[Target]:
     """Print what a setpoint costs the thread that gives it."""
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -225,7 +225,7 @@ def show_calls() -> list[Aim]:
     ]
 
 
-def show_fast_stream() -> list[Aim]:
+def show_fast_stream() -> list[Target]:
     """Print what is lost of a fast stream."""
     with Simulator() as simulator:
         with SerialDriver(simulator.port) as robot:
@@ -245,18 +245,18 @@ def show_fast_stream() -> list[Aim]:
 
 
 def main() -> int:
-    """Measure and print; 1 when an aim is missed."""
+    """Measure and print; 1 when a target is missed."""
     output_folder(__doc__)
     sys.stdout.write("## The serial link\n\n")
-    aims = [
+    targets = [
         *show_round_trips(),
         *show_slow_lines(),
         *show_calls(),
         *show_cpu(),
         *show_fast_stream(),
     ]
-    sys.stdout.write(table_of_aims(aims))
-    return 0 if all(aim.reached for aim in aims) else 1
+    sys.stdout.write(table_of_targets(targets))
+    return 0 if all(target.reached for target in targets) else 1
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from support.benchmark import ROOT, output_folder, table
 PROGRAM = ROOT / "build" / "host" / "wheelwire-velocity-curve"
 DEFAULT_HZ = 1000
 """The control rate of the picture."""
-AIMS = {100: 0.003, 200: 0.003, 500: 0.002, DEFAULT_HZ: 0.002}
+TARGETS = {100: 0.003, 200: 0.003, 500: 0.002, DEFAULT_HZ: 0.002}
 """Of the mean's error, for each control rate. [Hz]"""
 
 Rows = list[dict[str, float]]
@@ -70,9 +70,9 @@ def summary(rate_hz: int, rows: Rows) -> list[list[str]]:
 
 
 def main() -> int:
-    """Print the table, draw the picture; 1 when the aim is missed."""
+    """Print the table, draw the picture; 1 when the target is missed."""
     folder = output_folder(__doc__)
-    rows = {rate_hz: run(rate_hz) for rate_hz in AIMS}
+    rows = {rate_hz: run(rate_hz) for rate_hz in TARGETS}
     plot(rows[DEFAULT_HZ], folder / "velocity.png")
     header = (
         "control rate",
@@ -81,9 +81,9 @@ def main() -> int:
         "worst error of the mean",
         "noise, rms over the speeds",
     )
-    lines = [line for rate_hz in AIMS for line in summary(rate_hz, rows[rate_hz])]
+    lines = [line for rate_hz in TARGETS for line in summary(rate_hz, rows[rate_hz])]
     sys.stdout.write(table(header, lines))
-    return int(any(worst(rows[rate_hz]) > aim for rate_hz, aim in AIMS.items()))
+    return int(any(worst(rows[rate_hz]) > target for rate_hz, target in TARGETS.items()))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The core on an ESP32-C6's instruction set: it computes the same, within the aims for its cost."""
+"""The core on an ESP32-C6's instruction set: same results, at a cost within the targets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_every_vector_holds() -> None:
     assert rv32.run("vectors").endswith(" 0 failed\n")
 
 
-def test_the_cost_is_within_the_aims() -> None:
+def test_the_cost_is_within_the_targets() -> None:
     cost = rv32.cost()
     assert max(work.max for work in cost.instructions.values()) < rv32.AIM_INSTRUCTIONS
     assert cost.code_bytes < rv32.AIM_CODE_BYTES

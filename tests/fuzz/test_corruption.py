@@ -1,4 +1,4 @@
-"""Damaged frames: the aims are met in a small run. docs/reliability.md has the large one."""
+"""Damaged frames: the targets are met in a small run. docs/reliability.md has the large one."""
 
 from __future__ import annotations
 

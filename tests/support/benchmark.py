@@ -35,7 +35,7 @@ def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-class Aim(NamedTuple):
+class Target(NamedTuple):
     """What is to be reached, in words, and whether it was."""
 
     what: str
@@ -44,10 +44,10 @@ class Aim(NamedTuple):
     reached: bool
 
 
-def table_of_aims(aims: Iterable[Aim]) -> str:
-    """A row an aim."""
-    rows = [[*aim[:3], "reached" if aim.reached else "**missed**"] for aim in aims]
-    return table(("", "measured", "aim", ""), rows)
+def table_of_targets(targets: Iterable[Target]) -> str:
+    """A row a target."""
+    rows = [[*target[:3], "reached" if target.reached else "**missed**"] for target in targets]
+    return table(("", "measured", "target", ""), rows)
 
 
 def seconds(work: Callable[[], object], clock: Callable[[], float] = perf_counter) -> float:

@@ -1,6 +1,6 @@
 """What all benchmarks rest on."""
 
-from support.benchmark import Aim, import_ms, interleaved, ratio, table, table_of_aims
+from support.benchmark import Target, import_ms, interleaved, ratio, table, table_of_targets
 
 
 def test_measures_take_turns_and_the_first_round_is_left_out() -> None:
@@ -29,9 +29,12 @@ def test_an_import_is_timed_without_the_interpreter() -> None:
     assert times[""] > 0
 
 
-def test_an_aim_that_is_missed_stands_out() -> None:
-    aims = [Aim("speed", "9", ">= 12", reached=False), Aim("wrong", "0", "0", reached=True)]
-    assert table_of_aims(aims).splitlines()[2:] == [
+def test_a_target_that_is_missed_stands_out() -> None:
+    targets = [
+        Target("speed", "9", ">= 12", reached=False),
+        Target("wrong", "0", "0", reached=True),
+    ]
+    assert table_of_targets(targets).splitlines()[2:] == [
         "| speed | 9 | >= 12 | **missed** |",
         "| wrong | 0 | 0 | reached |",
     ]
