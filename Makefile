@@ -120,7 +120,7 @@ bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/re
 
 reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 4 min
 	$(BIN)/python bench/stop_times.py
-	$(BIN)/python bench/rides.py
+	$(BIN)/python bench/endurance.py
 	$(BIN)/python bench/clock.py
 	$(BIN)/python bench/plausibility.py
 	$(BIN)/python bench/reconnect.py

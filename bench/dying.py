@@ -45,7 +45,7 @@ def _cells(deaths: list[Death], way: str) -> tuple[str, str, str]:
     late = [d.late_us for d in deaths]
     ended = [d.ended_us for d in deaths if d.ended_us is not None]
     return (
-        _cell([d.struck_to_removed_us for d in deaths]),
+        _cell([d.failure_to_removed_us for d in deaths]),
         "" if way in CORE_WAYS or max(late) < 0 else _cell(late),
         _cell(ended) if ended else "",
     )

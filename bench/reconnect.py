@@ -21,11 +21,11 @@ from support.reconnect import (
 )
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.info import quantile
-from wheelwire.simulation.impaired_simulator import FaultySimulator
-from wheelwire.simulation.impairment import Faults, LineProfile
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
+from wheelwire.simulation.impairment import Impairment, LineProfile
 from wheelwire.simulation.simulator import Simulator
 
-CORRUPT = Faults(corrupt=0.01)
+CORRUPT = Impairment(corrupt=0.01)
 
 
 def same_name(folder: Path, cycles: int) -> tuple[list[float], list[float], float]:
@@ -54,7 +54,7 @@ def other_names(folder: Path, cycles: int) -> list[float]:
 def bad_line(cycles: int) -> list[float]:
     """Seconds after resets, less the boot, with 1 % of the bytes corrupted both ways."""
     with (
-        FaultySimulator(LineProfile(CORRUPT, CORRUPT)) as simulator,
+        ImpairedSimulator(LineProfile(CORRUPT, CORRUPT)) as simulator,
         SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot,
     ):
         boot_s = simulator.get("boot_time_us") / 1e6
@@ -72,7 +72,7 @@ def main() -> int:
         elsewhere = other_names(Path(folder), arguments.cycles)
     corrupted = bad_line(arguments.cycles)
     table = Table(title=f"To the first fresh sample, {arguments.cycles} each", title_justify="left")
-    for column in ("from", "p50", "p99", "max", "aim"):
+    for column in ("from", "p50", "p99", "max", "target"):
         table.add_column(column)
     table.add_row("the port's return", *_numbers(returned), f"p99 <= {AIM_S * 1e3:g} ms")
     table.add_row("... under another name, by board_id", *_numbers(elsewhere), "")

@@ -29,15 +29,15 @@ def growth_kib(laps: list[Lap], process: int) -> int:
 
 
 def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
-    """(measure, value, aim, reached) of a run."""
-    untold = sum(abs(number) for lap in laps for number in lap.untold)
+    """(measure, value, target, reached) of a run."""
+    uncounted = sum(abs(number) for lap in laps for number in lap.uncounted)
     ticks = sum(abs(lap.ticks_wrong) for lap in laps)
     sessions = sum(lap.sessions for lap in laps)
     resets = sum(lap.incident == "reset" for lap in laps)
     found = [
         ("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
         ("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
-        ("... of which the counters do not tell", str(untold), "0", untold == 0),
+        ("... of which the counters do not tell", str(uncounted), "0", uncounted == 0),
         ("ticks lost or invented", str(ticks), "0", ticks == 0),
         ("sessions lost without an incident", str(sessions), "0", sessions == 0),
         ("setpoints that came too late", str(laps[-1].expired), "", True),
@@ -58,7 +58,7 @@ def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
 
 
 def main() -> int:
-    """Run, print, and fail when an aim is missed."""
+    """Run, print, and fail when a target is missed."""
     logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)
@@ -67,11 +67,11 @@ def main() -> int:
     laps = run(arguments.minutes, lambda lap: _log(lap, arguments.log))
     title = f"{arguments.minutes:g} min at {STATE_HZ} Hz, {CORRUPT:.0%} of all bytes corrupted"
     table = Table(title=title, title_justify="left")
-    for column in ("measure", "value", "aim"):
+    for column in ("measure", "value", "target"):
         table.add_column(column)
     found = rows(laps)
-    for measure, value, aim, reached in found:
-        table.add_row(measure, value if reached else f"[red]{value}[/]", aim)
+    for measure, value, target, reached in found:
+        table.add_row(measure, value if reached else f"[red]{value}[/]", target)
     Console(width=100).print(table)
     return 0 if all(reached for *_, reached in found) else 1
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import stop_host, stop_times
-from support.stop_times import BLOWS, PERIOD_US, TTL_S, StopTime
+from support.stop_times import FAILURES, PERIOD_US, TTL_S, StopTime
 from wheelwire.link.info import quantile
 
 COLUMNS = (
@@ -27,7 +27,7 @@ def row(times: list[StopTime]) -> tuple[str, ...]:
     late = [time.late_us / 1e3 for time in times if time.late_us is not None]
     return (
         _cell(late, "ms") if late else "at once",
-        _cell([time.struck_to_removed_us / 1e3 for time in times], "ms"),
+        _cell([time.failure_to_removed_us / 1e3 for time in times], "ms"),
         _cell([time.removed_to_standstill_us / 1e3 for time in times], "ms"),
         _cell([time.distance_m * 1e3 for time in times], "mm"),
     )
@@ -35,7 +35,7 @@ def row(times: list[StopTime]) -> tuple[str, ...]:
 
 def in_time(time: StopTime) -> bool:
     """The drive was removed within one control period."""
-    late = time.struck_to_removed_us if time.late_us is None else time.late_us
+    late = time.failure_to_removed_us if time.late_us is None else time.late_us
     return late <= PERIOD_US
 
 
@@ -46,13 +46,13 @@ def main() -> int:
     parser.add_argument("--real", type=int, default=5, help="runs in real time")
     arguments = parser.parse_args()
     virtual = {
-        name: [stop_times.stop_time(blow, seed) for seed in range(arguments.virtual)]
-        for name, blow in BLOWS.items()
+        name: [stop_times.stop_time(failure, seed) for seed in range(arguments.virtual)]
+        for name, failure in FAILURES.items()
     }
     _print(f"{arguments.virtual} runs each in virtual time", virtual)
     real = {
         name: [stop_host.real_stop_time(name, seed) for seed in range(1, arguments.real + 1)]
-        for name in (*stop_host.BLOWS, "device reset")
+        for name in (*stop_host.FAILURES, "device reset")
     }
     _print(f"{arguments.real} runs each in real time", real)
     late = [time for table in (virtual, real) for times in table.values() for time in times]
@@ -60,7 +60,7 @@ def main() -> int:
 
 
 def _print(title: str, times: dict[str, list[StopTime]]) -> None:
-    limit = f"ttl {TTL_S:g} s, aim: removed at most {PERIOD_US / 1e3:g} ms after the deadline"
+    limit = f"ttl {TTL_S:g} s, target: removed at most {PERIOD_US / 1e3:g} ms after the deadline"
     table = Table(title=f"{title} (p50 / p99 / max; {limit})", title_justify="left")
     table.add_column("what happened")
     for column in COLUMNS:

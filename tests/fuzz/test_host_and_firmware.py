@@ -28,7 +28,7 @@ from support.virtual import STEP_US
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, Done, RequestMessage
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Faults, LineProfile
+from wheelwire.simulation.impairment import Impairment, LineProfile
 from wheelwire.simulation.library import library_path
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
@@ -52,7 +52,7 @@ SETTLED_S = 0.5
 chances = st.sampled_from([0.0, 0.0, 0.05, 0.3])
 moments = st.sampled_from([0, 1, 3, 10, 30, 100, 300, 700])  # ms
 bad_line = st.builds(
-    Faults,
+    Impairment,
     loss=st.sampled_from([0.0, 0.0, 0.05, 0.3, 1.0]),
     repeat=chances,
     reorder=chances,
@@ -163,13 +163,13 @@ class HostAndFirmware(RuleBasedStateMachine):
     # --- what happens --------------------------------------------------------------------------
 
     @rule(to_device=bad_line, to_host=bad_line)
-    def spoil(self, to_device: Faults, to_host: Faults) -> None:
-        self.robot.line.to_device.faults = replace(to_device)
-        self.robot.line.to_host.faults = replace(to_host)
+    def impair(self, to_device: Impairment, to_host: Impairment) -> None:
+        self.robot.line.to_device.impairment = replace(to_device)
+        self.robot.line.to_host.impairment = replace(to_host)
 
     @rule()
     def mend(self) -> None:
-        self.spoil(Faults(), Faults())
+        self.impair(Impairment(), Impairment())
 
     @rule(ms=moments)
     def reset(self, ms: int) -> None:

@@ -40,4 +40,4 @@ def test_an_application_that_dies_stops_its_robot(place: str, way: str) -> None:
     ],
 )
 def test_a_core_that_dies_leaves_the_bridge_off(place: str, way: str) -> None:
-    assert die(place, way, patience_ms=LESS_PATIENT_MS).struck_to_removed_us < BUSY_US
+    assert die(place, way, patience_ms=LESS_PATIENT_MS).failure_to_removed_us < BUSY_US

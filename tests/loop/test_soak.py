@@ -14,7 +14,7 @@ def test_every_loss_is_told_and_every_incident_survived() -> None:
     assert {lap.incident for lap in laps} == {"reset", "unplug"}
     for lap in laps:
         assert lap.hit > 0
-        assert lap.untold == (0, 0, 0, 0)
+        assert lap.uncounted == (0, 0, 0, 0)
         assert lap.ticks_wrong == 0
         assert lap.sessions == 0
     assert len({(lap.threads, lap.files) for lap in laps}) == 1

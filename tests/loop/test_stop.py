@@ -13,7 +13,7 @@ import pytest
 
 from support.lines import simulator_on
 from support.stop_host import (
-    BLOWS,
+    FAILURES,
     HANG,
     PATIENCE_S,
     TRUTH_HZ,
@@ -24,7 +24,7 @@ from support.stop_host import (
     wait,
 )
 from support.stop_times import PERIOD_US, TTL_S
-from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import LineProfile
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
@@ -38,10 +38,10 @@ def simulator(line: str) -> Iterator[Simulator]:
 
 def check_stop(simulator: Simulator, name: str) -> None:
     with host(simulator) as process:
-        stopping = stop(simulator, process, BLOWS[name])
+        stopping = stop(simulator, process, FAILURES[name])
         assert stopping.time.late_us is not None
         assert 0 <= stopping.time.late_us <= PERIOD_US
-        assert stopping.end.deadline_us <= stopping.struck.device_us + (TTL_S + 0.1) * 1e6
+        assert stopping.end.deadline_us <= stopping.at_failure.device_us + (TTL_S + 0.1) * 1e6
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_a_host_or_a_cable_that_is_gone(simulator: Simulator, name: str) -> None
 
 @pytest.mark.parametrize("name", ["every byte corrupted", "babbling line"])
 def test_a_line_that_carries_nothing_but_noise(name: str) -> None:
-    with FaultySimulator(LineProfile(), truth_hz=TRUTH_HZ) as simulator:
+    with ImpairedSimulator(LineProfile(), truth_hz=TRUTH_HZ) as simulator:
         check_stop(simulator, name)
 
 

@@ -5,7 +5,7 @@ from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Session
-from wheelwire.simulation.impairment import Faults
+from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import BY_ID
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import Encoder
@@ -72,9 +72,9 @@ def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: boo
 def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
     seed: int, loss: float, repeat: float, flip: float, jitter_us: int
 ) -> None:
-    faults = Faults(loss=loss, repeat=repeat, flip=flip, delay_us=200, jitter_us=jitter_us)
+    impairment = Impairment(loss=loss, repeat=repeat, flip=flip, delay_us=200, jitter_us=jitter_us)
     device = FakeDevice(drift=100e-6)
-    line = VirtualLine(seed, to_device=faults, to_host=faults, device=device)
+    line = VirtualLine(seed, to_device=impairment, to_host=impairment, device=device)
     line.session.connect(line.now_us)
     asked: list[float] = []
     for number in range(120):

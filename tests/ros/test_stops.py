@@ -82,10 +82,10 @@ def test_a_killed_node(rig: Rig) -> None:
         check_stopped_at_deadline(rig.truth(stopped))
 
 
-@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_node_stops_the_wheels_first(far_rig: Rig, blow: signal.Signals) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_node_stops_the_wheels_first(far_rig: Rig, number: signal.Signals) -> None:
     far_rig.drive_on()
-    far_rig.node.process.send_signal(blow)
+    far_rig.node.process.send_signal(number)
     check_stopped_early(far_rig)
     assert far_rig.node.process.wait(PATIENCE_S) == 0
     assert "Traceback" not in far_rig.node.errors()

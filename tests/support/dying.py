@@ -31,7 +31,7 @@ TTL_S = 0.3
 PATIENCE_S = 30.0
 IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
 SIGINTS = 10_000
-DEADLINE, STRUCK = 0, 8
+DEADLINE, FAILED = 0, 8
 """Offsets in the memory that is shared with the application; microseconds, monotonic."""
 
 APPLICATION = """
@@ -56,7 +56,7 @@ while not asked:
     except wheelwire.WheelwireError:
         pass
     time.sleep(0.02)
-note(STRUCK, now_us())
+note(FAILED, now_us())
 if way == "exit":
     os._exit(0)
 elif way == "fork":
@@ -72,7 +72,7 @@ elif way == "forgotten":
 time.sleep(60)
 """
 
-Strike = Callable[["Application"], None]
+Injection = Callable[["Application"], None]
 
 
 def now_us() -> int:
@@ -80,14 +80,14 @@ def now_us() -> int:
 
 
 class Application:
-    """A process that drives until it is struck."""
+    """A process that drives until it fails."""
 
     def __init__(self, driver: str, options: dict[str, Any], way: str, directory: Path) -> None:
         path = directory / "memory"
         path.write_bytes(bytes(mmap.PAGESIZE))
         with path.open("r+b") as file:
             self._memory = mmap.mmap(file.fileno(), mmap.PAGESIZE)
-        numbers = f"DEADLINE, STRUCK, TTL_US = {DEADLINE}, {STRUCK}, {round(TTL_S * 1e6)}\n"
+        numbers = f"DEADLINE, FAILED, TTL_US = {DEADLINE}, {FAILED}, {round(TTL_S * 1e6)}\n"
         log = (directory / "log").open("wb")
         self.process = subprocess.Popen(
             [
@@ -122,7 +122,7 @@ class Application:
         self.process.stdout.close()
 
 
-def _send(number: int) -> Strike:
+def _send(number: int) -> Injection:
     return lambda application: application.process.send_signal(number)
 
 
@@ -132,15 +132,15 @@ def _storm(application: Application) -> None:
             os.killpg(application.process.pid, signal.SIGINT)
 
 
-def _send_to_core(number: int) -> Strike:
-    def strike(application: Application) -> None:
+def _send_to_core(number: int) -> Injection:
+    def inject(application: Application) -> None:
         (core,) = children(application.child)
         os.kill(core, number)
 
-    return strike
+    return inject
 
 
-WAYS: dict[str, tuple[str, Strike]] = {
+WAYS: dict[str, tuple[str, Injection]] = {
     "killed (SIGKILL)": ("", _send(signal.SIGKILL)),
     "stopped (SIGSTOP)": ("", _send(signal.SIGSTOP)),
     "killed, a fork holds the socket": ("fork", _send(signal.SIGUSR1)),
@@ -150,7 +150,7 @@ WAYS: dict[str, tuple[str, Strike]] = {
     "hang": ("hang", _send(signal.SIGUSR1)),
     f"{SIGINTS} SIGINTs": ("", _storm),
 }
-CORE_WAYS: dict[str, Strike] = {
+CORE_WAYS: dict[str, Injection] = {
     "core killed": _send_to_core(signal.SIGKILL),
     "core stopped": _send_to_core(signal.SIGSTOP),
     "guard killed": lambda application: os.kill(application.child, signal.SIGKILL),
@@ -164,14 +164,14 @@ class Death:
     """One run; times in microseconds.
 
     Attributes:
-        struck_to_removed_us: From the failure to the drive's removal.
+        failure_to_removed_us: From the failure to the drive's removal.
         late_us: From the deadline of the last setpoint to the drive's removal; below 0 where it did
             not have to wait for that.
         ended_us: From the failure to the end of the process that moves the pins; None where it goes
             on, because its application does.
     """
 
-    struck_to_removed_us: int
+    failure_to_removed_us: int
     late_us: int
     ended_us: int | None
 
@@ -317,8 +317,8 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
 
 
 def die(place_name: str, way: str, phase_s: float = 0.0, patience_ms: int | None = None) -> Death:
-    """Drive, strike `phase_s` later, and measure."""
-    application_way, strike = WAYS[way] if way in WAYS else ("", CORE_WAYS[way])
+    """Drive, inject the failure `phase_s` later, and measure."""
+    application_way, inject = WAYS[way] if way in WAYS else ("", CORE_WAYS[way])
     # In memory, as /sys is: a disk would hold the core up.
     directory = tempfile.TemporaryDirectory(dir=IN_MEMORY)
     with directory as name, place(place_name, Path(name), patience_ms) as where:
@@ -328,15 +328,15 @@ def die(place_name: str, way: str, phase_s: float = 0.0, patience_ms: int | None
             time.sleep(0.2 + phase_s)
             ends = way not in WAITING_WAYS and where.driver != "serial"
             child = os.pidfd_open(application.child) if ends else None
-            struck_us = now_us()
-            strike(application)
+            failed_us = now_us()
+            inject(application)
             wait_until(lambda: not where.is_driven(), PATIENCE_S, "the end of the drive")
             removed_us = where.removed_us()
-            ended_us = None if child is None else _end(child) - struck_us
+            ended_us = None if child is None else _end(child) - failed_us
         finally:
             application.close()
-        struck_us = application.word(STRUCK) or struck_us
-        return Death(removed_us - struck_us, removed_us - application.word(DEADLINE), ended_us)
+        failed_us = application.word(FAILED) or failed_us
+        return Death(removed_us - failed_us, removed_us - application.word(DEADLINE), ended_us)
 
 
 def _end(process: int) -> int:

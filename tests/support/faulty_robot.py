@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wheelwire.errors import LinkLost
-from wheelwire.simulation.impairment import FaultLine, Happening, LineProfile
+from wheelwire.simulation.impairment import ImpairedLine, LineEvent, LineProfile
 
 from .virtual import STEP_US, VirtualRobot
 
@@ -21,7 +21,7 @@ class FaultyRobot(VirtualRobot):
         self, seed: int = 1, profile: LineProfile | None = None, /, **settings: float
     ) -> None:
         super().__init__(seed, **settings)
-        self.line = FaultLine(profile or LineProfile(seed=seed))
+        self.line = ImpairedLine(profile or LineProfile(seed=seed))
         self.host_runs = True
         self.resets = 0
         self.unplugs = 0
@@ -62,10 +62,10 @@ class FaultyRobot(VirtualRobot):
         self._plugged = True
         self.session.connect(self.now_us)
 
-    def _obey(self, happening: Happening) -> None:
-        if happening is Happening.RESET:
+    def _obey(self, happening: LineEvent) -> None:
+        if happening is LineEvent.RESET:
             self.reset()
-        elif happening is Happening.UNPLUG:
+        elif happening is LineEvent.UNPLUG:
             self.unplug()
         else:
             self.plug()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import load_profile
 from wheelwire.simulation.simulator import Simulator
 
@@ -16,4 +16,4 @@ def simulator_on(line: str, **options: Any) -> Simulator:
     """A simulator at the far end of one of `LINES`; options are those of `Simulator`."""
     if line == GOOD:
         return Simulator(**options)
-    return FaultySimulator(load_profile(line), **options)
+    return ImpairedSimulator(load_profile(line), **options)

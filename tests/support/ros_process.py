@@ -55,9 +55,9 @@ class RobotNode:
         file = self._errors.fileno()
         return os.pread(file, os.fstat(file).st_size, 0).decode()
 
-    def end(self, blow: signal.Signals) -> int:
+    def end(self, number: signal.Signals) -> int:
         """Send a signal and wait; returns the exit code."""
-        self.process.send_signal(blow)
+        self.process.send_signal(number)
         return self.process.wait(PATIENCE_S)
 
     def close(self) -> None:

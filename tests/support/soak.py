@@ -1,4 +1,4 @@
-"""Endurance: laps of driving on a bad line, whose books are held against both ends' counters."""
+"""Laps of driving on a bad line, whose ground truth is checked against both ends' counters."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import NamedTuple, TypeVar
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout
-from wheelwire.simulation.impaired_simulator import FaultySimulator
-from wheelwire.simulation.impairment import Books, Faults, LineProfile
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
+from wheelwire.simulation.impairment import GroundTruth, Impairment, LineProfile
 from wheelwire_protocol.codes import RefusalCode
 
 T = TypeVar("T")
@@ -29,11 +29,11 @@ UNPLUGGED_S = 0.2
 PATIENCE_S = 60.0
 SETTLED = 300
 """Readings."""
-PROFILE = LineProfile(Faults(), Faults(), seed=11)
+PROFILE = LineProfile(Impairment(), Impairment(), seed=11)
 
 
 class Gap(NamedTuple):
-    """What one direction's books say, less what its receiver has counted; constant if all is told.
+    """One direction's ground truth less its receiver's counters; constant if every loss is counted.
 
     Attributes:
         frames: Good frames that passed, less good frames counted.
@@ -49,15 +49,15 @@ class Lap:
     """What one lap left behind.
 
     Attributes:
-        incident: What ended it, after its books were closed.
+        incident: What ended it, after its counts were checked.
         frames: Given to the line, towards host and device.
         hit: Of these, lost or damaged.
-        untold: What the counters do not tell of what the books know, host's `Gap`, then device's;
-            aim 0.
-        ticks_wrong: Of both wheels, against the plant, since the device's reset; aim 0.
+        uncounted: Losses in the ground truth that are in no counter: host's `Gap`, then device's;
+            target 0.
+        ticks_wrong: Of both wheels, against the plant, since the device's reset; target 0.
         recovery_s: From the port's return, or the reset, to a sample of a new session.
         expired: Setpoints refused so far, because they came later than they lived.
-        sessions: Opened within the lap, which no loss should make happen; aim 0.
+        sessions: Opened within the lap, which no loss should make happen; target 0.
         resident_kib: This process's memory, then the simulator's.
         threads: Of this process.
         files: Open in this process.
@@ -66,7 +66,7 @@ class Lap:
     incident: str
     frames: int
     hit: int
-    untold: tuple[int, ...]
+    uncounted: tuple[int, ...]
     ticks_wrong: int
     recovery_s: float
     expired: int
@@ -79,7 +79,7 @@ class Lap:
 class Soak:
     """A robot on a bad line, driven lap by lap."""
 
-    def __init__(self, simulator: FaultySimulator, robot: SerialDriver) -> None:
+    def __init__(self, simulator: ImpairedSimulator, robot: SerialDriver) -> None:
         self._simulator = simulator
         self._robot = robot
         self._laps = 0
@@ -87,9 +87,9 @@ class Soak:
         self._tick_base = self._ticks_against_plant()
 
     def lap(self, seconds: float = LAP_S) -> Lap:
-        """Drive on the bad line, close the books on a good one, then a reset or an unplugging."""
+        """Drive on the bad line, check all counts on a good one, then a reset or an unplugging."""
         line = self._simulator.line
-        before = replace(line.to_host.books), replace(line.to_device.books)
+        before = replace(line.to_host.truth), replace(line.to_device.truth)
         opened = self._host_gap(), self._device_gap()
         sessions = self._robot.statistics.sessions
         self._corrupt(CORRUPT)
@@ -98,19 +98,19 @@ class Soak:
         self._stand()
         closed = self._host_gap(), self._device_gap()
         passed = (
-            _difference(line.to_host.books, before[0]),
-            _difference(line.to_device.books, before[1]),
+            _difference(line.to_host.truth, before[0]),
+            _difference(line.to_device.truth, before[1]),
         )
         sessions = self._robot.statistics.sessions - sessions
         ticks_wrong = self._ticks_against_plant() - self._tick_base
         self._laps += 1
         incident = ("unplug", "reset")[self._laps % 2]
-        recovery_s = self._strike(incident)
+        recovery_s = self._inject(incident)
         return Lap(
             incident=incident,
-            frames=sum(books.frames for books in passed),
-            hit=sum(books.hit for books in passed),
-            untold=tuple(
+            frames=sum(truth.frames for truth in passed),
+            hit=sum(truth.hit for truth in passed),
+            uncounted=tuple(
                 after - before
                 for pair in zip(opened, closed, strict=True)
                 for before, after in zip(*pair, strict=True)
@@ -128,7 +128,7 @@ class Soak:
 
     def _corrupt(self, chance: float) -> None:
         line = self._simulator.line
-        line.to_host.faults.corrupt = line.to_device.faults.corrupt = chance
+        line.to_host.impairment.corrupt = line.to_device.impairment.corrupt = chance
 
     def _drive(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -150,7 +150,7 @@ class Soak:
         retry(self._robot.stop)
         wait(lambda: self._simulator.get("stands_still") == 1)
 
-    def _strike(self, incident: str) -> float:
+    def _inject(self, incident: str) -> float:
         """Unplug and plug again, or reset, on the bad line; returns the seconds to recover."""
         self._corrupt(CORRUPT)
         self._command(0.0)
@@ -185,17 +185,17 @@ class Soak:
         true = (self._simulator.get("true.left_ticks"), self._simulator.get("true.right_ticks"))
         return sum(measured) - int(sum(true))
 
-    # --- the books -----------------------------------------------------------------------------
+    # --- counts --------------------------------------------------------------------------------
 
     def _host_gap(self) -> Gap:
         """On a good line: the least of many readings, for frames under way make one too high."""
-        books = self._simulator.line.to_host.books
+        truth = self._simulator.line.to_host.truth
         least, since = Gap(sys.maxsize, sys.maxsize), 0
         while since < SETTLED:
             time.sleep(0.0005)  # or this thread keeps the others from handling what is under way
-            before = replace(books)
+            before = replace(truth)
             counted = self._robot.statistics
-            if replace(books) != before:
+            if replace(truth) != before:
                 continue
             frames = before.frames - before.hit - counted.frames_received
             lost = before.hit + before.missing - counted.frames_lost
@@ -206,14 +206,14 @@ class Soak:
 
     def _device_gap(self) -> Gap:
         """On a good line. Only an answer to the last frame that was sent covers all of them."""
-        books = self._simulator.line.to_device.books
+        truth = self._simulator.line.to_device.truth
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            before = books.frames
+            before = truth.frames
             counted = retry(self._robot.device_counters)
-            if books.frames == before + 1:
-                frames = books.frames - books.hit - counted.frames_received
-                return Gap(frames, books.hit + books.missing - counted.seq_lost)
+            if truth.frames == before + 1:
+                frames = truth.frames - truth.hit - counted.frames_received
+                return Gap(frames, truth.hit + truth.missing - counted.seq_lost)
         raise AssertionError("the line towards the device is never quiet")
 
 
@@ -222,7 +222,7 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
     laps: list[Lap] = []
     end = time.monotonic() + minutes * 60
     with (
-        FaultySimulator(PROFILE, seed=3) as simulator,
+        ImpairedSimulator(PROFILE, seed=3) as simulator,
         SerialDriver(simulator.port, stream_rate_hz=STATE_HZ, connect_timeout=PATIENCE_S) as robot,
     ):
         soak = Soak(simulator, robot)
@@ -258,5 +258,5 @@ def resident_kib(pid: int) -> int:
     raise AssertionError("no VmRSS")
 
 
-def _difference(later: Books, earlier: Books) -> Books:
-    return Books(frames=later.frames - earlier.frames, hit=later.hit - earlier.hit)
+def _difference(later: GroundTruth, earlier: GroundTruth) -> GroundTruth:
+    return GroundTruth(frames=later.frames - earlier.frames, hit=later.hit - earlier.hit)

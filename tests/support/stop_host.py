@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from wheelwire.simulation.impaired_simulator import FaultySimulator
-from wheelwire.simulation.impairment import FaultLine, LineProfile
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
+from wheelwire.simulation.impairment import ImpairedLine, LineProfile
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION
@@ -38,7 +38,7 @@ with wheelwire.open_driver("serial", port=sys.argv[1], connect_timeout=30) as ro
 HANG = signal.SIGUSR1
 """Makes its main thread sleep; the link's thread goes on, and pings."""
 
-Blow = Callable[[Simulator, "subprocess.Popen[bytes]"], object]
+Failure = Callable[[Simulator, "subprocess.Popen[bytes]"], object]
 
 
 @contextmanager
@@ -78,13 +78,13 @@ def stopped(state: TrueState) -> bool:
 def corrupt_everything(simulator: Simulator, _process: object) -> None:
     """Every byte, both ways, becomes another one."""
     line = _line_of(simulator)
-    line.to_device.faults.corrupt = line.to_host.faults.corrupt = 1.0
+    line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
 
 
 def babble(simulator: Simulator, _process: object) -> None:
     """Noise towards the device, and nothing of the host's."""
-    faults = _line_of(simulator).to_device.faults
-    faults.loss, faults.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+    impairment = _line_of(simulator).to_device.impairment
+    impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
 
 
 def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[bytes]) -> None:
@@ -103,7 +103,7 @@ def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[
         os.close(port)
 
 
-BLOWS: dict[str, Blow] = {
+FAILURES: dict[str, Failure] = {
     "host killed": lambda _, process: process.send_signal(signal.SIGKILL),
     "host frozen": lambda _, process: process.send_signal(signal.SIGSTOP),
     "cable pulled": lambda simulator, _: simulator.unplug(),
@@ -116,23 +116,23 @@ BLOWS: dict[str, Blow] = {
 
 @dataclass(frozen=True)
 class RealStop:
-    """A stop in real time; `struck` is the first true state that was reported after the blow."""
+    """A stop in real time; `at_failure` is the first true state reported after the failure."""
 
     time: StopTime
-    struck: TrueState
+    at_failure: TrueState
     end: TrueState
 
 
-def stop(simulator: Simulator, process: subprocess.Popen[bytes], blow: Blow) -> RealStop:
-    """Wait for speed, strike, and measure, in the device's clock."""
+def stop(simulator: Simulator, process: subprocess.Popen[bytes], failure: Failure) -> RealStop:
+    """Wait for speed, inject the failure, and measure, in the device's clock."""
     wait(simulator, at_speed)
     simulator.take_states()
     before = wait(simulator, lambda _: True)
-    blow(simulator, process)
+    failure(simulator, process)
     end = wait(simulator, lambda state: stopped(state) and state.t_us > before.t_us)
     return RealStop(
         StopTime(
-            struck_to_removed_us=end.drive_removed_us - before.device_us,
+            failure_to_removed_us=end.drive_removed_us - before.device_us,
             late_us=end.drive_removed_us - end.deadline_us,
             removed_to_standstill_us=end.standstill_us - end.drive_removed_us,
             distance_m=end.distance_m - before.distance_m,
@@ -152,7 +152,7 @@ def reset_while_driving(simulator: Simulator, process: subprocess.Popen[bytes]) 
     assert not reset.drive_on
     end = wait(simulator, stopped)
     return StopTime(
-        struck_to_removed_us=end.drive_removed_us,
+        failure_to_removed_us=end.drive_removed_us,
         late_us=None,
         removed_to_standstill_us=end.standstill_us - end.drive_removed_us,
         distance_m=end.distance_m - reset.distance_m,
@@ -162,14 +162,14 @@ def reset_while_driving(simulator: Simulator, process: subprocess.Popen[bytes]) 
 def real_stop_time(name: str, seed: int) -> StopTime:
     """One stop with a robot and a host of its own."""
     with (
-        FaultySimulator(LineProfile(seed=seed), truth_hz=TRUTH_HZ, seed=seed) as simulator,
+        ImpairedSimulator(LineProfile(seed=seed), truth_hz=TRUTH_HZ, seed=seed) as simulator,
         host(simulator) as process,
     ):
         if name == "device reset":
             return reset_while_driving(simulator, process)
-        return stop(simulator, process, BLOWS[name]).time
+        return stop(simulator, process, FAILURES[name]).time
 
 
-def _line_of(simulator: Simulator) -> FaultLine:
-    assert isinstance(simulator, FaultySimulator)
+def _line_of(simulator: Simulator) -> ImpairedLine:
+    assert isinstance(simulator, ImpairedSimulator)
     return simulator.line

@@ -31,21 +31,21 @@ class StopTime:
     """One stop. Times are the device's.
 
     Attributes:
-        struck_to_removed_us: From the blow to the drive's removal.
+        failure_to_removed_us: From the failure to the drive's removal.
         late_us: From the deadline of the last setpoint to the drive's removal; None after a reset,
             which ends the drive at once and knows no deadline.
         removed_to_standstill_us: From then until both wheels stand.
-        distance_m: Driven from the blow to standstill.
+        distance_m: Driven from the failure to standstill.
     """
 
-    struck_to_removed_us: int
+    failure_to_removed_us: int
     late_us: int | None
     removed_to_standstill_us: int
     distance_m: float
 
 
-class Blow:
-    """What strikes a robot at speed, and what goes on from then, millisecond by millisecond.
+class Failure:
+    """What fails while a robot is at speed, and what goes on from then, millisecond by millisecond.
 
     Args:
         robot: At speed, commanded until now.
@@ -56,26 +56,26 @@ class Blow:
 
     def __init__(self, robot: FaultyRobot) -> None:
         self.robot = robot
-        self.strike()
+        self.inject()
 
-    def strike(self) -> None:
-        """It happens."""
+    def inject(self) -> None:
+        """Make it happen."""
 
     def go_on(self, _elapsed_ms: int) -> None:
         """Before each further millisecond."""
 
 
-class Killed(Blow):
+class Killed(Failure):
     """SIGKILL: the host says nothing more, and its bytes under way arrive."""
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         self.robot.host_runs = False
 
 
-class Frozen(Blow):
+class Frozen(Failure):
     """SIGSTOP: as killed, but a buffer hands on its last setpoints late, twice."""
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         robot = self.robot
         robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
         self._buffered = robot.session.take_output()
@@ -86,51 +86,51 @@ class Frozen(Blow):
             self.robot.line.to_device.send(self._buffered, self.robot.now_us)
 
 
-class CablePulled(Blow):
+class CablePulled(Failure):
     """Nothing passes either way; the host finds its port gone."""
 
     commands = True
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         self.robot.unplug()
 
 
-class AllCorrupted(Blow):
+class AllCorrupted(Failure):
     """Every byte of every frame is another one; the host goes on."""
 
     commands = True
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         line = self.robot.line
-        line.to_device.faults.corrupt = line.to_host.faults.corrupt = 1.0
+        line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
 
 
-class Babbling(Blow):
+class Babbling(Failure):
     """Someone else's bytes without end, and none of the host's."""
 
     commands = True
 
-    def strike(self) -> None:
-        faults = self.robot.line.to_device.faults
-        faults.loss, faults.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
+    def inject(self) -> None:
+        impairment = self.robot.line.to_device.impairment
+        impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
 
 
-class Reset(Blow):
+class Reset(Failure):
     """The chip starts anew; the host was commanding, and is gone."""
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         self.robot.sim.reset()
         self.robot.host_runs = False
 
 
-class OnlyPings(Blow):
+class OnlyPings(Failure):
     """The application hangs; the link's thread goes on."""
 
 
-class WrongSchema(Blow):
+class WrongSchema(Failure):
     """A host of another release has taken the port: it says hello, and commands all the same."""
 
-    def strike(self) -> None:
+    def inject(self) -> None:
         self.robot.host_runs = False
         self._encoder = Encoder()
         self._number = 0
@@ -147,7 +147,7 @@ class WrongSchema(Blow):
             self.robot.line.to_device.send(self._encoder.encode(message), self.robot.now_us)
 
 
-BLOWS: dict[str, Callable[[FaultyRobot], Blow]] = {
+FAILURES: dict[str, Callable[[FaultyRobot], Failure]] = {
     "host killed": Killed,
     "host frozen, its buffer late": Frozen,
     "cable pulled": CablePulled,
@@ -159,8 +159,8 @@ BLOWS: dict[str, Callable[[FaultyRobot], Blow]] = {
 }
 
 
-def stop_time(kind: Callable[[FaultyRobot], Blow], seed: int) -> StopTime:
-    """Bring a robot to speed, strike, and measure. The seed moves the blow's phase."""
+def stop_time(kind: Callable[[FaultyRobot], Failure], seed: int) -> StopTime:
+    """Bring a robot to speed, fail it, and measure. The seed sets the failure's phase."""
     random = Random(seed)
     robot = FaultyRobot(seed, clock_ppm=random.uniform(-200, 200))
     robot.sim.advance_us(random.randrange(PERIOD_US))
@@ -170,29 +170,29 @@ def stop_time(kind: Callable[[FaultyRobot], Blow], seed: int) -> StopTime:
     for _ in range(random.randrange(1, COMMAND_MS)):
         robot.step()
     sim = robot.sim
-    struck_us, struck_m = sim.get("device_us"), sim.get("true.distance_m")
+    failed_us, failed_m = sim.get("device_us"), sim.get("true.distance_m")
     deadline_us = sim.get("deadline_us")
     assert sim.get("drive_on") == 1
-    blow = kind(robot)
-    is_reset = sim.get("device_us") < struck_us
+    failure = kind(robot)
+    is_reset = sim.get("device_us") < failed_us
     if is_reset:
-        struck_us = sim.get("device_us")
-    _run_until_still(robot, blow)
+        failed_us = sim.get("device_us")
+    _run_until_still(robot, failure)
     removed_us = sim.get("drive_removed_us")
-    # A setpoint that was under way at the blow is the last one.
+    # A setpoint that was in flight at the failure is the last one.
     deadline_us = max(deadline_us, sim.get("deadline_us"))
     return StopTime(
-        struck_to_removed_us=round(removed_us - struck_us),
+        failure_to_removed_us=round(removed_us - failed_us),
         late_us=None if is_reset else round(removed_us - deadline_us),
         removed_to_standstill_us=round(sim.get("standstill_us") - removed_us),
-        distance_m=sim.get("true.distance_m") - struck_m,
+        distance_m=sim.get("true.distance_m") - failed_m,
     )
 
 
-def _run_until_still(robot: FaultyRobot, blow: Blow) -> None:
+def _run_until_still(robot: FaultyRobot, failure: Failure) -> None:
     for elapsed_ms in range(PATIENCE_MS):
-        blow.go_on(elapsed_ms)
-        if blow.commands and elapsed_ms % COMMAND_MS == 0:
+        failure.go_on(elapsed_ms)
+        if failure.commands and elapsed_ms % COMMAND_MS == 0:
             with suppress(WheelwireError):
                 robot.set_velocity(SPEED_MPS, SPEED_MPS, TTL_S)
         robot.step()

@@ -9,7 +9,7 @@ from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.simulation.impairment import Direction, Faults
+from wheelwire.simulation.impairment import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 
@@ -17,7 +17,7 @@ from .fake_device import FakeDevice
 
 STEP_US = 2_000
 """The longest jump of time."""
-GOOD = Faults(delay_us=200)
+GOOD = Impairment(delay_us=200)
 
 
 class VirtualLine:
@@ -30,8 +30,8 @@ class VirtualLine:
         self,
         seed: int = 1,
         *,
-        to_device: Faults | None = None,
-        to_host: Faults | None = None,
+        to_device: Impairment | None = None,
+        to_host: Impairment | None = None,
         device: FakeDevice | None = None,
         stream_rate_hz: int | None = None,
         watched: tuple[int, ...] = (),

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from wheelwire.errors import OutputFailed
 from wheelwire.link.ports import list_serial_ports
-from wheelwire.simulation.impaired_simulator import FaultySimulator
+from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import LineProfile, load_profile
 from wheelwire.simulation.simulator import find_simulator
 
@@ -55,7 +55,7 @@ def _sim_on_a_bad_line(
 ) -> None:
     # SIGTERM as Ctrl-C: the block's end takes the port away.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with FaultySimulator(profile, link=link, arguments=arguments) as simulator:
+    with ImpairedSimulator(profile, link=link, arguments=arguments) as simulator:
         if as_json:
             print_json({"event": "ready", "port": simulator.port})
         else:

@@ -8,11 +8,11 @@ from typing import Any
 
 from wheelwire.simulation.simulator import Simulator
 
-from .impairment import FaultLine, LineProfile
-from .relay import FaultRelay
+from .impairment import ImpairedLine, LineProfile
+from .relay import ImpairedRelay
 
 
-class FaultySimulator(Simulator):
+class ImpairedSimulator(Simulator):
     """As `Simulator`, but its port is the far end of a bad line.
 
     Args:
@@ -27,7 +27,7 @@ class FaultySimulator(Simulator):
         port = link or Path(self._folder.name) / "robot"
         arguments = [*options.pop("arguments", ()), f"--lock={port}"]
         super().__init__(link=device_port, arguments=arguments, **options)
-        self._relay = FaultRelay(device_port, port, profile, self.reset)
+        self._relay = ImpairedRelay(device_port, port, profile, self.reset)
 
     @property
     def port(self) -> str:
@@ -35,8 +35,8 @@ class FaultySimulator(Simulator):
         return str(self._relay.port)
 
     @property
-    def line(self) -> FaultLine:
-        """The bad line, with its books."""
+    def line(self) -> ImpairedLine:
+        """The impaired line, with its ground truth."""
         return self._relay.line
 
     def start(self) -> None:

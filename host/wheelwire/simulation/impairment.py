@@ -1,8 +1,8 @@
-"""What is wrong with a line, as a file of settings says it.
+"""An impaired serial line, described by a YAML profile.
 
-seed: 7                 # of all chance; the same seed gives the same faults
+seed: 7                 # of the random generators; a run repeats for its seed
 
-to_device:              # and to_host: the fields of `Faults`
+to_device:              # and to_host: the fields of `Impairment`
   corrupt: 0.01
 
 incidents:              # any number; the fields of `Incident`
@@ -30,37 +30,39 @@ _CHANCES = ("loss", "repeat", "reorder", "flip", "corrupt")
 
 
 @dataclass
-class Faults:
-    """What happens on the way in one direction, now: it may be changed. Chances are from 0 to 1.
+class Impairment:
+    """What one direction does to the bytes; may be changed at any time. Probabilities are 0 to 1.
 
-    A piece is what one write carries, cut behind each frame: a whole frame, as a rule.
+    A piece is what one write carries, split after each frame: usually a whole frame.
     """
 
     loss: float = 0.0
-    """Of a piece, whole."""
+    """Probability that a piece is lost."""
     repeat: float = 0.0
-    """Of a piece: it comes twice."""
+    """Probability that a piece arrives twice."""
     reorder: float = 0.0
-    """Of a piece: it changes places with the next one."""
+    """Probability that a piece swaps places with the next one."""
     flip: float = 0.0
-    """Of a piece: one of its bits is flipped."""
+    """Probability that one bit of a piece is flipped."""
     corrupt: float = 0.0
-    """Of each byte: it becomes another one."""
+    """Probability, per byte, that it is replaced by another one."""
     noise_bytes_per_s: float = 0.0
-    """Random bytes between the pieces: a line that babbles."""
+    """Random bytes between the pieces."""
     split: bool = False
-    """Bytes come one by one."""
+    """Bytes arrive one by one."""
     baud: int = 0
-    """10 bits a byte; what the buffer of 4096 bytes does not hold is lost. 0: no limit."""
+    """10 bits a byte; what does not fit the buffer of 4096 bytes is lost. 0: no limit."""
     delay_us: int = 0
-    """At least so long on the way; the order is kept."""
+    """Minimum delay; the order is kept."""
     jitter_us: int = 0
-    """Up to so much longer, mostly much less."""
+    """Maximum additional delay; usually much less."""
 
     def __post_init__(self) -> None:
         for name in _CHANCES:
             if not 0 <= getattr(self, name) <= 1:
-                raise ConfigurationError(f"{name} = {getattr(self, name)}: a chance is 0 to 1")
+                raise ConfigurationError(
+                    f"{name} = {getattr(self, name)}: must be a probability, 0 to 1"
+                )
         for name in ("noise_bytes_per_s", "baud", "delay_us", "jitter_us"):
             if not 0 <= getattr(self, name) < 1e9:
                 raise ConfigurationError(f"{name} = {getattr(self, name)}: must be 0 to 1e9")
@@ -68,14 +70,14 @@ class Faults:
 
 @dataclass(frozen=True)
 class Incident:
-    """Something that happens to the line at a time.
+    """Something that happens to the line at a given time.
 
     Attributes:
-        at_s: After the line was made.
-        what: `stall` (nothing passes, nothing is lost), `unplug` (the port is gone, what is under
-            way is lost) or `reset` (of the device, in the middle of a frame to the host).
-        for_s: How long a stall or an unplugging lasts.
-        every_s: Again and again, so long after the last begin; 0: once.
+        at_s: Seconds after the line was created.
+        what: `stall` (nothing passes, nothing is lost), `unplug` (the port is gone, bytes in
+            flight are lost) or `reset` (of the device, in the middle of a frame to the host).
+        for_s: Duration of a stall or an unplugging.
+        every_s: Period at which it repeats, from start to start; 0: once.
     """
 
     at_s: float
@@ -85,33 +87,35 @@ class Incident:
 
     def __post_init__(self) -> None:
         if self.what not in KINDS:
-            raise ConfigurationError(f"incident {self.what!r}: there are {', '.join(KINDS)}")
+            raise ConfigurationError(
+                f"unknown incident {self.what!r}; choose from {', '.join(KINDS)}"
+            )
         if min(self.at_s, self.for_s, self.every_s) < 0:
-            raise ConfigurationError(f"incident {self.what!r}: times are not below 0")
+            raise ConfigurationError(f"incident {self.what!r}: times must not be negative")
         if 0 < self.every_s <= self.for_s:
-            raise ConfigurationError(f"incident {self.what!r}: every_s must be above for_s")
+            raise ConfigurationError(f"incident {self.what!r}: every_s must be greater than for_s")
 
 
 @dataclass(frozen=True)
 class LineProfile:
-    """A line, both ways, and what happens to it."""
+    """Both directions of a line, and the incidents on it."""
 
-    to_device: Faults = field(default_factory=Faults)
-    to_host: Faults = field(default_factory=Faults)
+    to_device: Impairment = field(default_factory=Impairment)
+    to_host: Impairment = field(default_factory=Impairment)
     incidents: tuple[Incident, ...] = ()
     seed: int = 1
 
 
 def shipped_profiles() -> list[str]:
-    """Names that `load_profile` knows without a file."""
+    """Names of the built-in profiles."""
     return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
 
 
 def load_profile(name: str) -> LineProfile:
-    """Read a profile: a file's path, or the name of a shipped one.
+    """Read a profile from a file, or a built-in one by its name.
 
     Raises:
-        ConfigurationError: There is no such file, or it says something that cannot be.
+        ConfigurationError: The file does not exist or is invalid.
     """
     shipped = SHIPPED / f"{name}.yaml"
     import yaml
@@ -122,67 +126,67 @@ def load_profile(name: str) -> LineProfile:
     except OSError as error:
         known = ", ".join(shipped_profiles())
         raise ConfigurationError(
-            f"no profile {name}: {error.strerror}; shipped ones are {known}"
+            f"no profile {name}: {error.strerror}; the built-in profiles are {known}"
         ) from error
     except (UnicodeDecodeError, yaml.YAMLError, ConfigurationError) as error:
         raise ConfigurationError(f"{path}: {error}") from error
 
 
 def parse_profile(settings: object) -> LineProfile:
-    """The profile that a file's content describes.
+    """Build a profile from the content of a file.
 
     Raises:
-        ConfigurationError: It says something that cannot be.
+        ConfigurationError: The content is invalid.
     """
     if not isinstance(settings, dict):
-        raise ConfigurationError("a profile is a list of names and values, such as `seed: 7`")
+        raise ConfigurationError("a profile must be a mapping of names to values, as in `seed: 7`")
     _check_names("the profile", settings, {"seed", "to_device", "to_host", "incidents"})
     incidents = settings.get("incidents", [])
     if not isinstance(incidents, list):
-        raise ConfigurationError("incidents: write one a line, each behind a dash")
+        raise ConfigurationError("incidents must be a list: one per line, each after a dash")
     return LineProfile(
-        to_device=_filled(Faults, settings.get("to_device", {})),
-        to_host=_filled(Faults, settings.get("to_host", {})),
-        incidents=tuple(_filled(Incident, incident) for incident in incidents),
+        to_device=_filled(Impairment, settings.get("to_device", {}), "to_device"),
+        to_host=_filled(Impairment, settings.get("to_host", {}), "to_host"),
+        incidents=tuple(_filled(Incident, incident, "incidents") for incident in incidents),
         seed=settings.get("seed", 1),
     )
 
 
-def _filled(kind: type[Any], values: Any) -> Any:
+def _filled(kind: type[Any], values: Any, where: str) -> Any:
     if not isinstance(values, dict):
-        raise ConfigurationError(f"{kind.__name__}: {values!r} is no list of names and values")
-    _check_names(kind.__name__, values, {f.name for f in fields(kind)})
+        raise ConfigurationError(f"{where}: {values!r} is not a mapping of names to values")
+    _check_names(where, values, {f.name for f in fields(kind)})
     try:
         return kind(**values)
     except TypeError as error:
-        raise ConfigurationError(f"{kind.__name__}: {error}") from error
+        raise ConfigurationError(f"{where}: {error}") from error
 
 
 def _check_names(where: str, given: Mapping[str, Any], known: set[str]) -> None:
     for name in given:
         if name not in known:
             raise ConfigurationError(
-                f"{where} has no {name!r}; there are {', '.join(sorted(known))}"
+                f"{where}: unknown name {name!r}; choose from {', '.join(sorted(known))}"
             )
 
 
 BUFFER = 4096
-"""Of a line with a baud rate: the usual size of a kernel's."""
+"""Bytes that a line with a baud rate buffers: the usual size of a kernel's buffer."""
 _PIECE = re.compile(rb"\0?[^\0]+\0?|\0")
 
 
 @dataclass
-class Books:
-    """What a direction was given, and what it did to it: the truth that counters are held to.
+class GroundTruth:
+    """What one direction was given and did to it; receivers' counters are checked against it.
 
-    A frame is never lost that is not `hit`: each has delimiters of its own. One that is hit may get
-    through when all that it lost is a delimiter, sent by itself: its neighbour's serves as well.
+    A frame that is not `hit` is never lost, for each has its own delimiters. One that is hit may
+    still arrive if all it lost is a delimiter: the neighbouring frame's delimiter serves as well.
     """
 
     frames: int = 0
     """Good frames given to the line."""
     hit: int = 0
-    """Of these, lost or changed by at least one byte."""
+    """Of these, lost or changed in at least one byte."""
     missing: int = 0
     """Already missing when given to the line, by their sequence numbers."""
     repeated: int = 0
@@ -195,20 +199,20 @@ class Direction:
     """Bytes from one end to the other.
 
     Args:
-        faults: What happens to them at first.
-        random: Of all chance.
+        impairment: Copied; `self.impairment` may be changed later.
+        random: Source of all randomness.
     """
 
-    def __init__(self, faults: Faults, random: Random) -> None:
-        self.faults = replace(faults)
-        self.books = Books()
+    def __init__(self, impairment: Impairment, random: Random) -> None:
+        self.impairment = replace(impairment)
+        self.truth = GroundTruth()
         self._random = random
-        self._given = Decoder()
+        self._sent = Decoder()
         self._frame_hit = False
         self._stalled = False
         self._held = b""
         self._overtaken: list[bytes] = []
-        self._under_way: deque[tuple[int, bytes]] = deque()
+        self._in_flight: deque[tuple[int, bytes]] = deque()
         self._waiting = 0
         self._last_us = 0
         self._noise_us: int | None = None
@@ -220,60 +224,60 @@ class Direction:
             self._held += data
             return
         for piece in _PIECE.findall(data):
-            self._spoil(piece, now_us)
+            self._impair(piece, now_us)
 
     def take(self, now_us: int) -> list[bytes]:
-        """What has arrived, in pieces that are to be handed on one after the other."""
-        self._babble(now_us)
+        """Return what has arrived, in pieces that are to be forwarded one by one."""
+        self._add_noise(now_us)
         arrived = []
-        while self._under_way and self._under_way[0][0] <= now_us:
-            piece = self._under_way.popleft()[1]
+        while self._in_flight and self._in_flight[0][0] <= now_us:
+            piece = self._in_flight.popleft()[1]
             self._waiting -= len(piece)
-            arrived += [bytes([byte]) for byte in piece] if self.faults.split else [piece]
+            arrived += [bytes([byte]) for byte in piece] if self.impairment.split else [piece]
         return arrived
 
     @property
     def next_us(self) -> int | None:
-        """When something arrives; None while nothing is under way."""
-        return self._under_way[0][0] if self._under_way else None
+        """When the next piece arrives; None while none is in flight."""
+        return self._in_flight[0][0] if self._in_flight else None
 
     def stall(self) -> None:
-        """Let nothing more in; it waits for `resume`."""
+        """Hold back everything that is sent, until `resume`."""
         self._stalled = True
 
     def resume(self, now_us: int) -> None:
-        """Let in what waited."""
+        """Send what was held back."""
         self._stalled = False
         held, self._held = self._held, b""
         self.send(held, now_us)
 
     def clear(self) -> None:
-        """Lose all that is under way."""
-        self._under_way.clear()
+        """Lose everything in flight."""
+        self._in_flight.clear()
         self._overtaken.clear()
         self._waiting = 0
         self._held = b""
 
     def cut_next(self) -> None:
-        """Let the next piece end in its middle."""
+        """Truncate the next piece in the middle."""
         self._cut_next = True
 
     @property
     def cut_pending(self) -> bool:
-        """`cut_next` was asked for, and no piece has come since."""
+        """`cut_next` was called, and no piece has been sent since."""
         return self._cut_next
 
-    def _spoil(self, piece: bytes, now_us: int) -> None:
+    def _impair(self, piece: bytes, now_us: int) -> None:
         out = self._damaged(piece)
-        overrun = self.faults.baud > 0 and self._waiting + len(out) > BUFFER
+        overrun = self.impairment.baud > 0 and self._waiting + len(out) > BUFFER
         if overrun:
-            self.books.overrun += 1
+            self.truth.overrun += 1
             out = b""
         self._enter(piece, hit=out != piece)
-        copies = 1 + (self._random.random() < self.faults.repeat)
-        self.books.repeated += copies - 1
-        if self._random.random() < self.faults.reorder:
-            self.books.reordered += 1
+        copies = 1 + (self._random.random() < self.impairment.repeat)
+        self.truth.repeated += copies - 1
+        if self._random.random() < self.impairment.reorder:
+            self.truth.reordered += 1
             self._overtaken += [out] * copies
             return
         for waiting in [out] * copies + self._overtaken:
@@ -281,70 +285,70 @@ class Direction:
         self._overtaken.clear()
 
     def _damaged(self, piece: bytes) -> bytes:
-        faults, random = self.faults, self._random
+        impairment, random = self.impairment, self._random
         if self._cut_next:
             self._cut_next = False
             return piece[: len(piece) // 2]
-        if random.random() < faults.loss:
+        if random.random() < impairment.loss:
             return b""
         out = bytearray(piece)
-        if random.random() < faults.flip:
+        if random.random() < impairment.flip:
             out[random.randrange(len(out))] ^= 1 << random.randrange(8)
-        if faults.corrupt:
+        if impairment.corrupt:
             for index in range(len(out)):
-                if random.random() < faults.corrupt:
+                if random.random() < impairment.corrupt:
                     out[index] ^= random.randrange(1, 256)
         return bytes(out)
 
     def _enter(self, piece: bytes, *, hit: bool) -> None:
-        """Into the books; a frame may have come in several pieces."""
+        """Record a piece in the ground truth; a frame may come in several pieces."""
         self._frame_hit = self._frame_hit or hit
-        completed = len(self._given.feed(piece))
-        self.books.missing = self._given.counters.seq_lost
+        completed = len(self._sent.feed(piece))
+        self.truth.missing = self._sent.counters.seq_lost
         if completed:
-            self.books.frames += completed
-            self.books.hit += self._frame_hit
+            self.truth.frames += completed
+            self.truth.hit += self._frame_hit
             self._frame_hit = False
 
     def _carry(self, piece: bytes, now_us: int) -> None:
         if not piece:
             return
-        faults = self.faults
-        start_us = now_us + faults.delay_us
-        if faults.jitter_us:
-            start_us += round(self._random.random() ** 3 * faults.jitter_us)
-        wire_us = round(len(piece) * 10e6 / faults.baud) if faults.baud else 0
+        impairment = self.impairment
+        start_us = now_us + impairment.delay_us
+        if impairment.jitter_us:
+            start_us += round(self._random.random() ** 3 * impairment.jitter_us)
+        wire_us = round(len(piece) * 10e6 / impairment.baud) if impairment.baud else 0
         self._last_us = max(self._last_us, start_us) + wire_us
         self._waiting += len(piece)
-        self._under_way.append((self._last_us, piece))
+        self._in_flight.append((self._last_us, piece))
 
-    def _babble(self, now_us: int) -> None:
+    def _add_noise(self, now_us: int) -> None:
         since_us = now_us if self._noise_us is None else self._noise_us
-        count = int((now_us - since_us) * self.faults.noise_bytes_per_s / 1e6)
+        count = int((now_us - since_us) * self.impairment.noise_bytes_per_s / 1e6)
         if count or self._noise_us is None:
             self._noise_us = now_us
         if count and not self._stalled:
             self._carry(self._random.randbytes(min(count, BUFFER)), now_us)
 
 
-CUT_PATIENCE_US = 100_000
-"""A device that is to be reset in the middle of a frame, but sends none, is reset after this."""
+CUT_TIMEOUT_US = 100_000
+"""A device that is to be reset in the middle of a frame but sends none is reset after this."""
 
 
-class Happening(enum.Enum):
-    """What the line's owner has to do, since it has the ports and the device."""
+class LineEvent(enum.Enum):
+    """What the line's owner has to do: it holds the ports and the device."""
 
     UNPLUG = enum.auto()
     PLUG = enum.auto()
     RESET = enum.auto()
 
 
-class FaultLine:
+class ImpairedLine:
     """The line between a host and a device.
 
     Args:
-        profile: What is wrong with it.
-        now_us: Any clock that does not go back; `at_s` counts from here.
+        profile: Its impairment and incidents.
+        now_us: Of any monotonic clock; `at_s` counts from here.
     """
 
     def __init__(self, profile: LineProfile, now_us: int = 0) -> None:
@@ -360,24 +364,24 @@ class FaultLine:
         self._unplugged_until_us: int | None = None
         self._reset_by_us: int | None = None
 
-    def advance(self, now_us: int) -> list[Happening]:
-        """Do what is due; returns what is left to the owner, in order."""
-        happenings = [*self._begin_due(now_us)]
+    def advance(self, now_us: int) -> list[LineEvent]:
+        """Do what is due; return the events that the owner has to carry out, in order."""
+        events = [*self._begin_due(now_us)]
         if _is_due(self._stalled_until_us, now_us):
             self._stalled_until_us = None
             self.to_device.resume(now_us)
             self.to_host.resume(now_us)
         if _is_due(self._unplugged_until_us, now_us):
             self._unplugged_until_us = None
-            happenings.append(Happening.PLUG)
+            events.append(LineEvent.PLUG)
         if _is_due(self._reset_by_us, now_us) or self._was_cut:
             self._reset_by_us = None
-            happenings.append(Happening.RESET)
-        return happenings
+            events.append(LineEvent.RESET)
+        return events
 
     @property
     def next_us(self) -> int | None:
-        """When there is something to do; None while nothing is under way or planned."""
+        """When `advance` is due next; None while nothing is in flight or scheduled."""
         moments = (
             self.to_device.next_us,
             self.to_host.next_us,
@@ -389,7 +393,7 @@ class FaultLine:
         return min((moment for moment in moments if moment is not None), default=None)
 
     def clear(self) -> None:
-        """Lose all that is under way: the port is gone."""
+        """Lose everything in flight: the port is gone."""
         self.to_device.clear()
         self.to_host.clear()
 
@@ -397,7 +401,7 @@ class FaultLine:
     def _was_cut(self) -> bool:
         return self._reset_by_us is not None and not self.to_host.cut_pending
 
-    def _begin_due(self, now_us: int) -> Iterator[Happening]:
+    def _begin_due(self, now_us: int) -> Iterator[LineEvent]:
         while self._script and self._script[0][0] <= now_us:
             due_us, number, incident = heappop(self._script)
             if incident.every_s:
@@ -410,9 +414,9 @@ class FaultLine:
             elif incident.what == "unplug":
                 self._unplugged_until_us = until_us
                 self.clear()
-                yield Happening.UNPLUG
+                yield LineEvent.UNPLUG
             else:
-                self._reset_by_us = now_us + CUT_PATIENCE_US
+                self._reset_by_us = now_us + CUT_TIMEOUT_US
                 self.to_host.cut_next()
 
 

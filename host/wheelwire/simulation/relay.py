@@ -17,7 +17,7 @@ from pathlib import Path
 from wheelwire.errors import PortUnavailable
 from wheelwire.link.clock import host_clock_us
 
-from .impairment import Direction, FaultLine, Happening, LineProfile
+from .impairment import Direction, ImpairedLine, LineEvent, LineProfile
 
 READ_SIZE = 1 << 16
 TURN_S = 0.05
@@ -26,7 +26,7 @@ REOPEN_S = 0.005
 """Between looks for a device's port that is gone."""
 DRAIN_S = 0.1
 """How long a cable that is pulled waits for the host to read what it was given, so that the line's
-books can be held against the host's counters."""
+truth can be held against the host's counters."""
 RETRY_S = 0.001
 """Between writes to an end that does not take what waits."""
 OUTPUT_LIMIT = 1 << 16
@@ -34,7 +34,7 @@ OUTPUT_LIMIT = 1 << 16
 _SPEEDS = slice(4, 6)
 
 
-class FaultRelay:
+class ImpairedRelay:
     """Serves `port` with what passes the line from and to the device at `device_port`.
 
     While the device's port is gone, so is ours.
@@ -49,7 +49,7 @@ class FaultRelay:
     def __init__(
         self, device_port: Path, port: Path, profile: LineProfile, reset: Callable[[], object]
     ) -> None:
-        self.line = FaultLine(profile, host_clock_us())
+        self.line = ImpairedLine(profile, host_clock_us())
         self.port = port
         self._device_port = device_port
         self._reset = reset
@@ -98,10 +98,10 @@ class FaultRelay:
         except (OSError, termios.error):  # the device's port is gone, and ours with it
             self._unplug()
 
-    def _obey(self, happening: Happening) -> None:
-        if happening is Happening.RESET:
+    def _obey(self, happening: LineEvent) -> None:
+        if happening is LineEvent.RESET:
             self._reset()
-        elif happening is Happening.UNPLUG:
+        elif happening is LineEvent.UNPLUG:
             self._unplugged = True
             self._drain()
             self._unplug()

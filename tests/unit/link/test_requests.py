@@ -4,7 +4,7 @@ from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.requests import RequestQueue
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Faults
+from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, StopMode
 from wheelwire_protocol.types import (
@@ -45,11 +45,11 @@ def test_an_answer_to_a_request_that_was_given_up_is_no_value() -> None:
 
 def test_a_request_is_repeated_unchanged_and_done_once() -> None:
     line = VirtualLine().open()
-    line.to_host.faults.loss = 1.0
+    line.to_host.impairment.loss = 1.0
     outcomes: list[object] = []
     line.session.request(ParameterSet(0, 0, 6, 0.25), outcomes.append, line.now_us)
     line.run(0.5)
-    line.to_host.faults.loss = 0.0
+    line.to_host.impairment.loss = 0.0
     line.run_until(lambda: bool(outcomes))
     copies = line.sent_of(ParameterSet)
     assert len(copies) >= 3
@@ -77,7 +77,7 @@ def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often() -> None:
 
 def test_a_request_of_a_busy_device_is_done_once_and_answered_late() -> None:
     line = VirtualLine().open()
-    line.to_host.faults.delay_us = 700_000
+    line.to_host.impairment.delay_us = 700_000
     assert isinstance(line.request(ParameterSet(0, 0, 6, 0.25)), ParameterValue)
     line.run(2.0)
     assert len([m for m in line.device.done if isinstance(m, ParameterSet)]) == 1
@@ -100,11 +100,11 @@ def test_requests_go_one_at_a_time_in_order() -> None:
 @pytest.mark.parametrize("stop", [Stop, Estop])
 def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None:
     line = VirtualLine().open()
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     answers: list[object] = []
     line.session.request(ParameterGet(0, 0, 1), answers.append, line.now_us)
     line.run(0.005)
-    line.to_device.faults.loss = 0.0
+    line.to_device.impairment.loss = 0.0
     outcomes: list[object] = []
     begin(line, stop, outcomes)
     line.run_until(lambda: bool(outcomes), patience_s=0.01)
@@ -194,7 +194,7 @@ def test_request_ids_begin_anew_in_a_new_session() -> None:
 
 
 def test_an_answer_that_comes_twice_is_taken_once() -> None:
-    line = VirtualLine(to_host=Faults(repeat=1.0, delay_us=200), watched=(1,)).open()
+    line = VirtualLine(to_host=Impairment(repeat=1.0, delay_us=200), watched=(1,)).open()
     foreign = line.session.statistics(line.now_us).foreign
     assert isinstance(line.request(ParameterSet(0, 0, 1, 0.05)), ParameterValue)
     line.run(0.01)
@@ -205,12 +205,12 @@ def test_an_answer_that_comes_twice_is_taken_once() -> None:
 def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
     line = VirtualLine().open()
     line.run(0.4)
-    line.to_host.faults.loss = 1.0
+    line.to_host.impairment.loss = 1.0
     answers: list[object] = []
     line.session.request(ParameterSet(0, 0, 1, 0.05), answers.append, line.now_us)
     pings = len(line.sent_of(Ping))
     line.run(0.75)
-    line.to_host.faults.loss = 0.0
+    line.to_host.impairment.loss = 0.0
     line.run(0.2)
     assert len(line.sent_of(Ping)) > pings
     assert isinstance(answers[0], ParameterValue)

@@ -4,7 +4,7 @@ from support.fake_device import FakeDevice, Request
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Faults
+from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.framing import Encoder
@@ -35,7 +35,7 @@ def test_a_session_opens_with_a_known_clock_rate_and_parameters() -> None:
 
 
 def test_a_session_opens_on_a_line_that_is_slow_to_answer() -> None:
-    slow = Faults(delay_us=350_000)
+    slow = Impairment(delay_us=350_000)
     line = VirtualLine(to_device=slow, to_host=slow, stream_rate_hz=100, watched=(1,))
     line.session.connect(line.now_us)
     line.run_until(lambda: bool(line.samples), patience_s=10.0)
@@ -125,9 +125,9 @@ def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon() -> None:
 def test_the_reset_is_found_soon_though_the_first_answer_is_lost() -> None:
     line = VirtualLine().open()
     line.device.reset()
-    line.to_host.faults.loss = 1.0
+    line.to_host.impairment.loss = 1.0
     line.run(0.12)
-    line.to_host.faults.loss = 0.0
+    line.to_host.impairment.loss = 0.0
     line.run_until(lambda: line.session.phase is not Phase.OPEN, patience_s=0.03)
 
 
@@ -292,7 +292,7 @@ def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
 
 def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
     line = VirtualLine()
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     line.session.connect(line.now_us)
     line.run(0.01)
     hello = line.sent_of(Hello)[0]

@@ -3,7 +3,7 @@ import pytest
 from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, InvalidCommand
-from wheelwire.simulation.impairment import Faults
+from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.types import (
@@ -26,10 +26,10 @@ def test_a_setpoint_is_sent_once_when_it_is_seen_to_be_obeyed() -> None:
 
 def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry() -> None:
     line = VirtualLine().open()
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.4)
     line.run(0.01)
-    line.to_device.faults.loss = 0.0
+    line.to_device.impairment.loss = 0.0
     line.run(0.39)
     copies = line.sent_of(SetWheelVelocity)
     assert len(copies) == 2
@@ -49,7 +49,7 @@ def test_nothing_renews_a_setpoint() -> None:
 
 def test_a_setpoint_that_expired_before_its_repeat_is_not_repeated() -> None:
     line = VirtualLine().open()
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.015)
     line.run(0.1)
     assert len(line.sent_of(SetWheelVelocity)) == 1
@@ -68,10 +68,10 @@ def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None
     line = VirtualLine().open()
     line.device.rate_hz = 0  # no state frame tells that anything arrived
     line.run(0.05)
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     line.drive()
     line.flush()
-    line.to_device.faults.loss = 0.0
+    line.to_device.impairment.loss = 0.0
     if stop is Stop:
         line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
     else:
@@ -100,10 +100,10 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> No
     line.device.rate_hz = 0
     line.drive()
     line.run(0.05)
-    line.to_device.faults.loss = 1.0
+    line.to_device.impairment.loss = 1.0
     line.drive()
     line.flush()
-    line.to_device.faults.loss = 0.0
+    line.to_device.impairment.loss = 0.0
     if news == "obeyed":
         line.device.send(line.device.state(line.now_us))
     else:
@@ -129,7 +129,7 @@ def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
     out_us: int, back_us: int, drift: float
 ) -> None:
     device = FakeDevice(drift=drift)
-    ways = Faults(delay_us=out_us), Faults(delay_us=back_us)
+    ways = Impairment(delay_us=out_us), Impairment(delay_us=back_us)
     line = VirtualLine(to_device=ways[0], to_host=ways[1], device=device).open()
     for _ in range(40):
         line.drive(ttl_s=0.2)
@@ -142,7 +142,7 @@ def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
 
 
 def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
-    slow = Faults(delay_us=20_000)
+    slow = Impairment(delay_us=20_000)
     line = VirtualLine(to_device=slow, to_host=slow).open()
     with pytest.raises(InvalidCommand, match=r"10 ms are left .*ttl.* known to 20\.\d+ ms"):
         line.drive(ttl_s=0.010)
@@ -154,7 +154,7 @@ def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
 
 def test_a_refused_setpoint_is_told_once_at_the_next_one() -> None:
     line = VirtualLine().open()
-    line.to_device.faults.delay_us = 30_000
+    line.to_device.impairment.delay_us = 30_000
     line.drive(ttl_s=0.01)
     line.run(0.2)
     with pytest.raises(DeviceRefused) as told:

@@ -1,5 +1,5 @@
 from support.virtual_line import VirtualLine
-from wheelwire.simulation.impairment import Faults
+from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 
@@ -18,8 +18,8 @@ def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
 
 
 def test_the_stamp_of_a_sample_is_the_hosts_time_of_its_latch() -> None:
-    faults = Faults(delay_us=2_000, jitter_us=8_000)
-    line = VirtualLine(to_device=faults, to_host=faults).open()
+    impairment = Impairment(delay_us=2_000, jitter_us=8_000)
+    line = VirtualLine(to_device=impairment, to_host=impairment).open()
     line.run(10.0)
     for sample in line.samples:
         latched_us = sample.t_us - line.device.clock_offset_us

@@ -62,15 +62,15 @@ def test_the_checkout_is_up_to_date() -> None:
     assert list(generate.stale(ROOT)) == []
 
 
-@pytest.mark.parametrize("spoil", [append("\n"), Path.unlink], ids=["edited", "missing"])
+@pytest.mark.parametrize("damage", [append("\n"), Path.unlink], ids=["edited", "missing"])
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_check_names_the_file_and_the_remedy(
     checkout: Path,
     name: str,
-    spoil: Callable[[Path], object],
+    damage: Callable[[Path], object],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    spoil(checkout / name)
+    damage(checkout / name)
     assert generate.main(["--check", "--root", str(checkout)]) == 1
     assert capsys.readouterr().err == f"{name} differs from the definitions; run make gen\n"
     assert generate.main(["--root", str(checkout)]) == 0

@@ -8,11 +8,11 @@ import pytest
 
 from wheelwire.errors import ConfigurationError
 from wheelwire.simulation.impairment import (
-    CUT_PATIENCE_US,
-    FaultLine,
-    Faults,
-    Happening,
+    CUT_TIMEOUT_US,
+    ImpairedLine,
+    Impairment,
     Incident,
+    LineEvent,
     LineProfile,
     load_profile,
     shipped_profiles,
@@ -21,7 +21,7 @@ from wheelwire.simulation.impairment import (
 FRAME = b"\0\x02\x05\0"
 
 
-def happenings(line: FaultLine, seconds: float) -> list[tuple[int, Happening]]:
+def events(line: ImpairedLine, seconds: float) -> list[tuple[int, LineEvent]]:
     """(ms, what) of a run with a frame to the host each millisecond."""
     found = []
     for ms in range(round(seconds * 1000)):
@@ -32,30 +32,30 @@ def happenings(line: FaultLine, seconds: float) -> list[tuple[int, Happening]]:
 
 
 def test_unplugging_again_and_again() -> None:
-    line = FaultLine(LineProfile(incidents=(Incident(0.1, "unplug", for_s=0.05, every_s=0.2),)))
-    assert happenings(line, 0.5) == [
-        (100, Happening.UNPLUG),
-        (150, Happening.PLUG),
-        (300, Happening.UNPLUG),
-        (350, Happening.PLUG),
+    line = ImpairedLine(LineProfile(incidents=(Incident(0.1, "unplug", for_s=0.05, every_s=0.2),)))
+    assert events(line, 0.5) == [
+        (100, LineEvent.UNPLUG),
+        (150, LineEvent.PLUG),
+        (300, LineEvent.UNPLUG),
+        (350, LineEvent.PLUG),
     ]
 
 
 def test_a_reset_waits_for_the_middle_of_a_frame() -> None:
-    line = FaultLine(LineProfile(incidents=(Incident(0.1, "reset"),)))
-    assert happenings(line, 0.3) == [(101, Happening.RESET)]
-    assert line.to_host.books.hit == 0  # this one was no good frame
+    line = ImpairedLine(LineProfile(incidents=(Incident(0.1, "reset"),)))
+    assert events(line, 0.3) == [(101, LineEvent.RESET)]
+    assert line.to_host.truth.hit == 0  # this one was no good frame
 
 
 def test_a_silent_device_is_reset_too() -> None:
-    line = FaultLine(LineProfile(incidents=(Incident(0.1, "reset"),)))
+    line = ImpairedLine(LineProfile(incidents=(Incident(0.1, "reset"),)))
     assert line.advance(100_000) == []
-    assert line.next_us == 100_000 + CUT_PATIENCE_US
-    assert line.advance(line.next_us) == [Happening.RESET]
+    assert line.next_us == 100_000 + CUT_TIMEOUT_US
+    assert line.advance(line.next_us) == [LineEvent.RESET]
 
 
 def test_a_stall_ends() -> None:
-    line = FaultLine(LineProfile(incidents=(Incident(0.0, "stall", for_s=0.05),)))
+    line = ImpairedLine(LineProfile(incidents=(Incident(0.0, "stall", for_s=0.05),)))
     line.advance(0)
     line.to_host.send(FRAME, 10_000)
     assert line.next_us == 50_000
@@ -72,23 +72,23 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("seed: 7\nto_host: {corrupt: 0.5}\nincidents:\n  - {what: reset, at_s: 2.0}\n")
     assert load_profile(str(path)) == LineProfile(
-        to_host=Faults(corrupt=0.5), incidents=(Incident(2.0, "reset"),), seed=7
+        to_host=Impairment(corrupt=0.5), incidents=(Incident(2.0, "reset"),), seed=7
     )
 
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("to_host: {lost: 0.1}", "no 'lost'"),
+        ("to_host: {lost: 0.1}", "to_host: unknown name 'lost'"),
         ("to_host: {loss: 2.0}", "0 to 1"),
-        ("to_host: {loss: much}", "Faults"),
-        ("to_host: 3", "Faults"),
+        ("to_host: {loss: much}", "to_host"),
+        ("to_host: 3", "to_host: 3 is not a mapping"),
         ("incidents: [{what: fire, at_s: 1.0}]", "stall, unplug, reset"),
         ("incidents: [{what: reset}]", "at_s"),
-        ("incidents: {what: reset, at_s: 1.0}", "behind a dash"),
+        ("incidents: {what: reset, at_s: 1.0}", "after a dash"),
         ("to_host: {", "mine.yaml"),
-        ("seeds: 1", "no 'seeds'"),
-        ("", "list of names"),
+        ("seeds: 1", "unknown name 'seeds'"),
+        ("", "mapping of names"),
     ],
 )
 def test_a_profile_that_cannot_be(tmp_path: Path, text: str, complaint: str) -> None:

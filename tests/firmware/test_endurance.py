@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from support.rides import (
+from support.endurance import (
     FIRST_WRAP_US,
     TOP_MPS,
     Account,
-    Ride,
+    EnduranceRun,
     across_the_tick_wrap,
     across_the_time_wrap,
-    ride,
+    drive_and_interrupt,
 )
 from wheelwire.simulation.impairment import load_profile, shipped_profiles
 
@@ -25,10 +25,10 @@ def check(account: Account) -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_resets_and_unpluggings_while_driving(seed: int) -> None:
-    riding = ride(60, seed)
-    account = riding.finish()
+    run = drive_and_interrupt(60, seed)
+    account = run.finish()
     check(account)
-    assert riding.robot.resets == len(account.unseen) > 10
+    assert run.robot.resets == len(account.unseen) > 10
     for unseen in account.unseen:
         assert abs(unseen.distance_m) <= 1.2 * TOP_MPS * unseen.milliseconds / 1e3 + 0.001
 
@@ -36,30 +36,30 @@ def test_resets_and_unpluggings_while_driving(seed: int) -> None:
 @pytest.mark.parametrize("name", shipped_profiles())
 def test_driving_on_a_bad_line(name: str) -> None:
     profile = load_profile(name)
-    riding = Ride(4, profile).open()
+    run = EnduranceRun(4, profile).open()
     for _ in range(100):
-        riding.drive(200)
-    check(riding.finish())
-    struck = {incident.what for incident in profile.incidents}
-    assert (riding.robot.resets > 0) == ("reset" in struck)
-    assert (riding.robot.unplugs > 0) == ("unplug" in struck)
+        run.drive(200)
+    check(run.finish())
+    incidents = {incident.what for incident in profile.incidents}
+    assert (run.robot.resets > 0) == ("reset" in incidents)
+    assert (run.robot.unplugs > 0) == ("unplug" in incidents)
 
 
 def test_the_device_time_wraps_while_driving() -> None:
-    riding = across_the_time_wrap(1)
-    check(riding.finish())
-    assert riding.newest.t_us > FIRST_WRAP_US
+    run = across_the_time_wrap(1)
+    check(run.finish())
+    assert run.newest.t_us > FIRST_WRAP_US
 
 
 def test_the_tick_counts_wrap() -> None:
-    riding = across_the_tick_wrap(1)
-    check(riding.finish())
-    assert riding.newest.left_ticks < 0
+    run = across_the_tick_wrap(1)
+    check(run.finish())
+    assert run.newest.left_ticks < 0
 
 
 def test_samples_come_soon_after_the_port_is_back() -> None:
-    riding = Ride(3).open()
+    run = EnduranceRun(3).open()
     for away_ms in (1, 50, 500, 3000):
-        began_ms = riding.robot.now_us // 1000
-        riding.unplug(away_ms)
-        assert riding.robot.now_us // 1000 - began_ms - away_ms < 50
+        began_ms = run.robot.now_us // 1000
+        run.unplug(away_ms)
+        assert run.robot.now_us // 1000 - began_ms - away_ms < 50

@@ -1,4 +1,4 @@
-"""Rides full of resets and unpluggings in virtual time, held against the plant tick by tick."""
+"""Runs full of resets and unpluggings in virtual time, checked against the plant tick by tick."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class Unseen(NamedTuple):
 
 @dataclass
 class Account:
-    """What a ride showed.
+    """What a run showed.
 
     Attributes:
-        samples: How many were held against the plant.
+        samples: How many were compared with the plant.
         wrong: Samples whose ticks are not the plant's at their latch, up to the boot's own zero.
         jumps: Resets at which the odometry moved.
         unseen: For each reset, what really happened between the last sample before it and the
@@ -69,14 +69,14 @@ class Account:
         return self.true_ticks - self.unseen_left - self.seen_ticks
 
 
-class Ride:
-    """A robot that is driven about, and all that is known of it.
+class EnduranceRun:
+    """A robot that is driven about, and what is known of it.
 
     The device's clock runs with simulated time, so that each control step, and with it each latch,
     falls on the end of a simulated millisecond: the plant is read at the very same moment.
 
     Args:
-        seed: Of the ride.
+        seed: Of the run.
         profile: What is wrong with the line.
         settings: The simulator's variables.
     """
@@ -94,19 +94,19 @@ class Ride:
         self._last_sample: WheelSample | None = None
         self._last_us = self._started_at = 0
 
-    def open(self) -> Ride:
+    def open(self) -> EnduranceRun:
         """Connect, and wait for samples."""
         self.robot.session.connect(self.robot.now_us)
         return self.wait_open()
 
-    def wait_open(self) -> Ride:
+    def wait_open(self) -> EnduranceRun:
         """Wait for a sample of an open session."""
         known = self.account.samples
         self.until(lambda: self.robot.session.phase is Phase.OPEN and self.account.samples > known)
         return self
 
     def drive(self, milliseconds: int) -> None:
-        """At a speed of chance, as far as the link lets it."""
+        """Drive at a random speed, as far as the link allows."""
         left, right = (self.random.uniform(-TOP_MPS, TOP_MPS) for _ in range(2))
         for elapsed in range(milliseconds):
             if elapsed % COMMAND_MS == 0:
@@ -154,7 +154,7 @@ class Ride:
         return self._last_sample
 
     def finish(self) -> Account:
-        """The account of the whole ride."""
+        """The account of the whole run."""
         left, _ = self._latest_sample.ticks(0.0)
         self.account.seen_ticks = left - self._started_at
         self.account.true_ticks = self._last[0] - self._first[0]
@@ -190,36 +190,36 @@ class Ride:
         self._last, self._last_sample, self._last_us = true, sample, self.robot.now_us
 
 
-def ride(cycles: int, seed: int) -> Ride:
-    """Drive and strike so often, resets and unpluggings by chance; each cycle is finished."""
-    riding = Ride(seed).open()
-    random = riding.random
+def drive_and_interrupt(cycles: int, seed: int) -> EnduranceRun:
+    """Drive through `cycles` interruptions, each a reset or an unplugging at random."""
+    run = EnduranceRun(seed).open()
+    random = run.random
     for _ in range(cycles):
-        riding.drive(random.randrange(50, 300))
+        run.drive(random.randrange(50, 300))
         if random.random() < 0.5:
-            riding.reset()
+            run.reset()
         else:
-            riding.unplug(random.randrange(1, 400))
-    riding.drive(100)
-    return riding
+            run.unplug(random.randrange(1, 400))
+    run.drive(100)
+    return run
 
 
-def across_the_time_wrap(seed: int) -> Ride:
+def across_the_time_wrap(seed: int) -> EnduranceRun:
     """Drive across the moment at which the 32-bit time in the state frames wraps."""
-    riding = Ride(seed)
-    riding.robot.sim.advance_us((FIRST_WRAP_US // 1000 - 1000) * 1000)
-    riding.open().drive(2500)
-    return riding
+    run = EnduranceRun(seed)
+    run.robot.sim.advance_us((FIRST_WRAP_US // 1000 - 1000) * 1000)
+    run.open().drive(2500)
+    return run
 
 
-def across_the_tick_wrap(seed: int) -> Ride:
+def across_the_tick_wrap(seed: int) -> EnduranceRun:
     """Be pushed, fast and with fine encoders, until the 32-bit tick counts wrap."""
     pushed = {"left.load_nm": -0.04, "right.load_nm": -0.04}
     fine = {"counts_per_revolution": 200_000, "motor.no_load_rpm": 2000}
-    riding = Ride(seed, None, **pushed, **fine)
-    sim = riding.robot.sim
+    run = EnduranceRun(seed, None, **pushed, **fine)
+    sim = run.robot.sim
     while sim.get("true.left_ticks") < FIRST_WRAP_TICKS - 12_000_000:
         sim.advance_us(1_000_000)
-    riding.open()
-    riding.until(lambda: sim.get("true.left_ticks") > FIRST_WRAP_TICKS + 1_000_000)
-    return riding
+    run.open()
+    run.until(lambda: sim.get("true.left_ticks") > FIRST_WRAP_TICKS + 1_000_000)
+    return run

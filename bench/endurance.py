@@ -10,11 +10,16 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.rides import Account, across_the_tick_wrap, across_the_time_wrap, ride
+from support.endurance import (
+    Account,
+    across_the_tick_wrap,
+    across_the_time_wrap,
+    drive_and_interrupt,
+)
 from wheelwire.link.info import quantile
 
 CYCLES = 100
-"""Of one ride; each has a robot of its own."""
+"""Interruptions in one run; each run has a robot of its own."""
 
 
 def main() -> int:
@@ -22,29 +27,29 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=4000, help="resets and unpluggings")
     arguments = parser.parse_args()
-    rides = [ride(CYCLES, seed) for seed in range(1, arguments.cycles // CYCLES + 1)]
+    runs = [drive_and_interrupt(CYCLES, seed) for seed in range(1, arguments.cycles // CYCLES + 1)]
     accounts = {
-        "resets and unpluggings": [riding.finish() for riding in rides],
+        "resets and unpluggings": [run.finish() for run in runs],
         "the 32-bit time wraps": [across_the_time_wrap(1).finish()],
         "the 32-bit ticks wrap": [across_the_tick_wrap(1).finish()],
     }
     table = Table(title="Ticks and pose against the plant", title_justify="left")
-    for column in ("ride", "samples", "wrong ticks", "unaccounted", "jumps of the pose"):
-        table.add_column(column, justify="left" if column == "ride" else "right")
-    for name, of_ride in accounts.items():
-        table.add_row(name, *(str(number) for number in _sums(of_ride)))
+    for column in ("run", "samples", "wrong ticks", "unaccounted", "jumps of the pose"):
+        table.add_column(column, justify="left" if column == "run" else "right")
+    for name, of_case in accounts.items():
+        table.add_row(name, *(str(number) for number in _sums(of_case)))
     console = Console(width=100)
     console.print(table)
     unseen = [unseen for account in accounts["resets and unpluggings"] for unseen in account.unseen]
-    resets = sum(riding.robot.resets for riding in rides)
-    console.print(f"{resets} resets, {len(rides) * CYCLES - resets} unpluggings")
+    resets = sum(run.robot.resets for run in runs)
+    console.print(f"{resets} resets, {len(runs) * CYCLES - resets} unpluggings")
     for name, values in (
         ("unseen at a reset, ms", [one.milliseconds for one in unseen]),
         ("driven unseen at a reset, mm", [abs(one.distance_m) * 1e3 for one in unseen]),
     ):
         numbers = quantile(values, 0.5), quantile(values, 0.99), max(values)
         console.print(f"{name}: " + " / ".join(f"{number:.1f}" for number in numbers))
-    return int(any(any(_sums(of_ride)[1:]) for of_ride in accounts.values()))
+    return int(any(any(_sums(of_case)[1:]) for of_case in accounts.values()))
 
 
 def _sums(accounts: list[Account]) -> tuple[int, int, int, int]:
