@@ -31,7 +31,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=1.0, help="of driving, twice")
     hours = parser.parse_args().hours
-    header = ("edges lost", "asked", "battery measured", "top speed", "fault after", "rolled")
+    header = ("edges lost", "commanded", "battery measured", "top speed", "fault after", "rolled")
     sys.stdout.write(table(header, _failures()))
     trips = [trip for measured in (True, False) for trip in healthy(3600 * hours, 2, measured)]
     sys.stdout.write(f"\n{2 * hours:g} h of ordinary driving: {len(trips)} faults {trips}\n")

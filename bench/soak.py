@@ -37,7 +37,7 @@ def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
     found = [
         ("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
         ("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
-        ("... of which the counters do not tell", str(uncounted), "0", uncounted == 0),
+        ("... of which are in no counter", str(uncounted), "0", uncounted == 0),
         ("ticks lost or invented", str(ticks), "0", ticks == 0),
         ("sessions lost without an incident", str(sessions), "0", sessions == 0),
         ("setpoints that came too late", str(laps[-1].expired), "", True),

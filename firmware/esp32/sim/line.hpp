@@ -11,10 +11,12 @@ namespace wheelwire::sim {
 
 class Line final : public ByteStream {
  public:
-  // As the chip's driver is given.
+  /// As on the chip (main/uart_line.cpp). Bytes that arrive while it is full are lost.
   static constexpr size_t kReceiveCapacity = 2048;
+  /// The chip's queue has 1024, and the UART or USB driver another buffer behind it.
   static constexpr size_t kSendCapacity = 2048;
-  /// Bytes waiting for a host that does not read; more are lost.
+  /// Bytes that wait for a host that does not read, or for a slow wire to the device; more are
+  /// lost.
   static constexpr size_t kHostCapacity = 1 << 20;
 
   size_t read(uint8_t* out, size_t capacity) override;

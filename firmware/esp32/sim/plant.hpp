@@ -47,7 +47,7 @@ class Plant {
   explicit Plant(const PlantModel& model = {}) { configure(model); }
 
   const PlantModel& model() const { return model_; }
-  /// Changes the robot under way; its motion goes on. The model must be physical.
+  /// Changes the model while the robot moves: wheel speeds and pose stay. It must be physical.
   void configure(const PlantModel& model);
 
   /// Advances by `dt` seconds, at most kMaxPhysicsStep.
