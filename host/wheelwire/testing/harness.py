@@ -73,7 +73,7 @@ class DriveHarness:
         A second in which this program or the robot's stood still is followed by another one.
         """
         self.drive(linear, angular, 1.0)
-        return self._first(lambda: self.drive(linear, angular, 1.0), expected)
+        return self.first(lambda: self.drive(linear, angular, 1.0), expected)
 
     def time_to(
         self, begin: Callable[[], object], condition: Condition, limit_s: float
@@ -90,7 +90,7 @@ class DriveHarness:
             sample = self.wait(lambda s: s.command_seq != before and condition(s))
             return sample, sample.stamp - begun_s
 
-        return self._first(attempt, lambda result: result[1] < limit_s)[0]
+        return self.first(attempt, lambda result: result[1] < limit_s)[0]
 
     def rest(self) -> WheelSample:
         """Stop, and wait until the wheels do not turn."""
@@ -106,7 +106,8 @@ class DriveHarness:
         return True
 
     @staticmethod
-    def _first(attempt: Callable[[], Result], good: Callable[[Result], bool]) -> Result:
+    def first(attempt: Callable[[], Result], good: Callable[[Result], bool]) -> Result:
+        """The first good result of an attempt, for what another program may spoil."""
         results = []
         for _ in range(ATTEMPTS):
             results.append(attempt())

@@ -11,6 +11,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .. import errors
 from ..drivers.base import BaseDriver
+from ..samples import WheelSample
 from .harness import CLOSE, PATIENCE_S, SPEED_MPS, DriveHarness, mean_of
 
 
@@ -98,10 +99,13 @@ class RefusingTests:
         assert parameters["ttl_max_s"] == 0.5
 
     def test_gains_may_change_while_driving(self, harness: DriveHarness) -> None:
-        harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
-        harness.driver.parameters["integral_gain"] = 12.0
+        def change() -> WheelSample:
+            harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+            harness.driver.parameters["integral_gain"] = 12.0
+            return harness.next()
+
+        harness.first(change, lambda sample: sample.state is SupervisorState.DRIVING)
         assert harness.driver.parameters["integral_gain"] == 12.0
-        assert harness.next().state is SupervisorState.DRIVING
 
     def test_nothing_is_saved_while_driving(self, harness: DriveHarness) -> None:
         harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
