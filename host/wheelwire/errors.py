@@ -213,6 +213,12 @@ class OutputFailed(WheelwireError):  # noqa: N818
     exit_code = 20
 
 
+class RobotNotNamed(WheelwireError):  # noqa: N818
+    """No robot was named, and which one is meant cannot be told. Nothing was opened."""
+
+    exit_code = 21
+
+
 def _restored(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:

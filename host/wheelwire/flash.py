@@ -30,7 +30,6 @@ from .flash_layout import (
     read_image,
 )
 from .link.info import DeviceInfo
-from .link.ports import list_serial_ports
 
 CHECKOUT_BUILD = Path(__file__).parents[2] / "build"
 FLASH_BAUD_RATE = 460_800
@@ -60,25 +59,6 @@ def built_image(board: Board, build: Path = CHECKOUT_BUILD) -> Image:
             f"and name it with --image, or build it to {path}"
         )
     return read_image(path)
-
-
-def only_likely_port() -> str:
-    """The port of the one board that is plugged in.
-
-    Raises:
-        FlashFailed: There is none, or more than one.
-    """
-    likely = [port.device for port in list_serial_ports() if port.likely_esp32]
-    if not likely:
-        raise FlashFailed(
-            "no board is found: plug it in with a cable that carries data (many only charge), and "
-            "look whether `wheelwire ports` lists it; any port can be named with --port"
-        )
-    if len(likely) > 1:
-        raise FlashFailed(
-            f"several ports may be the board: {', '.join(likely)}; name one with --port"
-        )
-    return likely[0]
 
 
 def ensure_stopped(port: str) -> None:

@@ -6,6 +6,7 @@ What opens a link is tested on a good line and a bad one; the demonstration brin
 from __future__ import annotations
 
 import json
+import os
 import resource
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import pytest
 from support.command import PATIENCE_S, PROGRAM, check_error, run, run_json
 from support.lines import GOOD, simulator_on
 from support.processes import interruptible
+from support.usb_ports import fake_usb_ports
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ResetReason
@@ -188,6 +190,99 @@ def test_a_value_that_acts_after_a_reset_says_so(quiet: Simulator) -> None:
     run("params", "reset", quiet.port)
 
 
+# --- the address -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def file(quiet: Simulator, tmp_path: Path) -> str:
+    """A robot's file for the simulated robot; it changes one parameter."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        f"driver: serial\nserial: {{port: {quiet.port}}}\nparameters: {{max_duty: 0.5}}\n"
+    )
+    return str(file)
+
+
+def test_a_robots_file_is_an_address(quiet: Simulator, file: str) -> None:
+    told = run_json("drive", file, "--linear", "0.2", "--seconds", "0.5")
+    assert told["x_m"] > 0.05
+    assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 0.5}
+    assert run_json("params", "set", file, "path_gain", "1") == {"path_gain": 1, "saved": False}
+    check_error(run("params", "set", file, "max_duty", "1"), errors.InvalidArgument)
+    assert f"`wheelwire clear {file}` ends it" in run("estop", file).stdout
+    assert run_json("info", file)["state"] == "ESTOPPED"
+    assert run_json("clear", file)["state"] == "IDLE"
+    run("params", "reset", quiet.port)
+
+
+def test_looking_and_stopping_leave_the_parameters_alone(quiet: Simulator, file: str) -> None:
+    for command in ("info", "estop", "clear"):
+        assert run(command, file).returncode == 0
+    assert run("monitor", file, "--seconds", "0.1").returncode == 0
+    assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 1}
+
+
+def test_mock_is_an_address() -> None:
+    assert run_json("info", "mock")["link"]["device"]["board"] == "SIMULATED"
+    assert run("monitor", "mock", "--seconds", "0.1").stdout.count("IDLE") > 0
+    assert run_json("drive", "mock", "--linear", "0.2", "--seconds", "0.5")["x_m"] > 0.05
+    assert run_json("estop", "mock") == {"latched": None}
+    assert "stopped, but not latched" in run("estop", "mock").stdout
+    assert run("clear", "mock").stdout == "nothing was latched\n"
+    assert run("params", "get", "mock", "wheel_radius").stdout == "0.033\n"
+    text = run("params", "set", "mock", "wheel_radius", "0.04").stdout
+    assert text == "wheel_radius = 0.04, for this command only: the robot's process ended with it\n"
+    assert len(run_json("params", "list", "mock")) > 20
+    assert run_json("params", "reset", "mock") == {"reset": True}
+
+
+def test_the_environment_names_the_robot(quiet: Simulator) -> None:
+    robot = {"WHEELWIRE_ROBOT": quiet.port}
+    result = run("drive", "--linear", "0.2", "--seconds", "0.3", **robot)
+    assert result.returncode == 0
+    assert result.stderr == f"wheelwire: WHEELWIRE_ROBOT names {quiet.port}\n"
+    assert run("params", "set", "path_gain", "1", **robot).stdout.startswith("path_gain = 1, until")
+    assert run("params", "get", "path_gain", **robot).stdout == "1\n"
+    assert run("params", "save", "path_gain", **robot).stdout == "saved: path_gain = 1\n"
+    assert run("params", "reset", **robot).returncode == 0
+
+
+def test_an_estop_of_the_only_candidate_asks_nothing(quiet: Simulator, tmp_path: Path) -> None:
+    ports = fake_usb_ports(tmp_path, quiet.port)
+    result = run("estop", WHEELWIRE_ROBOT="", **ports)
+    assert result.returncode == 0, result.stderr
+    assert f"{quiet.port} is the only candidate" in result.stderr
+    assert run_json("info", quiet.port)["state"] == "ESTOPPED"
+    assert run("clear", "--yes", WHEELWIRE_ROBOT="", **ports).stdout == "ESTOPPED ended\n"
+
+
+@pytest.mark.parametrize(("answer", "drives"), [("y", True), ("n", False), ("", False)])
+def test_a_drive_of_the_only_candidate_asks_first(
+    quiet: Simulator, tmp_path: Path, answer: str, *, drives: bool
+) -> None:
+    ports = fake_usb_ports(tmp_path, quiet.port)
+    terminal, theirs = os.openpty()
+    before = quiet.get("true.distance_m")
+    with subprocess.Popen(
+        [*PROGRAM, "drive", "--linear", "0.2", "--seconds", "0.5"],
+        stdin=theirs,
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        env={**os.environ, "WHEELWIRE_ROBOT": "", **ports},
+    ) as process:
+        os.close(theirs)
+        asked = b""
+        while b"[y/N]" not in asked:
+            asked += os.read(terminal, 1000)
+        assert f"{quiet.port} is the only candidate" in asked.decode()
+        assert quiet.get("true.distance_m") == before
+        os.write(terminal, f"{answer}\n".encode())
+        process.communicate(timeout=PATIENCE_S)
+    os.close(terminal)
+    assert process.returncode == (0 if drives else errors.RobotNotNamed.exit_code)
+    assert (quiet.get("true.distance_m") > before + 0.02) is drives
+
+
 def test_ports_is_json_without_a_robot() -> None:
     assert isinstance(run_json("ports"), list)
 
@@ -229,7 +324,7 @@ def test_errors_are_one_line_that_helps(
 
 
 def test_wrong_usage_is_exit_code_2() -> None:
-    assert run("drive").returncode == 2
+    assert run("params", "get").returncode == 2
     assert run("nonsense").returncode == 2
     assert run("monitor", "/dev/none", "--seconds", "-1").returncode == 2
     assert run("params", "set", "/dev/none", "max_duty", "1", "--svae").returncode == 2

@@ -18,7 +18,6 @@ from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_by
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from wheelwire import errors, flash
-from wheelwire.link.ports import SerialPort
 from wheelwire_protocol.codes import Board
 from wheelwire_protocol.types import Stop
 
@@ -99,7 +98,7 @@ def test_what_the_chip_saved_is_there_afterwards(chip: EspChip, port: str, image
     put(chip, 0x11000, OTA_1_IS_SELECTED)
     put(chip, 0x280000, b"\xe9 another application")
     assert chip.application() == 0x280000
-    result = run("--port", port, "--image", str(image))
+    result = run(port, "--image", str(image))
     assert result.returncode == 0, result.stderr
     assert "keeps of the data on the chip: nvs, recorder, coredump" in result.stdout
     assert "erases" not in result.stdout
@@ -120,7 +119,7 @@ def test_another_layouts_leftovers_are_erased_and_named(
     put(chip, 0x8000, table_bytes(FACTORY_LAYOUT))
     put(chip, 0x10000, b"\xe9" + Random(9).randbytes(0x8FFFF))
     saved = bytes(chip.flash[0x9000:0xF000])
-    told = run_json("--port", port, "--image", str(image))
+    told = run_json(port, "--image", str(image))
     assert told["kept"] == ["nvs"]
     assert [(region["name"], region["offset"]) for region in told["erased"]] == [
         ("nvs", 0xF000),
@@ -135,7 +134,7 @@ def test_another_layouts_leftovers_are_erased_and_named(
 
 def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> None:
     put(chip, 0, Random(3).randbytes(len(chip.flash)))
-    result = run("--port", port, "--image", str(image), "--erase")
+    result = run(port, "--image", str(image), "--erase")
     assert result.returncode == 0, result.stderr
     assert "erases the whole flash, saved parameters included" in result.stdout
     check_holds(chip, image)
@@ -148,7 +147,7 @@ def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
     with PtyDevice(tmp_path / "port", before=chip) as pty:
-        told = run_json("--port", str(pty.path), "--image", str(image))
+        told = run_json(str(pty.path), "--image", str(image))
     assert told["kept"] == []
     assert told["device"]["board"] == "ESP32S3"
     assert chip.flash == image.read_bytes().ljust(len(chip.flash), b"\xff")
@@ -157,20 +156,20 @@ def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
 def test_another_chip_than_the_images_is_refused(chip: EspChip, port: str, tmp_path: Path) -> None:
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
-    check_refusal(run("--port", port, "--image", str(image)), "is for the ESP32S3, the chip at")
+    check_refusal(run(port, "--image", str(image)), "is for the ESP32S3, the chip at")
     assert chip.erased == []
 
 
 def test_a_chip_without_the_peripherals_is_refused(tmp_path: Path, image: Path) -> None:
     chip = EspChip(ESP32C3)
     with PtyDevice(tmp_path / "port", before=chip) as pty:
-        check_refusal(run("--port", str(pty.path), "--image", str(image)), "is an ESP32-C3")
+        check_refusal(run(str(pty.path), "--image", str(image)), "is an ESP32-C3")
     assert chip.erased == []
 
 
 def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) -> None:
     chip.answers_loader = False
-    result = run("--port", port, "--image", str(image))
+    result = run(port, "--image", str(image))
     check_refusal(result, "Failed to connect")
     assert "BOOT button" in result.stderr
 
@@ -183,7 +182,7 @@ def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -
 
 def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
     chip.device.board = Board.ESP32C6
-    check_refusal(run("--port", port, "--image", str(image), "--json"), "runs on ESP32C6")
+    check_refusal(run(port, "--image", str(image), "--json"), "runs on ESP32C6")
 
 
 def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -195,18 +194,3 @@ def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) 
 def test_a_missing_build_says_which_image_to_take(tmp_path: Path) -> None:
     with pytest.raises(errors.FlashFailed, match=r"wheelwire-esp32s3\.bin"):
         flash.built_image(Board.ESP32S3, tmp_path)
-
-
-def test_the_port_is_chosen_only_when_there_is_no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
-    def found(*names: str) -> None:
-        ports = [SerialPort(name, None, "", 1, 2, None, True, "", False) for name in names]
-        monkeypatch.setattr(flash, "list_serial_ports", lambda: ports)
-
-    found("/dev/ttyUSB0")
-    assert flash.only_likely_port() == "/dev/ttyUSB0"
-    found("/dev/ttyUSB0", "/dev/ttyACM0")
-    with pytest.raises(errors.FlashFailed, match="/dev/ttyUSB0, /dev/ttyACM0; name one"):
-        flash.only_likely_port()
-    found()
-    with pytest.raises(errors.FlashFailed, match="a cable that carries data"):
-        flash.only_likely_port()

@@ -20,20 +20,16 @@ from . import INTERRUPTED
 from .flash import flash
 from .local import demo, ports, sim
 from .mcu import mcu
-from .output import print_error, show_help_alone
+from .output import UsageError, print_error, show_help_alone
 from .parameters import app as parameters_app
 from .robot import clear, drive, estop, info, monitor
 
 USAGE = 2
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Click's, or that of the copy of Click inside Typer: releases differ."""
-
 app = typer.Typer(
     name="wheelwire",
     pretty_exceptions_enable=False,
-    add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (sim, ports, info, drive, monitor, estop, clear, flash, demo, mcu):

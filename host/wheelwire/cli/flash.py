@@ -11,15 +11,13 @@ from rich.progress import Progress
 
 from wheelwire.errors import FlashFailed
 
+from .address import RobotArgument, resolve
 from .output import JsonFlag, console, print_json
 
 if TYPE_CHECKING:
     from wheelwire.flash_layout import Plan
 
-PortOption = Annotated[
-    str | None,
-    typer.Option(help="The board's port; default: the only likely board, if there is exactly one."),
-]
+PortOption = Annotated[str | None, typer.Option(hidden=True, help="As ROBOT.")]
 ImageOption = Annotated[
     Path | None, typer.Option(help="A release's image; default: this checkout's build.")
 ]
@@ -29,6 +27,7 @@ EraseFlag = Annotated[
 
 
 def flash(
+    robot: RobotArgument = None,
     port: PortOption = None,
     image: ImageOption = None,
     erase: EraseFlag = False,
@@ -39,7 +38,7 @@ def flash(
     from wheelwire.flash_layout import plan_flash, read_image
 
     wanted = read_image(image) if image else None
-    port = port or flasher.only_likely_port()
+    port = resolve(robot or port, as_json=as_json).serial_port()
     flasher.ensure_stopped(port)
     board = flasher.identify_chip(port)
     chosen = wanted or flasher.built_image(board)

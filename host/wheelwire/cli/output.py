@@ -16,6 +16,9 @@ from rich.table import Table
 
 console = Console(highlight=False, markup=False)
 
+UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+"""Click's, or that of the copy of Click inside Typer: releases differ."""
+
 JsonFlag = Annotated[bool, typer.Option("--json", help="JSON on stdout, for machines.")]
 
 

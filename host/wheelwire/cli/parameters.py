@@ -2,24 +2,58 @@
 
 from __future__ import annotations
 
-from typing import Annotated, cast
+from collections.abc import Sequence
+from typing import Annotated, Any, cast
 
 import typer
 from rich.padding import Padding
 
-from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
 from wheelwire.parameters import ParameterInfo
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from .output import JsonFlag, console, print_json, print_table, show_help_alone
-from .robot import BaudOption, PortArgument
+from .address import (
+    LEFT_OUT_HELP,
+    BaudOption,
+    RobotArgument,
+    complete_robot_or_name,
+    looks_like_address,
+    outlives_commands,
+    resolve,
+)
+from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
 
 TABLE_COLUMNS = 100
 """A table has room for the meanings where the terminal is as wide as this."""
 
 app = typer.Typer()
 
-NameArgument = Annotated[str, typer.Argument(help="As `wheelwire params list` shows it.")]
+
+def _arguments(names: str) -> Any:
+    """ROBOT, which may be left out, and what follows it: Click takes that as one list."""
+    return typer.Argument(
+        metavar=f"[ROBOT] {names}",
+        help=f"{LEFT_OUT_HELP} NAME is as `wheelwire params list` shows it.",
+        show_default=False,
+        autocompletion=complete_robot_or_name,
+    )
+
+
+def _split(
+    context: typer.Context, arguments: Sequence[str], *names: str
+) -> tuple[str | None, list[str]]:
+    """ROBOT, if it is there, and the values of all `names`."""
+    for argument in arguments:
+        if argument.startswith("--"):
+            raise UsageError(f"No such option: {argument}", context)
+    missing = len(names) - len(arguments)
+    if missing == 0 and looks_like_address(arguments[0]):
+        missing = 1  # it is ROBOT, and the last one was forgotten
+    if missing > 0:
+        raise UsageError(f"Missing argument '{names[-missing]}'", context)
+    if missing < -1:
+        raise UsageError(f"Unexpected argument '{arguments[len(names) + 1]}'", context)
+    robot = arguments[0] if len(arguments) > len(names) else None
+    return robot, list(arguments[-len(names) :])
 
 
 @app.callback(invoke_without_command=True)
@@ -30,11 +64,11 @@ def params(context: typer.Context) -> None:
 
 @app.command("list")
 def list_all(
-    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
+    robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
 ) -> None:
     """List all parameters with value, unit, bounds and meaning."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        parameters = robot.parameters.list()
+    with resolve(robot, as_json=as_json).open(baud) as driver:
+        parameters = driver.parameters.list()
     if as_json:
         print_json(parameters)
         return
@@ -60,14 +94,15 @@ def _value(parameter: ParameterInfo) -> str:
 
 @app.command("get")
 def get(
-    port: PortArgument,
-    name: NameArgument,
-    baud: BaudOption = DEFAULT_BAUD_RATE,
+    context: typer.Context,
+    arguments: Annotated[list[str] | None, _arguments("NAME")] = None,
+    baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Show one value."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        value = robot.parameters[name]
+    robot, (name,) = _split(context, arguments or (), "NAME")
+    with resolve(robot, as_json=as_json).open(baud) as driver:
+        value = driver.parameters[name]
     if as_json:
         print_json({name: value})
     else:
@@ -77,22 +112,27 @@ def get(
 # A negative number is no option, though it begins like one.
 @app.command("set", context_settings={"ignore_unknown_options": True})
 def set_value(
-    port: PortArgument,
-    name: NameArgument,
-    value: Annotated[str, typer.Argument(help="A number, in the parameter's unit.")],
+    context: typer.Context,
+    arguments: Annotated[list[str] | None, _arguments("NAME VALUE")] = None,
     save: Annotated[bool, typer.Option("--save", help="Keep this value across resets.")] = False,
-    baud: BaudOption = DEFAULT_BAUD_RATE,
+    baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Change one value until the next reset, or for good with --save. No other value is saved."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        in_force = robot.parameters.set(name, _number(value))
+    robot, (name, value) = _split(context, arguments or (), "NAME", "VALUE")
+    address = resolve(robot, as_json=as_json)
+    address.check_parameters([name], save=save)
+    with address.open(baud) as driver:
+        lasting = outlives_commands(driver)
+        in_force = driver.parameters.set(name, _number(value))
         if save:
-            robot.parameters.save(name)
+            driver.parameters.save(name)
     if as_json:
         print_json({name: in_force, "saved": save})
     else:
-        console.print(f"{name} = {in_force:g}, {_duration(name, saved=save)}", soft_wrap=True)
+        console.print(
+            f"{name} = {in_force:g}, {_duration(name, saved=save, lasting=lasting)}", soft_wrap=True
+        )
 
 
 def _number(text: str) -> float:
@@ -102,8 +142,10 @@ def _number(text: str) -> float:
         return cast("float", text)  # the parameter's own check says what it takes
 
 
-def _duration(name: str, *, saved: bool) -> str:
-    """From when and until when a value holds."""
+def _duration(name: str, *, saved: bool, lasting: bool) -> str:
+    """From when and until when a value holds. `lasting`: the robot's core outlives this command."""
+    if not lasting:
+        return "saved" if saved else "for this command only: the robot's process ended with it"
     if not PARAMETER_BY_NAME[name].after_reset:
         return "saved" if saved else "until the next reset; --save keeps it"
     if saved:
@@ -113,20 +155,25 @@ def _duration(name: str, *, saved: bool) -> str:
 
 @app.command("save")
 def save_values(
-    port: PortArgument,
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Which; default: all, also those only tried.")
-    ] = None,
-    baud: BaudOption = DEFAULT_BAUD_RATE,
+    arguments: Annotated[list[str] | None, _arguments("[NAME]...")] = None,
+    baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Keep values across resets: those named, or all."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        for name in names or ():
-            robot.parameters[name]  # all names are known, or none is saved
+    """Keep values across resets: those named, or all, also those that were only tried.
+
+    The first argument is ROBOT if it looks like an address (`mock`, an existing file, or with one
+    of / : . in it), and else the name of a parameter.
+    """
+    names = list(arguments or ())
+    robot = names.pop(0) if names and looks_like_address(names[0]) else None
+    address = resolve(robot, as_json=as_json)
+    address.check_parameters(names, save=True)
+    with address.open(baud) as driver:
+        for name in names:
+            driver.parameters[name]  # all names are known, or none is saved
         for wanted in names or (None,):
-            robot.parameters.save(wanted)
-        told = {p.name: p for p in robot.parameters.list()}
+            driver.parameters.save(wanted)
+        told = {p.name: p for p in driver.parameters.list()}
     kept = {name: told[name] for name in names} if names else told
     if as_json:
         print_json({"saved": {name: p.value for name, p in kept.items()}})
@@ -143,11 +190,11 @@ def save_values(
 
 @app.command("reset")
 def reset_all(
-    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
+    robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
 ) -> None:
     """Reset all parameters to their defaults, and forget what was saved."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        robot.parameters.reset()
+    with resolve(robot, as_json=as_json).open(baud) as driver:
+        driver.parameters.reset()
     if as_json:
         print_json({"reset": True})
     else:

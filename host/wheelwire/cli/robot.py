@@ -8,19 +8,16 @@ from typing import Annotated
 
 import typer
 
-from wheelwire.drivers.serial import DEFAULT_BAUD_RATE, SerialDriver
-from wheelwire.errors import DeviceRefused, InvalidCommand
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import DeviceRefused, DriverUnavailable, InvalidCommand
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
+from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import JsonFlag, console, plain, print_facts, print_json
-
-PortArgument = Annotated[
-    str, typer.Argument(help="Device path or URL, such as /dev/ttyUSB0 or socket://host:port.")
-]
-BaudOption = Annotated[int, typer.Option(help="Tried first; then the usual rates.")]
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
@@ -32,14 +29,18 @@ _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
-def info(
-    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
-) -> None:
+def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
     """Show the connected board, its state and link quality."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        sample = robot.read()
-        link, statistics = robot.info, robot.statistics
-        device_counters = robot.device_counters()
+    address = resolve(robot, as_json=as_json)
+    with address.open(baud, bare=True) as driver:
+        if not isinstance(driver, DeviceDriver):
+            raise DriverUnavailable(
+                f"the driver of {address.text} does not tell what it is connected to; "
+                f"`wheelwire monitor {address.text}` shows its wheels"
+            )
+        sample = driver.read()
+        link, statistics = driver.info, driver.statistics
+        device_counters = driver.device_counters()
     if as_json:
         print_json(
             {
@@ -61,7 +62,7 @@ def info(
             ("firmware", f"{device.release} {device.git_hash}".rstrip()),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
-            ("state", _state(sample.state, port)),
+            ("state", _state(sample.state, address.text)),
             ("faults", ", ".join(plain(sample.faults)) or "none"),
             ("battery", "not measured" if sample.battery_v is None else f"{sample.battery_v} V"),
             ("baud rate", link.baud_rate or "not applicable"),
@@ -76,34 +77,36 @@ def info(
     )
 
 
-def _state(state: SupervisorState, port: str) -> str:
+def _state(state: SupervisorState, address: str) -> str:
     """The state, and what ends it where something has to be done."""
     text = f"{state.name}: {state.doc}"
-    return f"{text} `wheelwire clear {port}` ends it" if state in _LATCHED else text
+    return f"{text} `wheelwire clear {address}` ends it" if state in _LATCHED else text
 
 
 def drive(
-    port: PortArgument,
+    robot: RobotArgument = None,
     linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
     angular: Annotated[
         float | None, typer.Option(help="rad/s, counter-clockwise positive.")
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long.")] = 1.0,
-    baud: BaudOption = DEFAULT_BAUD_RATE,
+    yes: YesFlag = False,
+    baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Drive at a constant velocity for a set time, stop, and report the distance."""
     if linear is None and angular is None:
         raise InvalidCommand("say how fast: give --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
-    with SerialDriver(port, baud_rate=baud) as robot:
-        geometry = robot.geometry
+    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    with address.open(baud) as driver:
+        geometry = driver.geometry
         try:
-            end, pose = _drive(robot, asked, seconds)
+            end, pose = _drive(driver, asked, seconds)
         except DeviceRefused as error:
             if error.code != RefusalCode.ESTOPPED:
                 raise
-            hint = f"`wheelwire clear {port}` ends it. {_without_contact(port)}"
+            hint = f"`wheelwire clear {address.text}` ends it. {_without_contact(address.text)}"
             raise DeviceRefused(error.code, "the setpoint", hint=hint) from error
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
@@ -126,7 +129,7 @@ def drive(
     )
 
 
-def _drive(robot: SerialDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]:
+def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]:
     """Drive and stop; returns where the command ended, and where the robot stands."""
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
@@ -141,14 +144,14 @@ def _drive(robot: SerialDriver, twist: Twist, seconds: float) -> tuple[Pose, Pos
     return stopped, odometry.pose
 
 
-def _without_contact(port: str) -> str:
+def _without_contact(address: str) -> str:
     return (
         "Where no e-stop contact is fitted, join its pin to ground, clear, and run "
-        f"`wheelwire params set {port} estop_input_enabled 0 --save`."
+        f"`wheelwire params set {address} estop_input_enabled 0 --save`."
     )
 
 
-def _standstill(robot: SerialDriver, patience_s: float = 3.0) -> WheelSample:
+def _standstill(robot: BaseDriver, patience_s: float = 3.0) -> WheelSample:
     """The first sample of standing wheels, or the newest after `patience_s`."""
     end = time.monotonic() + patience_s
     sample = robot.read()
@@ -158,48 +161,60 @@ def _standstill(robot: SerialDriver, patience_s: float = 3.0) -> WheelSample:
 
 
 def monitor(
-    port: PortArgument,
+    robot: RobotArgument = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
-    baud: BaudOption = DEFAULT_BAUD_RATE,
+    baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Show what the wheels do. Sends no setpoint."""
-    with SerialDriver(port, baud_rate=baud) as robot:
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         end = time.monotonic() + (seconds or math.inf)
         while time.monotonic() < end:
-            sample = robot.read()
+            sample = driver.read()
             if as_json:
                 print_json(sample)
             else:
-                console.print(_line(sample, robot.statistics.frames_lost), soft_wrap=True)
+                console.print(_line(sample, driver.statistics.frames_lost), soft_wrap=True)
                 time.sleep(PRINT_PERIOD_S)
 
 
-def estop(
-    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
-) -> None:
+def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
     """Emergency stop: stop the wheels and refuse to drive until `clear`."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        robot.estop()
+    address = resolve(robot, as_json=as_json)
+    with address.open(baud, bare=True) as driver:
+        driver.estop()
+        lasting = outlives_commands(driver)
     if as_json:
-        print_json({"latched": SupervisorState.ESTOPPED})
+        print_json({"latched": SupervisorState.ESTOPPED if lasting else None})
+    elif lasting:
+        console.print(
+            f"stopped and latched; `wheelwire clear {address.text}` ends it", soft_wrap=True
+        )
     else:
-        console.print(f"stopped and latched; `wheelwire clear {port}` ends it")
+        console.print(
+            "stopped, but not latched: the process that moves this robot's wheels was started by "
+            "this command and has ended with it. A service (`wheelwire mcu`) outlives its programs",
+            soft_wrap=True,
+        )
 
 
 def clear(
-    port: PortArgument, baud: BaudOption = DEFAULT_BAUD_RATE, as_json: JsonFlag = False
+    robot: RobotArgument = None,
+    baud: BaudOption = None,
+    yes: YesFlag = False,
+    as_json: JsonFlag = False,
 ) -> None:
     """End an e-stop or a fault; refused while its cause lasts."""
-    with SerialDriver(port, baud_rate=baud) as robot:
-        before = after = robot.read()
+    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    with address.open(baud, bare=True) as driver:
+        before = after = driver.read()
         if before.state is SupervisorState.ESTOPPED:
-            _clear_estop(robot, port)
+            _clear_estop(driver, address.text)
         elif before.state is SupervisorState.FAULT:
-            robot.clear_fault()
+            driver.clear_fault()
         end = time.monotonic() + CLEAR_PATIENCE_S
         while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
-            after = robot.read()
+            after = driver.read()
     ended = before.state if before.state in _LATCHED else None
     if as_json:
         print_json({"ended": ended, "state": after.state, "faults": after.faults})
@@ -211,16 +226,17 @@ def clear(
     if after.state in _LATCHED:
         faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
         console.print(
-            f"{after.state.name} remains. {faults} Mend it, then `wheelwire clear {port}` again",
+            f"{after.state.name} remains. {faults} "
+            f"Mend it, then `wheelwire clear {address.text}` again",
             soft_wrap=True,
         )
 
 
-def _clear_estop(robot: SerialDriver, port: str) -> None:
+def _clear_estop(robot: BaseDriver, address: str) -> None:
     try:
         robot.clear_estop()
     except DeviceRefused as error:
-        hint = _without_contact(port)
+        hint = _without_contact(address)
         raise DeviceRefused(error.code, "to end the e-stop", hint=hint) from error
 
 

@@ -76,6 +76,11 @@ def list_serial_ports(by_path: Path = Path("/dev/serial/by-path")) -> list[Seria
     return sorted(found, key=lambda port: (not port.likely_esp32, port.device))
 
 
+def likely_boards() -> list[SerialPort]:
+    """The ports whose USB ids are those of a bridge that ESP32 boards have."""
+    return [port for port in list_serial_ports() if port.likely_esp32]
+
+
 def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     """Whether some process has `device` open; None when not all processes can be looked into."""
     target = final_name(device)

@@ -39,7 +39,7 @@ def test_wrong_usage_is_one_line_that_names_the_help() -> None:
     result = run("params", "get")
     assert result.returncode == 2
     assert result.stderr == (
-        "wheelwire: Missing argument 'port'; see `wheelwire params get --help`\n"
+        "wheelwire: Missing argument 'NAME'; see `wheelwire params get --help`\n"
     )
 
 
@@ -47,7 +47,7 @@ def test_wrong_usage_is_one_line_that_names_the_help() -> None:
     ("arguments", "kind", "code"),
     [
         (("info", "/dev/no-such-port"), "PortUnavailable", errors.PortUnavailable.exit_code),
-        (("info",), "UsageError", 2),
+        (("params", "set", "mock", "max_duty"), "UsageError", 2),
         (("nonsense",), "UsageError", 2),
     ],
 )

@@ -1,0 +1,216 @@
+"""ROBOT: which robot a command means. No robot is opened here."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from support.command import check_error, run
+from support.usb_ports import fake_usb_ports
+from wheelwire import errors
+from wheelwire.cli import address
+from wheelwire.cli.address import Address, looks_like_address, resolve
+from wheelwire.errors import InvalidArgument, RobotNotNamed
+from wheelwire.link.ports import SerialPort
+
+USB0, ACM0 = (
+    SerialPort(name, None, "", 0x303A, 0x1001, None, True, "native USB", None)
+    for name in ("/dev/ttyUSB0", "/dev/ttyACM0")
+)
+PUT_IN = {
+    "info": (),
+    "monitor": (),
+    "estop": (),
+    "params list": (),
+    "params get": ("wheel_radius",),
+    "params set": ("wheel_radius", "0.03"),
+    "params save": ("wheel_radius",),
+    "params reset": (),
+}
+MOVING = {"drive": ("--linear", "0.1"), "clear": ()}
+
+
+@pytest.fixture
+def candidates(monkeypatch: pytest.MonkeyPatch) -> list[SerialPort]:
+    """Those that are plugged in; empty at first. No robot is named in the environment."""
+    found: list[SerialPort] = []
+    monkeypatch.delenv(address.ENVIRONMENT, raising=False)
+    monkeypatch.setattr(address, "likely_boards", lambda: found)
+    return found
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_the_argument_comes_first_and_the_environment_second(
+    candidates: list[SerialPort], monkeypatch: pytest.MonkeyPatch, *, moves: bool
+) -> None:
+    candidates.append(USB0)
+    monkeypatch.setenv(address.ENVIRONMENT, "robot.yaml")
+    assert resolve("/dev/ttyS1", moves=moves) == Address("/dev/ttyS1")
+    assert resolve(None, moves=moves) == Address("robot.yaml")
+    monkeypatch.setenv(address.ENVIRONMENT, "")
+    assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0", USB0)
+
+
+def test_the_only_candidate_is_taken_and_named(
+    candidates: list[SerialPort], capsys: pytest.CaptureFixture[str]
+) -> None:
+    candidates.append(USB0)
+    assert resolve(None).candidate is USB0
+    assert "/dev/ttyUSB0 is the only candidate (native USB)" in capsys.readouterr().err
+    resolve(None, as_json=True)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_none_and_several_candidates_are_errors_that_say_what_to_do(
+    candidates: list[SerialPort],
+) -> None:
+    with pytest.raises(RobotNotNamed, match=r"cable that carries data.*WHEELWIRE_ROBOT"):
+        resolve(None, yes=True)
+    candidates += [USB0, ACM0]
+    with pytest.raises(
+        RobotNotNamed, match=r"/dev/ttyUSB0 \(native USB\), /dev/ttyACM0 \(native USB\); name one"
+    ):
+        resolve(None, yes=True)
+
+
+@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
+def test_every_command_takes_the_only_candidate(command: str, tmp_path: Path) -> None:
+    """It is not there after all: the error names it."""
+    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
+    yes = ["--yes"] if command in MOVING else []
+    words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), *yes, "--json"]
+    result = run(*words, WHEELWIRE_ROBOT="", **ports)
+    assert result.returncode == errors.PortUnavailable.exit_code, result.stderr
+    assert "cannot open /dev/no-such-port" in json.loads(result.stderr)["message"]
+
+
+@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
+def test_every_command_takes_the_robot_that_the_environment_names(
+    command: str, tmp_path: Path
+) -> None:
+    ports = fake_usb_ports(tmp_path, "/dev/ttyUSB0", "/dev/ttyUSB1")
+    words = [*command.split(), *(PUT_IN | MOVING).get(command, ()), "--json"]
+    result = run(*words, WHEELWIRE_ROBOT="missing.yaml", **ports)
+    assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
+    result = run(*words, WHEELWIRE_ROBOT="", **ports)
+    assert result.returncode == RobotNotNamed.exit_code, result.stderr
+    assert "/dev/ttyUSB0 (CP210x" in json.loads(result.stderr)["message"]
+
+
+@pytest.mark.parametrize("command", MOVING)
+def test_what_moves_wheels_refuses_where_nobody_can_be_asked(command: str, tmp_path: Path) -> None:
+    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
+    line = check_error(run(command, *MOVING[command], WHEELWIRE_ROBOT="", **ports), RobotNotNamed)
+    assert "/dev/no-such-port" in line
+    assert "name the robot" in line
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("/dev/ttyUSB0", True),
+        ("socket://localhost:3333", True),
+        ("unix:/run/robot.sock", True),
+        ("robot.yaml", True),
+        ("mock", True),
+        ("here", True),
+        ("wheel_radius", False),
+        ("wheel_radus", False),
+        ("0", False),
+    ],
+)
+def test_an_address_is_told_from_a_parameters_name(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, expected: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here").write_text("")
+    (tmp_path / "wheel_radius").write_text("")
+    assert looks_like_address(text) is expected
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("get",), "Missing argument 'NAME'"),
+        (("get", "mock"), "Missing argument 'NAME'"),
+        (("get", "mock", "max_duty", "1"), "Unexpected argument '1'"),
+        (("set",), "Missing argument 'NAME'"),
+        (("set", "max_duty"), "Missing argument 'VALUE'"),
+        (("set", "/dev/none", "max_duty"), "Missing argument 'VALUE'"),
+        (("set", "mock", "max_duty", "1", "2"), "Unexpected argument '2'"),
+        (("set", "max_duty", "1", "--svae"), "No such option: --svae"),
+    ],
+)
+def test_forgotten_and_superfluous_arguments_are_named(
+    words: tuple[str, ...], message: str
+) -> None:
+    result = run("params", *words)
+    assert result.returncode == 2
+    assert result.stderr == f"wheelwire: {message}; see `wheelwire params {words[0]} --help`\n"
+
+
+def test_a_baud_rate_is_of_a_port() -> None:
+    for robot in ("mock", "robot.yaml"):
+        with pytest.raises(InvalidArgument, match="--baud belongs to a port"):
+            Address(robot).open(9600)
+
+
+def robot_file(folder: Path, text: str) -> Address:
+    file = folder / "robot.yaml"
+    file.write_text(text)
+    return Address(str(file))
+
+
+def test_a_change_that_would_not_hold_is_refused(tmp_path: Path) -> None:
+    Address("/dev/ttyUSB0").check_parameters(["max_duty"], save=True)
+    Address("mock").check_parameters(["max_duty"], save=False)
+    with pytest.raises(InvalidArgument, match="nothing keeps its parameters"):
+        Address("mock").check_parameters(["max_duty"], save=True)
+    serial = robot_file(tmp_path, "driver: serial\nparameters: {max_duty: 0.5}")
+    serial.check_parameters(["wheel_radius"], save=True)
+    with pytest.raises(InvalidArgument, match=r"robot\.yaml sets max_duty whenever .* there"):
+        serial.check_parameters(["max_duty"], save=False)
+    pins = robot_file(tmp_path, "driver: l298n\nparameters: {max_duty: 0.5}")
+    pins.check_parameters(["max_duty"], save=False)
+    with pytest.raises(InvalidArgument, match="add `store:`"):
+        pins.check_parameters(["max_duty"], save=True)
+    robot_file(tmp_path, "driver: l298n\nstore: s").check_parameters(["max_duty"], save=True)
+
+
+def test_firmware_is_written_at_a_serial_port_only(tmp_path: Path) -> None:
+    assert Address("/dev/ttyACM0").serial_port() == "/dev/ttyACM0"
+    file = robot_file(tmp_path, "driver: serial\nserial: {port: /dev/ttyUSB7}")
+    assert file.serial_port() == "/dev/ttyUSB7"
+    for other in (Address("mock"), Address("unix:/x"), robot_file(tmp_path, "driver: pigpio")):
+        with pytest.raises(InvalidArgument, match="is no serial port"):
+            other.serial_port()
+
+
+def complete(tmp_path: Path, *words: str) -> list[str]:
+    """What bash offers for the last word."""
+    result = run(
+        _WHEELWIRE_COMPLETE="complete_bash",
+        COMP_WORDS=" ".join(["wheelwire", *words]),
+        COMP_CWORD=str(len(words)),
+        **fake_usb_ports(tmp_path, "/dev/ttyUSB0", "/dev/ttyUSB1"),
+    )
+    assert result.stderr == ""
+    return result.stdout.split()
+
+
+def test_a_shell_completes_robots_and_parameters(tmp_path: Path) -> None:
+    assert complete(tmp_path, "drive", "") == ["/dev/ttyUSB0", "/dev/ttyUSB1", "mock"]
+    assert complete(tmp_path, "info", "/dev/t") == ["/dev/ttyUSB0", "/dev/ttyUSB1"]
+    assert complete(tmp_path, "params", "get", "wheel_") == ["wheel_radius", "wheel_separation"]
+    assert "monitor" in complete(tmp_path, "")
+
+
+def test_completion_is_shown_and_installed(tmp_path: Path) -> None:
+    shell = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", "HOME": str(tmp_path)}
+    shown = run("--show-completion", "bash", **shell)
+    assert "_WHEELWIRE_COMPLETE=complete_bash" in shown.stdout
+    assert run("--install-completion", "bash", **shell).returncode == 0
+    (script,) = tmp_path.glob(".bash_completions/wheelwire.sh")
+    assert script.read_text().strip() in shown.stdout
