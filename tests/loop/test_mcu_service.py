@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from support.command import run, run_json
 from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
 from wheelwire import errors
@@ -84,6 +85,26 @@ def test_it_has_one_host_at_a_time(daemon: PigpioProcess, address: str) -> None:
         with pytest.raises(errors.PortUnavailable, match="another program uses it"):
             SerialDriver(address, connect_timeout=0.5)
         assert daemon.truth()["driven"]
+
+
+def test_an_estop_stays_latched_where_the_service_is_the_address(address: str) -> None:
+    assert run_json("estop", address) == {"latched": "ESTOPPED"}
+    assert run_json("info", address)["state"] == "ESTOPPED"
+    assert run_json("clear", address)["ended"] == "ESTOPPED"
+    assert run_json("drive", address, "--linear", "0.2", "--seconds", "0.3")["linear_mps"] == 0.2
+
+
+def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path: Path) -> None:
+    config = tmp_path / "robot.yaml"
+    config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))
+    robot = str(config)
+    assert run_json("info", robot)["state"] == "IDLE"
+    assert run_json("drive", robot, "--linear", "0.2", "--seconds", "0.3")["linear_mps"] == 0.2
+    assert run_json("estop", robot) == {"latched": None}
+    assert "nothing was latched" in run("clear", robot).stdout
+    assert run_json("params", "set", robot, "path_gain", "1", "--save")["saved"]
+    assert run_json("params", "get", robot, "path_gain") == {"path_gain": 1}
+    assert not daemon.truth()["driven"]
 
 
 def test_what_is_saved_outlives_the_host(address: str) -> None:

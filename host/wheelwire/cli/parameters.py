@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, cast
 
 import typer
+import typer.core
 from rich.padding import Padding
 
 from wheelwire.parameters import ParameterInfo
@@ -26,6 +27,15 @@ TABLE_COLUMNS = 100
 """A table has room for the meanings where the terminal is as wide as this."""
 
 app = typer.Typer()
+
+
+class RobotCommand(typer.core.TyperCommand):
+    """A command whose usage line has its arguments' metavars as they are."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ARG002 - it is Click's
+        """Releases of Typer differ in the brackets and dots that they put around them."""
+        arguments = (p for p in self.params if p.param_type_name == "argument")
+        return [self.options_metavar or "", *(str(argument.metavar) for argument in arguments)]
 
 
 def _arguments(names: str) -> Any:
@@ -92,7 +102,7 @@ def _value(parameter: ParameterInfo) -> str:
     return f"{text} (default {parameter.default:g})"
 
 
-@app.command("get")
+@app.command("get", cls=RobotCommand)
 def get(
     context: typer.Context,
     arguments: Annotated[list[str] | None, _arguments("NAME")] = None,
@@ -110,7 +120,7 @@ def get(
 
 
 # A negative number is no option, though it begins like one.
-@app.command("set", context_settings={"ignore_unknown_options": True})
+@app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
     context: typer.Context,
     arguments: Annotated[list[str] | None, _arguments("NAME VALUE")] = None,
@@ -153,7 +163,7 @@ def _duration(name: str, *, saved: bool, lasting: bool) -> str:
     return "without effect: it acts after a reset, which forgets it; give --save, then reset"
 
 
-@app.command("save")
+@app.command("save", cls=RobotCommand)
 def save_values(
     arguments: Annotated[list[str] | None, _arguments("[NAME]...")] = None,
     baud: BaudOption = None,
@@ -161,8 +171,8 @@ def save_values(
 ) -> None:
     """Keep values across resets: those named, or all, also those that were only tried.
 
-    The first argument is ROBOT if it looks like an address (`mock`, an existing file, or with one
-    of / : . in it), and else the name of a parameter.
+    The first argument is ROBOT if it is `mock`, an existing file or has one of / : . in it; else it
+    is a parameter's name.
     """
     names = list(arguments or ())
     robot = names.pop(0) if names and looks_like_address(names[0]) else None

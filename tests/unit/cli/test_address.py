@@ -151,6 +151,21 @@ def test_forgotten_and_superfluous_arguments_are_named(
     assert result.stderr == f"wheelwire: {message}; see `wheelwire params {words[0]} --help`\n"
 
 
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        ("info", "[ROBOT]"),
+        ("params get", "[ROBOT] NAME"),
+        ("params set", "[ROBOT] NAME VALUE"),
+        ("params save", "[ROBOT] [NAME]..."),
+    ],
+)
+def test_help_shows_what_may_be_left_out(command: str, arguments: str) -> None:
+    text = " ".join(run(*command.split(), "--help").stdout.split())
+    assert f"Usage: wheelwire {command} [OPTIONS] {arguments} " in text
+    assert "WHEELWIRE_ROBOT" in text
+
+
 def test_a_baud_rate_is_of_a_port() -> None:
     for robot in ("mock", "robot.yaml"):
         with pytest.raises(InvalidArgument, match="--baud belongs to a port"):
