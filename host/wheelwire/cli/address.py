@@ -178,8 +178,11 @@ def resolve(
         as_json: Errors are for a machine: say nothing else on stderr but a question.
 
     Raises:
+        InvalidArgument: ROBOT is an empty text.
         RobotNotNamed: There is no such board, or several; or it was not confirmed.
     """
+    if given == "":  # not the same as left out: it would mean another robot
+        raise InvalidArgument(f"ROBOT is empty (a variable that is not set?): give {KINDS}")
     if given:
         return Address(given)
     if named := os.environ.get(ENVIRONMENT):

@@ -38,7 +38,7 @@ def flash(
     from wheelwire.flash_layout import plan_flash, read_image
 
     wanted = read_image(image) if image else None
-    port = resolve(robot or port, as_json=as_json).serial_port()
+    port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
     flasher.ensure_stopped(port)
     board = flasher.identify_chip(port)
     chosen = wanted or flasher.built_image(board)

@@ -53,6 +53,16 @@ def test_the_argument_comes_first_and_the_environment_second(
     assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0", USB0)
 
 
+@pytest.mark.parametrize("command", [*PUT_IN, *MOVING, "flash"])
+def test_an_empty_address_means_no_other_robot(command: str, tmp_path: Path) -> None:
+    ports = fake_usb_ports(tmp_path, "/dev/no-such-port")
+    words = (PUT_IN | MOVING).get(command, ())
+    yes = ["--yes"] if command in MOVING else []
+    result = run(*command.split(), "", *words, *yes, WHEELWIRE_ROBOT="/dev/no-such-port", **ports)
+    assert result.returncode == InvalidArgument.exit_code, result.stderr
+    assert "ROBOT is empty" in result.stderr
+
+
 def test_the_only_candidate_is_taken_and_named(
     candidates: list[SerialPort], capsys: pytest.CaptureFixture[str]
 ) -> None:
