@@ -63,6 +63,8 @@ void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
 void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
   if (spend_step()) return;
   if (!following_ || mode != mode_) {
+    // Slewing starts from what the wheels do now, not from zero or from an old setpoint: a robot
+    // that still rolls after a stop is not braked first.
     following_ = true;
     mode_ = mode;
     slewed_ = mode == ControlMode::kVelocity
@@ -89,7 +91,8 @@ void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
                         config);
 }
 
-/// The setpoint, and what is to be made up, within the limits of velocity and acceleration.
+/// The setpoint plus the correction of the following error, within the limits of velocity and
+/// acceleration.
 WheelPair Drive::command(const ControlConfig& config) {
   const WheelPair before = direction_;
   direction_ = {sign(slewed_.left), sign(slewed_.right)};
@@ -100,6 +103,7 @@ WheelPair Drive::command(const ControlConfig& config) {
   if (behind.left != left_.behind_um()) left_.forget_but(behind.left);
   if (behind.right != right_.behind_um()) right_.forget_but(behind.right);
   const WheelPair wanted = make_up(slewed_, behind, config.path);
+  // Slewed once more: a correction may jump, for example when one wheel is released.
   const int32_t slew = config.velocity_slew_umps;
   return scale_to_limit({step_towards(command_.left, wanted.left, slew),
                          step_towards(command_.right, wanted.right, slew)},
@@ -115,7 +119,8 @@ void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& conf
   right_.coast();
 }
 
-/// True in the first control step after a stop began: that may have been a moment ago.
+/// True in the first control step after a stop began. The stop may have come a moment before this
+/// step, and the outputs have to stay off for a whole period.
 bool Drive::spend_step() {
   const bool spent = stop_began_;
   stop_began_ = false;

@@ -1,4 +1,4 @@
-// Both wheels together: setpoints with slew limits that keep the path, and the stop.
+// Both wheels together: setpoints, slew limits that preserve the path, and the stop.
 #pragma once
 
 #include "wheel.hpp"
@@ -21,7 +21,7 @@ class Drive {
   /// Takes both encoders' readings. Returns fault flags.
   uint32_t latch(const EncoderCounts& counts, const ControlConfig& config);
 
-  /// What the battery has now; 0: not measured.
+  /// The battery's voltage now; 0: not measured.
   void note_battery(uint16_t millivolts, const ControlConfig& config);
 
   /// One control step towards the target, in um/s or q15 by the mode.
@@ -46,12 +46,12 @@ class Drive {
   Wheel left_;
   Wheel right_;
   ControlMode mode_ = ControlMode::kVelocity;
-  bool following_ = false;  // else the next setpoint starts from the speed the wheels have
+  bool following_ = false;  // else the next setpoint starts from the wheels' present speed
   WheelPair slewed_{};
-  WheelPair command_{};    // with what is to be made up
+  WheelPair command_{};    // with the correction of the following error
   WheelPair direction_{};  // of the setpoint, at the last step
   uint16_t battery_mv_ = 0;
-  int32_t supply_q12_ = 0;  // 0: not worked out yet
+  int32_t supply_q12_ = 0;  // 0: not computed yet
   uint64_t brake_until_us_ = 0;
   bool stop_began_ = false;  // since the last control step
 };

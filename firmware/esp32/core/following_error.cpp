@@ -24,15 +24,16 @@ void FollowingError::update(int32_t change, uint64_t now_us, uint32_t period_us,
                   26;
     total_q10_ -= static_cast<int64_t>(change) * um_per_tick_q10;
   }
-  // A tick to and fro is no progress: with one channel stuck there is nothing else.
+  // A tick back and forth is no progress: with one channel stuck there are only such ticks.
   const bool progress = change != 0 && (direction_ == 0 || sign(change) == direction_);
   if (change != 0) direction_ = sign(change);
   if (progress || !following_) {
     at_tick_q10_ = total_q10_;
     tick_us_ = now_us;
   }
-  // Where the wheel may be: up to a tick beyond the last one, which was seen up to a period late.
-  // The edges of an encoder are not evenly spaced either.
+  // The wheel may be up to a tick beyond the last one, which was seen up to a period late, and an
+  // encoder's edges are unevenly spaced. Within these bounds the held value stays: corrections that
+  // followed each tick would put ripple on the motor.
   const auto exact_um = static_cast<int32_t>((total_q10_ - forgotten_q10_) >> 10);
   const int32_t tick_um = um_per_tick_q10 >> 10;
   const int32_t late_um = scale(magnitude(setpoint_umps_), static_cast<int32_t>(period_us), 20);

@@ -1,5 +1,4 @@
-// How far a wheel is behind the integral of its setpoint: what motion control calls the following
-// error.
+// The following error: how far a wheel is behind the integral of its setpoint.
 #pragma once
 
 #include <stdint.h>
@@ -14,17 +13,18 @@ class FollowingError {
   void update(int32_t change, uint64_t now_us, uint32_t period_us, int32_t um_per_tick_q10);
   /// The setpoint from now on.
   void set_target(int32_t setpoint_umps);
-  /// Nothing is asked of the wheel: the error stays as it is.
+  /// The wheel has no setpoint: the error stays as it is.
   void rest();
-  /// Forgets all but so much of the error.
+  /// Drops all of the error but `um`.
   void forget_but(int32_t um);
 
-  /// What is to be made up. Between two ticks a wheel may be anywhere, so this does not change
-  /// while its last value is possible: at constant speed it has no ripple.
+  /// The error to make up. Between two ticks the wheel's position is uncertain, so this value is
+  /// kept for as long as it is possible: at constant speed it has no ripple.
   int32_t um() const { return held_um_; }
-  /// Since ever, nothing forgotten, um x 16, modulo 2^32.
+  /// Total since the start, with what was dropped, um x 16, modulo 2^32.
   uint32_t total_q4() const { return static_cast<uint32_t>(total_q10_ >> 6); }
-  /// While no tick comes: how fast the wheel falls behind at least; 0 when that cannot be told yet.
+  /// While no tick comes: the least speed at which the wheel must be falling behind; 0 while that
+  /// is unknown.
   int32_t least_umps(int32_t um_per_tick_q10) const;
 
  private:

@@ -3,7 +3,7 @@
 namespace wheelwire {
 namespace {
 
-/// Never against the setpoint, and not much faster than it.
+/// Bounded so that a correction never reverses a wheel, and never makes it much faster than asked.
 int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) {
   const int32_t most = scale(magnitude(setpoint), gains.catch_up_q15, 15);
   return setpoint >= 0 ? setpoint + clamp(correction, -setpoint, most)
@@ -15,7 +15,8 @@ int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) 
 WheelPair remember(WheelPair behind, bool same_direction, bool saturated, const PathGains& gains) {
   if (!same_direction) return {0, 0};
   if (saturated) {
-    // The distance is given up, the heading is not.
+    // A wheel at its limit cannot catch up, so the lost distance is dropped. The difference is
+    // kept: the other wheel can wait, and the heading holds.
     const int32_t common = (behind.left + behind.right) / 2;
     behind = {behind.left - common, behind.right - common};
   }

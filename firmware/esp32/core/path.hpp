@@ -1,4 +1,4 @@
-// The path: what either wheel makes up of what it is behind, and what it waits for the other.
+// Path following: each wheel makes up its following error, and waits for the other one.
 #pragma once
 
 #include <stdint.h>
@@ -15,14 +15,17 @@ struct WheelPair {
 
 struct PathGains {
   int32_t path_q16;      ///< um/s for each um that a wheel is behind.
-  int32_t heading_q16;   ///< um/s for either wheel, for each um that one is behind more.
+  int32_t heading_q16;   ///< um/s for either wheel, for each um that one is further behind than the
+                         ///< other.
   int32_t catch_up_q15;  ///< How much faster than its setpoint a wheel may turn.
   int32_t limit_um;      ///< No wheel makes up more than this.
 
   bool follows() const { return path_q16 != 0 || heading_q16 != 0; }
 };
 
-/// What is left of the errors `behind` [um] once what must be forgotten is.
+/// The part of the errors `behind` [um] that is still to be made up. All of it is dropped when the
+/// setpoint changes its direction, the common part when a wheel saturates, and what exceeds the
+/// limit in any case: an error that cannot be made up soon would only wind up.
 WheelPair remember(WheelPair behind, bool same_direction, bool saturated, const PathGains& gains);
 
 /// The velocities that make up for the errors, in cross-coupled control: the wheel that is ahead

@@ -5,20 +5,20 @@
 namespace wheelwire {
 namespace {
 
-// Without a tick for this long the wheel stands.
+// A wheel without a tick for this long stands still.
 constexpr uint32_t kStandstill_us = 500'000;
 
-// Spreads the marks.
+// Of the marks' spacing; see note().
 constexpr uint32_t kGoldenRatio_q16 = 40'503;
 
-// A whole cycle of A and B: its four edges are not equally far apart, a cycle and the next one are.
+// A whole cycle of A and B, in ticks. Its four edges are unevenly spaced, whole cycles are not.
 constexpr int32_t kCycle = 4;
 
-// So many control steps in a window tell when a tick came.
+// With this many control steps in a window, a step is fine enough to date a tick.
 constexpr uint32_t kFineSteps = 16;
 
-// A tick that comes after so many of its periods ends a standstill: what was before says nothing
-// about the speed now.
+// A tick that comes after this many tick periods ends a pause: earlier ticks say nothing about the
+// speed now.
 constexpr uint32_t kPeriodsOfAPause = 4;
 
 }  // namespace
@@ -36,7 +36,8 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
                                uint32_t period_us, uint32_t window_us) {
   const uint32_t t_us = static_cast<uint32_t>(now_us);
   if (change != 0) {
-    // The time between two ticks of opposite direction says nothing about speed.
+    // The time between two ticks of opposite direction is no measure of speed: the wheel stopped
+    // somewhere in between.
     if (sign(change) != direction_) reset();
     direction_ = sign(change);
     if (silence_us_ > 0 && follows_a_pause()) count_ = 0;
@@ -46,7 +47,8 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
   silence_us_ = t_us - newest_.t_us;
   if (silence_us_ >= kStandstill_us) return reset();
   note(t_us, window_us);
-  // A tick that has not come after 1.5 of its periods says that the wheel has slowed.
+  // A tick that is overdue by half a period says that the wheel has slowed down: until it comes,
+  // the speed is at most 1.5 ticks over the silence.
   const int32_t limit_q8 =
       silence_us_ > 0 ? static_cast<int32_t>(384'000'000u / silence_us_) : INT32_MAX;
   if (magnitude(rate_q8_) < limit_q8) {
@@ -62,11 +64,11 @@ bool VelocityEstimator::follows_a_pause() const {
          static_cast<uint64_t>(kPeriodsOfAPause) * baseline_.t_us;
 }
 
-/// At times that no tick decides: kMarks of them span all kMaxWindows windows.
+/// Takes a mark at times that do not depend on ticks: kMarks of them span kMaxWindows windows.
 void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
   if (count_ > 0 && t_us - mark(count_ - 1).noted_us < spacing_us_) return;
-  // Not evenly apart, or the marks could lock into the ratio of ticks to steps themselves: by the
-  // golden ratio's multiples, which keep clear of every ratio.
+  // Evenly spaced marks could lock into the ratio of ticks to steps themselves. Dithered by
+  // multiples of the golden ratio, the number worst approximated by fractions, they cannot.
   dither_q16_ = static_cast<uint16_t>(dither_q16_ + kGoldenRatio_q16);
   const uint32_t even_us = window_us / kMarksPerWindow;
   spacing_us_ = even_us / 2 + (even_us * dither_q16_ >> 16);
@@ -79,7 +81,7 @@ void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
   ++count_;
 }
 
-/// Leaves two marks that are far enough away: a window on the average.
+/// Drops marks that are too old: what is left begins about a window ago.
 void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
   const uint32_t least_us = window_us - window_us / (2 * kMarksPerWindow);
   while (count_ > 2) {
@@ -87,9 +89,9 @@ void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
     const uint32_t age_us = t_us - next.noted_us;
     if (age_us < least_us) return;
     const int32_t ticks = magnitude(static_cast<int32_t>(newest_.ticks - next.newest.ticks));
-    // Where steps are coarse, a tick to spare before the baseline gets shorter: so at a constant
-    // speed its length is constant. Chosen by the ticks that happen to be in it, a short one would
-    // have many of them.
+    // Where steps are coarse, require one tick more before the baseline is shortened, so that at
+    // constant speed its length is constant. A length chosen by the ticks that happen to be in it
+    // would be biased: short baselines would be those with many ticks.
     const int32_t needed = fine || age_us >= cycle_us_ ? kCycle : kCycle + 1;
     if (ticks < needed && age_us < kMaxWindows * window_us) {
       if (cycle_us_ <= age_us) cycle_us_ = age_us + 1;
@@ -101,7 +103,7 @@ void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
   }
 }
 
-/// The mean of two baselines, a mark apart: a tick that was seen late weighs half.
+/// The mean of two baselines, one mark apart, so that a tick seen late has half the weight.
 void VelocityEstimator::measure() {
   Tick sum = since(mark(0).newest, newest_);
   if (count_ > 2) {

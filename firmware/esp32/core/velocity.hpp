@@ -42,7 +42,7 @@ class VelocityEstimator {
     uint32_t noted_us;
   };
   static constexpr uint32_t kMarksPerWindow = 6;
-  /// A baseline of a whole cycle is worth waiting for, up to this many windows.
+  /// The longest that a baseline may become while it waits for a whole cycle of ticks, in windows.
   static constexpr uint32_t kMaxWindows = 4;
   static constexpr size_t kMarks = kMarksPerWindow * kMaxWindows;
 

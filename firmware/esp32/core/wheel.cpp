@@ -21,7 +21,7 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
 void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
                            int32_t supply_q12, const ControlConfig& config) {
   if (setpoint_umps == 0 && velocity_umps_ == 0) {
-    // Arrived at rest: shorted windings hold better than an integrator that hums.
+    // At rest, shorted windings hold the wheel without the hum of an integrator.
     brake();
     return;
   }
@@ -35,10 +35,12 @@ void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool mot
 int32_t Wheel::error_umps(int32_t setpoint_umps, int32_t command_umps,
                           const ControlConfig& config) const {
   if (!config.path.follows()) {
-    // On a ramp the measurement is compared with the command of its own time.
+    // The measurement is late: on a ramp, compare it with the command of the same moment.
     const int64_t change = static_cast<int64_t>(command_umps) - controller_.last_target_umps();
     return saturate32(command_umps - change * config.gains.delay_steps - velocity_umps_);
   }
+  // Without ticks the measured rate is out of date; the setpoint's integral then gives a lower
+  // bound.
   const int32_t measured = estimator_.falling_behind_umps();
   const int32_t least = following_.least_umps(config.um_per_tick_q10);
   const bool later = least > 0 ? least > measured : least < measured;

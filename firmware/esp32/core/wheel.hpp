@@ -1,4 +1,4 @@
-// One wheel: what it has turned, how fast it turns, what drives it, what is wrong with it.
+// One wheel: its ticks, velocity, control loop and fault detection.
 #pragma once
 
 #include "config.hpp"
@@ -16,15 +16,15 @@ class Wheel {
  public:
   explicit Wheel(MotorPort& motor) : motor_(motor) {}
 
-  /// The counter's value at power-on is no travel.
+  /// Ticks count from the counter's value at power-on.
   void start(int16_t counter) { total_ = TickTotal(counter); }
 
-  /// Takes a reading of the encoder. Returns what it says of the wheel's health.
+  /// Takes a reading of the encoder. Returns the fault that it shows, if any.
   WheelFault latch(int16_t counter, uint64_t now_us, bool encoder_inverted, int32_t supply_q12,
                    const ControlConfig&);
 
-  /// Closed loop, one control step: at `command_umps`, while `setpoint_umps` is what adds up to the
-  /// way that the wheel is to go.
+  /// Closed loop, one control step: drives at `command_umps`. `setpoint_umps` is the velocity whose
+  /// integral is the distance that the wheel is to cover.
   void drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
                       int32_t supply_q12, const ControlConfig& config);
   /// Open loop.

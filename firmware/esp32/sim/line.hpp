@@ -13,7 +13,7 @@ class Line final : public ByteStream {
  public:
   /// As on the chip (main/uart_line.cpp). Bytes that arrive while it is full are lost.
   static constexpr size_t kReceiveCapacity = 2048;
-  /// The chip's queue has 1024, and the UART or USB driver another buffer behind it.
+  /// More than the chip's 1024 (main/uart_line.cpp), behind which is the UART's own FIFO.
   static constexpr size_t kSendCapacity = 2048;
   /// Bytes that wait for a host that does not read, or for a slow wire to the device; more are
   /// lost.
