@@ -1,6 +1,6 @@
-"""Everything that can go wrong, by name. Each message is one line: what happened, what to do.
+"""All errors of the library. Each message is one line: what happened, and what to do.
 
-`exit_code` is what the command line ends with; 2 is left to wrong usage.
+`exit_code` is the exit code of the command line; 2 is reserved for wrong usage.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class DeviceSilent(WheelwireError):  # noqa: N818
 
 
 class ForeignDevice(WheelwireError):  # noqa: N818
-    """Bytes come, but no frame of ours."""
+    """Bytes come, but no Wheelwire frame."""
 
     exit_code = 5
 
@@ -63,7 +63,7 @@ class ForeignDevice(WheelwireError):  # noqa: N818
 
 @dataclass(frozen=True)
 class Release:
-    """What one side of the link says that it is."""
+    """How one side of the link identifies itself."""
 
     protocol_version: int
     schema_hash: int
@@ -91,10 +91,10 @@ class DeviceRefused(WheelwireError):  # noqa: N818
     """The device refused a request or a setpoint; nothing moved or changed because of it.
 
     Args:
-        code: Of `RefusalCode`, if this library knows it.
+        code: A `RefusalCode`, if this library knows it.
         subject: What was refused.
-        faults: Those latched, if they are why.
-        hint: What to do beyond what the code says.
+        faults: The latched faults, if they are the reason.
+        hint: What to do, beyond what the code says.
     """
 
     exit_code = 7
@@ -114,7 +114,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
 
 
 class LinkLost(WheelwireError):  # noqa: N818
-    """The link is down. It is restored by itself; wait, or look at the cable."""
+    """The link is down. It reconnects by itself; wait, or check the cable."""
 
     exit_code = 8
 
@@ -126,33 +126,33 @@ class LinkClosed(LinkLost):
 
 
 class WrongBoard(LinkLost):
-    """Another board than the one that the link was opened to is at its port. It is left alone."""
+    """The port leads to another board than the one that the link was opened to; it is not used."""
 
     exit_code = 18
 
     def __init__(self, expected: str, found: str) -> None:
         super().__init__(
             f"board {found} is at the port in place of {expected}: connect {expected} again, or "
-            "open the driver with any_board=True to go on with whichever is there"
+            "open the driver with any_board=True to use whichever board is there"
         )
         self.expected = expected
         self.found = found
 
 
 class RequestTimeout(WheelwireError):  # noqa: N818
-    """No answer came, though it was asked for again: whether it was done is not known."""
+    """No answer came, although the request was repeated: whether it was carried out is unknown."""
 
     exit_code = 9
 
 
 class InvalidArgument(WheelwireError, ValueError):  # noqa: N818
-    """An argument or an option of a wrong type or size. Nothing was done."""
+    """An argument or option has the wrong type or size. Nothing was done."""
 
     exit_code = 19
 
 
 class InvalidCommand(InvalidArgument):
-    """A command that means nothing: NaN, infinity, no time to live left. Nothing was sent."""
+    """An invalid command: NaN, infinity, no time to live left. Nothing was sent."""
 
     exit_code = 10
 
@@ -163,7 +163,7 @@ class UnknownParameter(WheelwireError):  # noqa: N818
     exit_code = 11
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
-        from difflib import get_close_matches  # here, for it is slow to import
+        from difflib import get_close_matches  # here, because it is slow to import
 
         near = get_close_matches(shown(name).strip("'"), list(known), n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}?" if near else "list the parameters to see the names"
@@ -184,13 +184,13 @@ class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
 
 
 class DriverUnavailable(WheelwireError):  # noqa: N818
-    """No driver has this name, or what it needs is not installed."""
+    """There is no driver of this name, or its requirements are not installed."""
 
     exit_code = 13
 
 
 class SimulatorNotFound(WheelwireError):  # noqa: N818
-    """The simulated device is not built, or not where it is looked for."""
+    """The simulated device is not built, or not found."""
 
     exit_code = 14
 
@@ -208,7 +208,7 @@ class FlashFailed(WheelwireError):  # noqa: N818
 
 
 class OutputFailed(WheelwireError):  # noqa: N818
-    """A result could not be written: a full disk, a folder that is not there or not permitted."""
+    """A result could not be written: a full disk, a folder that is missing or not writable."""
 
     exit_code = 20
 
@@ -228,7 +228,7 @@ def _restored(
 
 
 def shown(value: object) -> str:
-    """`value` for an error's text: never long, and never an error itself."""
+    """Format `value` for an error message: never long, and never raises."""
     try:
         text = repr(value)
     except Exception:  # such as of an int with more digits than Python will print

@@ -1,4 +1,4 @@
-"""What every driver offers, and what all of them share."""
+"""The interface of every driver, and what all of them share."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ Self = TypeVar("Self", bound="BaseDriver")
 class BaseDriver(ABC):
     """A robot with two driven wheels.
 
-    A setpoint lives for its `ttl` and no longer; the library never renews one. The methods may be
-    called from any thread and in a signal handler, whatever it interrupts: each ends within its
-    timeout, or raises an error of `wheelwire.errors`. As a context manager a driver stops the robot
-    at the exit.
+    A setpoint is valid for its `ttl` and no longer; the library never renews one. Methods may be
+    called from any thread and in a signal handler, whatever it interrupts: each returns within its
+    timeout, or raises an error of `wheelwire.errors`. Used as a context manager, a driver stops the
+    robot at the exit.
 
     All methods that reach the robot raise `LinkLost` while it is out of reach.
     """
@@ -48,7 +48,7 @@ class BaseDriver(ABC):
     ) -> None:
         """Drive at a body velocity. Does not wait for the robot.
 
-        Beyond the wheels' limit both are slowed by one factor, so the path keeps its curvature.
+        Beyond the wheels' limit both are scaled by one factor, so the path keeps its curvature.
 
         Args:
             linear: Forward positive. [m/s]
@@ -105,7 +105,7 @@ class BaseDriver(ABC):
 
     @abstractmethod
     def estop(self) -> None:
-        """Stop both wheels, and refuse to move until `clear_estop`."""
+        """Stop both wheels, and refuse to drive until `clear_estop`."""
 
     @abstractmethod
     def clear_estop(self) -> None:
@@ -116,7 +116,7 @@ class BaseDriver(ABC):
         """Clear the latched faults; `DeviceRefused` while their cause lasts."""
 
     def close(self) -> None:
-        """As `shutdown`, by the name that files and sockets have."""
+        """Same as `shutdown`; the name that files and sockets use."""
         self._latest_sample.close()
         self.shutdown()
 
@@ -129,12 +129,12 @@ class BaseDriver(ABC):
     def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
 
-        A wait outlasts a reconnection, if `timeout` [s], at most an hour, does.
+        Waits through a reconnection if `timeout` [s], at most an hour, is long enough.
 
         Raises:
-            InvalidArgument: The timeout is no such number.
-            LinkLost: The robot was still out of reach after `timeout`, or for ever.
-            RequestTimeout: It is in reach, but measured nothing new.
+            InvalidArgument: The timeout is not a valid number.
+            LinkLost: The robot was still out of reach after `timeout`, or the link is closed.
+            RequestTimeout: The robot is in reach, but sent no new sample.
         """
         timeout = timeout_s("timeout", timeout)
         try:
@@ -146,8 +146,8 @@ class BaseDriver(ABC):
     def samples(self) -> SampleIterator:
         """All samples from now on, for `for sample in robot.samples():`.
 
-        Each iterator has a queue of its own that holds one second of samples; how many were not
-        taken in time is in its `dropped`. It waits while the robot is out of reach, however long,
+        Each iterator has a queue of its own that holds one second of samples; its `dropped` counts
+        those that were not taken in time. It waits while the robot is out of reach, however long,
         and ends when the driver is closed.
         """
         return self._latest_sample.iterate()
@@ -155,11 +155,11 @@ class BaseDriver(ABC):
     def get_encoder_ticks(self) -> tuple[int, int]:
         """(left, right) ticks of the newest sample, forward positive, without bounds.
 
-        They go on across wraps of the device's counters and across its resets.
+        They continue across wraps of the device's counters and across its resets.
 
         Raises:
             LinkLost: The robot is out of reach.
-            RequestTimeout: It is in reach, but measures nothing.
+            RequestTimeout: The robot is in reach, but sends no samples.
         """
         self._check_link()
         try:
@@ -171,7 +171,7 @@ class BaseDriver(ABC):
     @property
     @abstractmethod
     def geometry(self) -> DifferentialDrive:
-        """The robot's numbers, as they are now."""
+        """The robot's current dimensions and limits."""
 
     @property
     @abstractmethod
@@ -181,25 +181,25 @@ class BaseDriver(ABC):
     @property
     @abstractmethod
     def statistics(self) -> LinkStatistics:
-        """How the link to the robot is doing."""
+        """Counters and timing of the link to the robot."""
 
     @property
     def sessions(self) -> int:
         """Number of sessions opened. The device loses its session state when one ends."""
         return self.statistics.sessions
 
-    # --- for the drivers -----------------------------------------------------------------------
+    # --- for drivers ---------------------------------------------------------------------------
 
     @abstractmethod
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
-        """Hand over a finite setpoint within the limits, without waiting.
+        """Send a finite setpoint within the limits, without waiting.
 
-        It is void from `expiry_us` on, on the clock of `_now_us`.
+        It expires at `expiry_us`, on the clock of `_now_us`.
         """
 
     @abstractmethod
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Hand over a setpoint, each -1..1, without waiting; otherwise as `_drive_velocity`."""
+        """Send a setpoint, each -1..1, without waiting; otherwise as `_drive_velocity`."""
 
     @abstractmethod
     def _check_link(self) -> None:
@@ -210,13 +210,13 @@ class BaseDriver(ABC):
         return host_clock_us()
 
     def _expiry_us(self, ttl: float, stamp: float | None) -> int:
-        """When a command of `stamp` expires. Taken first in a call: its own time counts, too."""
+        """When a command of `stamp` expires. Called first: the call's own time counts too."""
         now_us = self._now_us()
         life_us = round(_checked_ttl(ttl) * 1e6)
         if stamp is None:
             return now_us + life_us
         age_us = now_us - _finite("stamp", stamp) * 1e6
-        # A stamp is in the future by rounding at most, unless it is of another clock.
+        # Rounding can put a stamp at most 1 us into the future; further means another clock.
         if age_us < -1:
             raise InvalidCommand(
                 f"stamp = {stamp:g} is {age_us / -1e6:g} s in the future: "
@@ -240,7 +240,7 @@ class BaseDriver(ABC):
 
     @property
     def _name(self) -> str:
-        """Which robot it is, for people."""
+        """The robot's name, for display."""
         return "robot"
 
     def __enter__(self: Self) -> Self:

@@ -1,4 +1,4 @@
-"""What the drivers share whose robot speaks the protocol at the other end of a byte stream."""
+"""The common part of all drivers that reach their robot by the protocol over a byte stream."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 DeviceLink: TypeAlias = "Link | VirtualLink"
 
 MAX_STREAM_RATE_HZ = 65_535
-"""As the wire carries it. Each device has a lower limit of its own, by its line."""
+"""The largest value of the field. Each device has a lower limit of its own, set by its line."""
 GEOMETRY = tuple(
     PARAMETER_BY_NAME[name].id
     for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
 )
-"""Read from the device at each session, so that a robot's numbers live in one place."""
+"""Read from the device in each session, so that a robot's dimensions are stored in one place."""
 
 
 class DeviceParameters(Parameters):
@@ -99,13 +99,13 @@ class DeviceDriver(BaseDriver):
     """A robot whose device is reached over a link.
 
     Args:
-        open_link: Opens it; it puts the samples into its argument. The driver closes it.
+        open_link: Opens the link, which puts samples into the argument. The driver closes it.
     """
 
     def __init__(self, open_link: Callable[[LatestSample], DeviceLink]) -> None:
         super().__init__()
         self._link = link = open_link(self._latest_sample)
-        # Also runs when the driver is forgotten, and at the interpreter's exit.
+        # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
         self._geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
@@ -118,7 +118,7 @@ class DeviceDriver(BaseDriver):
 
     @property
     def geometry(self) -> DifferentialDrive:
-        """The robot's numbers, as the device has them now."""
+        """The robot's current dimensions and limits, as the device has them."""
         values = self._link.values(GEOMETRY)
         known, geometry = self._geometry  # set_velocity asks each time
         if geometry is None or values != known:
@@ -133,12 +133,12 @@ class DeviceDriver(BaseDriver):
 
     @property
     def statistics(self) -> LinkStatistics:
-        """How the link is doing."""
+        """Counters and timing of the link."""
         return self._link.statistics
 
     @property
     def sessions(self) -> int:
-        """How many there were, without the work that `statistics` is."""
+        """Number of sessions opened; cheaper than `statistics`."""
         return self._link.sessions
 
     def device_counters(self) -> LinkCounters:
@@ -150,7 +150,7 @@ class DeviceDriver(BaseDriver):
         return cast("ControlCounters", self._link.request(ControlCountersGet(0, 0)))
 
     def latest_control_counters(self) -> ControlCounters | None:
-        """As `control_counters`, without waiting: what the last call asked for, if it has come."""
+        """As `control_counters`, without waiting: the answer to the last call, if it has come."""
         newest = self._newest_counters
 
         def keep(answer: Answer | WheelwireError) -> None:
@@ -183,9 +183,10 @@ class DeviceDriver(BaseDriver):
         self._link.request(ClearFault(0, 0))
 
     def shutdown(self) -> None:
-        """Stop the robot, close the port, end the thread. Harmless when repeated."""
+        """Stop the robot, close the port, end the thread. Safe to call more than once."""
         self._latest_sample.close()
-        self._link.close()  # not by the finalizer: interrupted, it would do nothing the next time
+        # Not by the finalizer: one that was interrupted would do nothing the next time.
+        self._link.close()
         self._finalizer.detach()
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
@@ -203,7 +204,7 @@ class DeviceDriver(BaseDriver):
 
 
 class TransportDriver(DeviceDriver):
-    """A robot behind a transport: all that a driver for another kind of line has to give.
+    """A robot behind a transport: the base of drivers for other kinds of lines.
 
     Args:
         name: What the transport leads to, for messages: `l298n`, `/dev/ttyUSB0`.
@@ -212,10 +213,10 @@ class TransportDriver(DeviceDriver):
             Without it `name` is a port.
         baud_rate: Tried first.
         connect_timeout: How long to look for the device, once the transport is open. [s]
-        stream_rate_hz: Rate of the samples; None leaves it as the device has it. When nobody has
-            asked for 0.2 s, the next one of a fast stream may be 10 ms old.
-        board_id: Only this board will do; see `SerialDriver`.
-        any_board: See `SerialDriver`; any is right that `open_transport` leads to.
+        stream_rate_hz: Rate of the samples; None keeps the device's own. If nobody has read
+            for 0.2 s, the next sample of a fast stream may be 10 ms old.
+        board_id: Accept only this board; see `SerialDriver`.
+        any_board: See `SerialDriver`; with `open_transport` any board is accepted.
         parameters: Values that the device is given whenever a session opens, by name; it saves
             none of them.
 
@@ -223,12 +224,12 @@ class TransportDriver(DeviceDriver):
         WheelwireError: What `open_transport` raises.
         InvalidArgument: The timeout or the rate is of a wrong type or size.
         DeviceSilent: Nothing came.
-        ForeignDevice: Something came, but nothing of ours.
+        ForeignDevice: Bytes came, but no Wheelwire frame.
         ProtocolMismatch: Host and firmware are of different releases.
-        DeviceRefused: The device does not take the stream rate or a parameter.
-        UnknownParameter: In `parameters`.
-        ParameterOutOfRange: In `parameters`.
-        RequestTimeout: A device of ours answered, but no session could be opened in time.
+        DeviceRefused: The device refused the stream rate or a parameter.
+        UnknownParameter: A name in `parameters` is unknown.
+        ParameterOutOfRange: A value in `parameters` is out of range.
+        RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
     """
 
     def __init__(

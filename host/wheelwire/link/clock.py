@@ -1,8 +1,8 @@
-"""The device's clock seen from the host's: offset, drift, and an honest bound. Sans-IO.
+"""The device's clock relative to the host's: offset, drift, and a guaranteed bound. Sans-IO.
 
 Four timestamps an exchange, as in NTP (RFC 5905): t1 host sends, t2 device receives, t3 device
 sends, t4 host receives. The true offset lies within half the round trip of the estimate, however
-unequal the two ways are. For clocks that drift apart evenly, a least-squares line through such
+asymmetric the two delays are. For clocks that drift apart evenly, a least-squares line through such
 offsets at time h is a weighted sum of them with weights w_i(h), so its error is at most
 sum |w_i| r_i / 2, and by Cauchy-Schwarz at most sqrt(sum w_i^2) sqrt(sum r_i^2) / 2.
 """
@@ -26,16 +26,16 @@ WINDOW = 64
 """Exchanges remembered: half a minute at two a second."""
 GROUP = 4
 FIT_FROM = 4 * GROUP
-"""A line through fewer exchanges says nothing of the drift."""
+"""A line through fewer exchanges says nothing about the drift."""
 SPACING_US = 400_000
-"""Exchanges in quicker succession are only compared with a line through as many: the window is to
-span half a minute, and a fit costs more than all else that an idle link does."""
+"""Once a line is fitted, exchanges in quicker succession are only checked against it, not added:
+the window has to span half a minute, and a fit costs more than anything else an idle link does."""
 MAX_DRIFT = 500e-6
-"""Between any two clocks: two crystals, and NTP that slews the host's by up to 500 ppm."""
+"""Between any two clocks: two crystals, and NTP, which slews the host's by up to 500 ppm."""
 MAX_SLOPE = 0.1
-"""A fit beyond it is no drift: the device's clock stood still, or the answers are wrong."""
+"""A steeper fit is not drift: the device's clock stood still, or the answers are wrong."""
 WANDER = 2e-6
-"""How far drift departs from the fitted one since the last exchange, by temperature."""
+"""How far the drift can depart from the fit since the last exchange, due to temperature."""
 RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
 
@@ -46,31 +46,32 @@ def host_clock_us() -> int:
 
 
 class SuspendWatch:
-    """Notices that the computer slept: its monotonic clock stood still, the device's went on."""
+    """Detects that the computer slept: its monotonic clock stood still, the device's did not."""
 
     STEP_US = 10_000
-    """The two clocks that are compared run at one rate: a step is a sleep."""
+    """The two clocks compared run at the same rate, so a step means a sleep."""
 
     def __init__(self, boot_clock_us: Callable[[], int | None] | None = None) -> None:
         self._boot_clock_us = boot_clock_us or _boot_clock_us
         self._asleep_us: int | None = None
-        """The most that the computer can have slept until the last look."""
+        """The longest that the computer can have slept up to the last check."""
         self.slept()
 
     def slept(self) -> bool:
-        """Whether it has slept since the last look."""
+        """Whether the computer has slept since the last check."""
         before_us = host_clock_us()
         boot_us = self._boot_clock_us()
         if boot_us is None:
             return False
-        # Between two readings this thread may have waited: what is between them counts for none.
+        # The thread may be preempted between two readings; that must not look like sleep, so the
+        # difference of the clocks is bounded from both sides.
         least_us, most_us = boot_us - host_clock_us(), boot_us - before_us
         former_us, self._asleep_us = self._asleep_us, most_us
         return former_us is not None and least_us > former_us + self.STEP_US
 
 
 def _boot_clock_us() -> int | None:
-    """Goes on while the computer sleeps; None where there is no such clock."""
+    """A clock that continues while the computer sleeps; None where there is none."""
     clock = getattr(time, "CLOCK_BOOTTIME", None)
     return None if clock is None else time.clock_gettime_ns(clock) // 1000
 
@@ -85,13 +86,13 @@ class Exchange(NamedTuple):
 
     @property
     def round_trip_us(self) -> int:
-        """Time on the way, both ways, without the device's own time."""
+        """Time in transit, both directions, without the device's processing time."""
         on_host = self.host_received_us - self.host_sent_us
         return max(0, on_host - (self.device_sent_us - self.device_received_us))
 
 
 class _Reading(NamedTuple):
-    """What an exchange says, worked out once: it is looked at again with each later one."""
+    """What an exchange says, computed once because every later fit uses it again."""
 
     host_us: int
     """The host's clock in the middle of the exchange."""
@@ -114,7 +115,7 @@ class _Line(NamedTuple):
     a_us: float
     b: float
     mean_us: float
-    """Where the line is best known, after `origin_us`."""
+    """Where the line is known best, relative to `origin_us`."""
     error_us: float
     error_slope: float
     """error(h)^2 = error_us^2 + (error_slope (h - mean))^2 for a fit."""
@@ -158,7 +159,7 @@ class ClockEstimator:
         """Take one exchange into the estimate."""
         reading = _Reading.of(exchange)
         if any(line.contradicts(reading) for line in self._lines):
-            self._readings.clear()  # a clock was stepped (the host slept?): the past is void
+            self._readings.clear()  # a clock was stepped: earlier readings are void
         elif self._has_enough(reading.host_us):
             return
         self._readings.append(reading)
@@ -167,7 +168,7 @@ class ClockEstimator:
             fit = _fit(list(self._readings))
             if abs(fit.b) < MAX_SLOPE:
                 lines.append(fit)
-        self._lines = lines  # at once: other threads convert meanwhile
+        self._lines = lines  # replaced as a whole: other threads convert meanwhile
 
     def _has_enough(self, host_us: int) -> bool:
         fitted = len(self._readings) >= FIT_FROM
@@ -177,7 +178,7 @@ class ClockEstimator:
         """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
         self._check()
         best, best_error_us = self._lines[0], math.inf
-        for line in self._lines:  # a plain loop, half as long: this is done for each setpoint
+        for line in self._lines:  # a plain loop takes half as long, and every setpoint needs this
             error_us = line.bound_us(host_us)
             if error_us < best_error_us:
                 best, best_error_us = line, error_us
@@ -187,7 +188,7 @@ class ClockEstimator:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
         self._check()
         best_us, best_error_us = 0, math.inf
-        for line in self._lines:  # a plain loop, half as long: this is done for each sample
+        for line in self._lines:  # a plain loop takes half as long, and every sample needs this
             host_us = line.host_us(device_us)
             error_us = line.bound_us(host_us)
             if error_us < best_error_us:
@@ -201,7 +202,7 @@ class ClockEstimator:
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
         self._check()
-        line = self._lines[0]  # either is near enough
+        line = self._lines[0]  # any line is close enough to choose between multiples of 71.6 min
         near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
 
@@ -211,8 +212,11 @@ class ClockEstimator:
 
 
 def _through_best(readings: Sequence[_Reading]) -> _Line:
-    """No drift assumed, nor excluded: through the reading that bounds the present best."""
-    # Twice their bounds, round_trip / 2 + MAX_DRIFT (now - host), without what they share.
+    """A constant offset: through the reading that gives the tightest bound now.
+
+    Nothing is assumed about drift but its limit: the bound grows by MAX_DRIFT with age.
+    """
+    # Twice the bounds, round_trip / 2 + MAX_DRIFT (now - host), without the term in `now`.
     bounds = [r.round_trip_us - 2 * MAX_DRIFT * r.host_us for r in readings]
     best = readings[bounds.index(min(bounds))]
     return _Line(
@@ -229,7 +233,10 @@ def _through_best(readings: Sequence[_Reading]) -> _Line:
 
 
 def _fit(readings: Sequence[_Reading]) -> _Line:
-    """Least squares through the shortest round trip of every few in turn: short, and spread out."""
+    """Least squares through the shortest round trip of each group of consecutive readings.
+
+    The shortest round trips alone would cluster in time, which would leave the slope unknown.
+    """
     groups = [readings[start : start + GROUP] for start in range(0, len(readings), GROUP)]
     chosen = [min(group, key=attrgetter("round_trip_us")) for group in groups]
     n = len(chosen)
@@ -255,12 +262,12 @@ def _fit(readings: Sequence[_Reading]) -> _Line:
 
 
 BURST = 8
-"""Pings at the start of a session, each sent when the former is answered, or lost."""
+"""Pings at the start of a session, each sent when the one before is answered or lost."""
 BURST_TIMEOUT_US = 25_000
-"""Also between pings until the first answer; one that comes later is taken all the same."""
+"""Also between pings until the first answer; a later answer is accepted all the same."""
 PERIOD_US = 500_000
 OPEN_PINGS = 80
-"""Unanswered pings remembered, two seconds of them; older ones are taken for lost."""
+"""Unanswered pings remembered, two seconds of them; older ones count as lost."""
 MAX_DEVICE_US = 1 << 62
 SLACK_US = 1000
 """A device may seem to have held a ping this much longer than the whole exchange took."""
@@ -284,7 +291,7 @@ class Synchroniser:
     clock: ClockEstimator = field(default_factory=ClockEstimator)
     _burst_left: int = BURST
     _last_id: int = 0
-    """Of its own: a request's id far ahead of the one before it is an old one to the device."""
+    """Numbered apart from requests: an id far ahead of the last request's counts as an old one."""
     _open: dict[int, int] = field(default_factory=dict)
 
     @property
@@ -293,7 +300,7 @@ class Synchroniser:
         return self._burst_left <= 0 and self.clock.synchronised
 
     def awaits_pong(self, now_us: int) -> bool:
-        """Whether an answer is likely still to come."""
+        """Whether an answer is still likely to come."""
         return bool(self._open) and now_us < self.sent_us + BURST_TIMEOUT_US
 
     def ping(self, now_us: int) -> None:
@@ -308,7 +315,7 @@ class Synchroniser:
         self.send(Ping(self.session_id, request_id, now_us))
 
     def on_pong(self, pong: Pong, now_us: int) -> Exchange | None:
-        """Take an answer that came at `now_us`; None when it answers no open ping, or cannot be."""
+        """Take an answer that came at `now_us`; None if no ping is open or it is impossible."""
         if self._open.get(pong.request_id) != pong.host_us:
             return None
         held_us = pong.sent_us - pong.received_us

@@ -1,8 +1,8 @@
-"""An open link, for any thread and any signal handler: commands and requests in, information out.
+"""An open link, usable from any thread and any signal handler.
 
-The port's thread alone reads, and changes the session. A request is handed to it, and waits for
-what came of it on a queue of its own, never longer than `CALL_TIMEOUT_S`. A setpoint is written by
-the thread that gives it.
+Only the port's thread reads the port and changes the session. A request is handed to that thread,
+and its caller waits for the result on a queue of its own, at most `CALL_TIMEOUT_S`. A setpoint is
+written by the calling thread.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ JOIN_S = 10.0
 """Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
 thread is a daemon in any case."""
 PORT_TIMEOUT_S = 60.0
-"""A process that moves pins needs up to 28 s, a resolver that is out of reach half a minute."""
+"""A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
 CALL_TIMEOUT_S = 5.0
-"""A request that is given up takes about one second, and others may be before it in the queue."""
+"""A request times out after about one second, and others may be queued before it."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class LinkInfo:
 
     port: str
     baud_rate: int | None
-    """The one at which the device answered; None where there is none."""
+    """The rate at which the device answered; None if the port has none."""
     low_latency: bool | None
     """See `transport.Transport`."""
     device: DeviceInfo
@@ -73,10 +73,10 @@ class Link:
         baud_rate: Tried first.
         connect_timeout_s: How long to look for the device.
         stream_rate_hz: Rate of the samples; None leaves it to the device.
-        watched: Ids of parameters whose values are always at hand in `values`.
-        board_id: Only this board will do, at whichever free port it answers; `port` may then be
+        watched: Ids of parameters whose values are always available from `values`.
+        board_id: Accept only this board, at whichever free port it answers; `port` may then be
             glob patterns, separated by commas.
-        any_board: Whether to go on with another board than the first, where a port leads to one.
+        any_board: Whether to continue with another board than the first, if the port leads to one.
         settings: Parameter id -> the value that the device is given whenever a session opens.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
@@ -85,10 +85,10 @@ class Link:
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
         DeviceSilent: Nothing came.
-        ForeignDevice: Something came, but nothing of ours.
+        ForeignDevice: Bytes came, but no Wheelwire frame.
         ProtocolMismatch: Host and firmware are of different releases.
-        DeviceRefused: The device does not take the stream rate or a setting.
-        RequestTimeout: A device of ours answered, but no session could be opened in time.
+        DeviceRefused: The device refused the stream rate or a setting.
+        RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Link:
 
     @property
     def name(self) -> str:
-        """The port, for people; while it is looked for, what it is looked for by."""
+        """The port, for display; while it is being searched for, the pattern or name given."""
         return self._loop.port or self._port
 
     @property
@@ -157,7 +157,7 @@ class Link:
 
     @property
     def sessions(self) -> int:
-        """How many there were since the link was opened."""
+        """Number of sessions since the link was opened."""
         return self._session.count
 
     def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
@@ -166,7 +166,7 @@ class Link:
         known = self._session.values
         try:
             return tuple([known[parameter] for parameter in parameters])
-        except KeyError:  # another session has just begun
+        except KeyError:  # a new session has just begun
             raise self._session.error from None
 
     def check(self) -> None:
@@ -175,7 +175,7 @@ class Link:
         self._session.check_open()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Write one velocity setpoint, void from the host's `expiry_us` on, in this thread."""
+        """Write one velocity setpoint in this thread; it expires at the host's `expiry_us`."""
         now_us = host_clock_us()
         self._loop.check_room()
         frame = self._session.velocity_frame(left_mps, right_mps, expiry_us, now_us)
@@ -191,7 +191,7 @@ class Link:
         """Send a request and wait for its answer.
 
         Raises:
-            DeviceRefused: As it says.
+            DeviceRefused: The device refused it.
             LinkLost: The link is down, or went down before the answer came.
             RequestTimeout: No answer came.
         """
@@ -199,7 +199,7 @@ class Link:
         return cast("Answer", answer)
 
     def post(self, message: RequestMessage, done: Heard) -> None:
-        """Send a request without waiting; the link's thread calls `done` with what came of it."""
+        """Send a request without waiting; the link's thread calls `done` with the result."""
 
         def answered(result: Answer | WheelwireError | None) -> None:
             if result is not None:
@@ -211,7 +211,7 @@ class Link:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.
 
         Raises:
-            LinkLost: There is no session: whether the stop arrived is not known.
+            LinkLost: There is no session: whether the stop arrived is unknown.
             RequestTimeout: No acknowledgement came.
         """
         self._call(lambda done, now_us: self._session.stop(mode, done, now_us))
@@ -221,27 +221,27 @@ class Link:
         self._call(self._session.estop)
 
     def close(self) -> None:
-        """Stop the robot, close the port and end the thread. Harmless when repeated."""
+        """Stop the robot, close the port and end the thread. Safe to call more than once."""
         self._loop.finish()
         if threading.current_thread() is self._thread:
-            return  # the garbage collector's doing; the thread ends when it is back in its loop
-        # Not join() alone: interrupted by a signal handler's exception it may take the thread for
-        # ended, so that whoever closes once more would not wait.
+            return  # called by the garbage collector; the thread ends when it returns to its loop
+        # Not join() alone: when a signal handler's exception interrupts it, it may consider the
+        # thread ended, so that a second close() would not wait.
         ended = self._changed.wait_for(lambda: self._loop.end is not None, JOIN_S)
-        if ended and self._thread.is_alive():  # it may have ended without a thread, too
+        if ended and self._thread.is_alive():  # it may also have ended without a thread
             self._thread.join(JOIN_S)
 
     def _write(self, frame: bytes, now_us: int) -> None:
         try:
             self._loop.send(frame, now_us)
         except LinkLost:
-            # Nobody is told before the port's thread knows it: it may know better why, and whoever
-            # asks for a sample next gets none of a link that was called lost.
+            # Raise only after the port's thread has noticed: it may know a better reason, and a
+            # caller that reads next must get no sample of a link that was reported lost.
             self._call(lambda done, _: done(None))
             raise
 
     def _call(self, task: Task) -> Answer | None:
-        """Have the port's thread do `task`; returns what it is done with, or raises it."""
+        """Have the port's thread do `task`; return its result, or raise its error."""
         self._check_alive()
         self._session.check_connected()
         results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
@@ -262,7 +262,7 @@ class Link:
             raise self._loop.end.with_traceback(None)
 
     def _wait_for_port(self) -> None:
-        """Wait until the link's thread has opened the port; raise why it could not."""
+        """Wait until the link's thread has opened the port; raise the error if it could not."""
         try:
             error = self._loop.opened.get(timeout=PORT_TIMEOUT_S)
         except Empty:

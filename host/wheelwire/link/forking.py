@@ -1,7 +1,7 @@
-"""What a forked process must not keep of its parent's: open ports above all.
+"""What a forked process must not keep from its parent: above all, open ports.
 
-The child has a copy of every descriptor. A port would stay locked after the parent closed it, and
-no thread is left there to serve what looks like an open link.
+The child has a copy of every descriptor, so a port would stay locked after the parent closed it.
+And the thread that serves the link does not exist in the child.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from weakref import WeakSet
 
 
 class Abandonable(Protocol):
-    """Something that belongs to the process that made it."""
+    """Something that belongs to the process that created it."""
 
     def abandon(self) -> None:
-        """Give up this process's copy. The parent's must not notice."""
+        """Release this process's copy without affecting the parent's."""
 
 
 _held: WeakSet[Abandonable] = WeakSet()
 
 
 def abandon_in_child(thing: Abandonable) -> None:
-    """Have `thing` given up in every child that this process forks, until it is forgotten."""
+    """Abandon `thing` in every child that this process forks, for as long as it exists."""
     _held.add(thing)
 
 

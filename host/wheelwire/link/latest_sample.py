@@ -1,6 +1,6 @@
-"""Where a driver's samples wait for the application: the newest one, and the ticks of all.
+"""The newest sample of a driver, for the application to read, and the sum of all ticks.
 
-Iterators over all samples are given them from here.
+Also feeds the iterators over all samples.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from .sample_iterator import SampleIterator
 from .waiting import Notifier
 
 ATTENTION_US = 200_000
-"""Whoever asked for a sample this lately is about to ask for the next."""
+"""Whoever asked for a sample within this time is about to ask for the next."""
 ITERATOR_WAIT_S = 1.0
-"""Between two looks of an iterator, at most: it waits for as long as the driver is open."""
+"""Longest single wait of an iterator, which waits again for as long as the driver is open."""
 
 
 class LatestSample:
-    """One slot, the newest sample wins, each is handed out once.
+    """One slot: the newest sample wins, and each is returned once.
 
-    One thread at a time puts; any thread may take, also in a signal handler: nothing is locked.
+    One thread at a time puts; any thread may take, even in a signal handler: nothing is locked.
     """
 
     def __init__(self) -> None:
@@ -38,10 +38,10 @@ class LatestSample:
         self._closed = False
         self._asked_us = -ATTENTION_US
         self._iterators: list[ref[SampleIterator]] = []
-        """Copied before it is walked through: other threads add to it."""
+        """Copied before iterating: other threads add to it."""
 
     def put(self, sample: WheelSample) -> None:
-        """A new sample was measured."""
+        """Store a new sample."""
         if self._last is None:
             self._ticks = sample.left_ticks, sample.right_ticks
         else:
@@ -59,11 +59,11 @@ class LatestSample:
         self._changed.notify_all()
 
     def interrupt(self) -> None:
-        """The source is interrupted: what was measured until now is no longer current."""
+        """The link is interrupted: the sample measured last is no longer current."""
         self._current = False
 
     def fail(self, error: WheelwireError) -> None:
-        """No sample will come any more: whoever asks from now on gets `error`."""
+        """No further sample will come: raise `error` to everyone who asks from now on."""
         self._failure = error
         self._unread.clear()
         self._current = False
@@ -74,24 +74,24 @@ class LatestSample:
         self._changed.notify_all()
 
     def close(self) -> None:
-        """The driver is about to be closed: then iterators end, and do not fail."""
+        """The driver is about to be closed: iterators then end instead of failing."""
         self._closed = True
 
     def iterate(self, wait: Callable[[Callable[[], bool]], None] | None = None) -> SampleIterator:
         """All samples from now on; `wait`: see `SampleIterator`."""
         iterator = SampleIterator(wait or self._wait_for)
         self._iterators.append(ref(iterator))
-        if self._failure is not None:  # maybe before it was listed
+        if self._failure is not None:  # possibly before it was listed
             iterator.end(None if self._closed else self._failure)
         return iterator
 
     @property
     def is_iterated(self) -> bool:
-        """Somebody wants every sample, not the newest only."""
+        """Whether anyone wants every sample, not just the newest."""
         return bool(self._iterators)
 
     def take(self, timeout_s: float) -> WheelSample:
-        """The newest sample not handed out yet, waiting for one if need be.
+        """Return the newest sample not returned yet, waiting for one if necessary.
 
         Raises:
             RequestTimeout: None came in time.
@@ -100,7 +100,7 @@ class LatestSample:
         taken: list[WheelSample] = []
 
         def take() -> bool:
-            with suppress(IndexError):  # none, or another thread was quicker
+            with suppress(IndexError):  # there is none, or another thread took it
                 if not taken:
                     taken.append(self._unread.popleft())
             return bool(taken)
@@ -113,7 +113,7 @@ class LatestSample:
     def ticks(self, timeout_s: float) -> tuple[int, int]:
         """The unbounded tick counts of the newest sample, waiting for a current one.
 
-        They begin at the first sample's and go on across counter wraps and device resets.
+        They start at the first sample's and continue across counter wraps and device resets.
 
         Raises:
             RequestTimeout: No current sample came in time.
@@ -130,7 +130,7 @@ class LatestSample:
         return self._current
 
     def is_read(self, now_us: int) -> bool:
-        """Somebody asks for samples: the next one is worth having at once."""
+        """Whether anyone is reading: then the next sample is wanted without delay."""
         return now_us < self._asked_us + ATTENTION_US or self.is_iterated
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:

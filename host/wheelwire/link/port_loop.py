@@ -1,9 +1,9 @@
 """The loop that owns a port and the session on it.
 
-What an application asks for is handed over as a call, which the loop carries out between two
-reads. So nothing is locked, a signal handler may ask whatever the main thread was doing, and an
-exception out of one leaves nothing half done. Setpoints alone are written by the thread that gives
-them (`send`), one frame in one system call: waking another thread would take twice as long.
+Requests are queued as calls, which the loop carries out between two reads. So no lock is needed, a
+signal handler may make a request whatever it interrupted, and an exception raised by a handler
+leaves nothing half done. Only setpoints are written by the calling thread (`send`), one frame in
+one system call: waking another thread would take twice as long.
 """
 
 from __future__ import annotations
@@ -33,45 +33,45 @@ from .transports import Transport
 from .waiting import Notifier
 
 FIRST_PAUSE_S = 0.05
-"""Between two attempts to open the port; each further one waits twice as long."""
+"""Between two attempts to open the port; doubled after each attempt."""
 STOP_ACK_TIMEOUT_US = 500_000
-"""How long the end waits for the device to acknowledge the stop."""
+"""How long `finish` waits for the device to acknowledge the last stop."""
 IDLE_US = 1_000_000
 """How long the loop may sleep when nothing is due."""
 UNANSWERED_US = 1_000_000
-"""A device that has answered at this port, and then does not: the port may be what is wrong."""
+"""Reopen the port when a device that used to answer is silent for this long: it may be at fault."""
 CHECK_US = 1_000_000
-"""Between two looks at the port's settings."""
+"""Between two checks of the port's settings."""
 WRONG_BOARD_PAUSE_S = 1.0
-"""Opening a port may reset the board there, and another program may want that one."""
+"""Before trying again: opening may reset that board, and another program may want the port."""
 OUTPUT_LIMIT = 4096
-"""Bytes that wait for the port at most: soon they are worth nothing to a robot."""
+"""Bytes queued for the port at most: older ones would be out of date for a robot."""
 CLOSED = "the link is closed; open it again"
 MAX_FRAME = MAX_ENCODED + 2
 _BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
 Task: TypeAlias = Callable[[Done, int], None]
-"""Uses the session at a time; passes on `done`, or calls it, or raises."""
+"""Given `done` and the time: hands `done` on, calls it itself, or raises."""
 
 _log = logging.getLogger("wheelwire")
 
 
 class _Unanswered(LinkLost):
-    """The port is there; it is opened anew because nobody answers."""
+    """The port exists, but is reopened because nothing answers."""
 
 
 class PortLoop:
     """Serves a session on a port, through every loss of the port, until `finish`.
 
     Args:
-        open_port: Opens the port at a baud rate, or raises why not; called again whenever the port
-            was lost. The loop closes what it returns.
+        open_port: Opens the port at a baud rate, or raises the reason; called again whenever the
+            port is lost. The loop closes what it returns.
         baud_rate: Tried first.
-        session: Not connected yet. Others may look at it, and change nothing.
+        session: Not connected yet. Other threads may read it, but not change it.
         changed: Notified when the session opens, ends or fails to open.
         latest_sample: Takes the samples.
-        is_wanted: Whether anybody is left who could use the link, or finish it.
+        is_wanted: Whether the link is still referenced by anyone who could use or finish it.
     """
 
     def __init__(
@@ -87,9 +87,9 @@ class PortLoop:
         self.end: WheelwireError | None = None
         """Why the loop ended, once it has."""
         self.lost: LinkLost | None = None
-        """Why the port was lost last, if it was."""
+        """Why the port was last lost, if it was."""
         self.opened: SimpleQueue[BaseException | None] = SimpleQueue()
-        """Gets None when the port has been opened for the first time, or why it was not."""
+        """Gets None once the port has been opened for the first time, or the error."""
         self.search = BaudSearch(None, host_clock_us())
         self.low_latency: bool | None = None
         self.baud_rate: int | None = None
@@ -102,7 +102,7 @@ class PortLoop:
         self._open_port = open_port
         self._longest_pause_s = FIRST_PAUSE_S
         self._pause_s = 0.0
-        """Before the next attempt. No session since the last one: it did not help."""
+        """Before the next attempt to open the port; grows until a session opens."""
         self._session = session
         self._changed = changed
         self._latest_sample = latest_sample
@@ -113,16 +113,16 @@ class PortLoop:
         """The port while it is served."""
         self._output = b""
         self._frames: deque[bytes] = deque()
-        """Of other threads, for which the port had no room."""
+        """Setpoints of other threads that did not fit into the port's buffer."""
         self._turned_us = 0
-        """When the loop last looked at everything."""
+        """When the loop last completed a wait."""
         self._coalescing = Coalescing()
         self._due_us = 0
         self._work_pending = True
-        """Another thread, or an answer that is under way, may have given the session work."""
+        """The session may have work: the loop was woken, or an answer is pending."""
         self._finishing = False
         self._begun = threading.Lock()
-        """Taken for good, by `run` or by a `finish` that came before it."""
+        """Acquired once and never released, by `run` or by a `finish` that came before it."""
         self._last_stop_until_us: int | None = None
         self._last_stop_done = False
         self._wake_read, self._wake_write = socket.socketpair()
@@ -133,33 +133,33 @@ class PortLoop:
         abandon_in_child(self)
 
     def wake(self) -> None:
-        """Make the loop look at the session; from any thread."""
+        """Make the loop check the session; from any thread."""
         try:
             self._wake_write.send(b"\0")
-        except OSError:  # full: it is awake already; closed: it has ended
+        except OSError:  # full: it is awake already; closed: the loop has ended
             return
 
     def call(self, task: Task, done: Done) -> None:
         """Have the loop do `task`; from any thread. Never waits.
 
-        `done` is called once, by the loop: by the task, or with the error that it raises, or with
-        the loop's end.
+        `done` is called exactly once: by the task, with the error that the task raises, or with the
+        reason why the loop ended.
         """
         self._calls.append((task, done))
         self.wake()
-        if self.end is not None:  # maybe too late for the loop to have seen the call
+        if self.end is not None:  # the loop may have ended before it saw the call
             self._refuse_calls(self.end)
 
     def check_room(self) -> None:
-        """Raise LinkLost when a setpoint would only wait. Requests have the rest of the room."""
+        """Raise LinkLost if a setpoint would only queue up. The other half is kept for requests."""
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
-            raise LinkLost("the port takes nothing that is sent to it; the setpoint was not sent")
+            raise LinkLost("the port accepts no data; the setpoint was not sent")
 
     def send(self, frame: bytes, now_us: int) -> None:
-        """Write a frame, or leave it to the loop while others wait; from any thread. Never waits.
+        """Write a frame, or queue it behind others that wait; from any thread. Never waits.
 
-        A frame of which the port took a part is written again, whole: each begins with a
-        delimiter, so that the part costs the frame behind it nothing.
+        A frame that the port took only in part is written again as a whole: each frame begins with
+        a delimiter, so the fragment does not damage the frame after it.
 
         Raises:
             LinkLost: The port is gone.
@@ -171,14 +171,16 @@ class PortLoop:
             self._frames.append(frame)
             self.wake()
         elif now_us > self._turned_us + REPEAT_AFTER_US:
-            self.wake()  # no stream of states does: the frame may have to be repeated
+            # No state frames wake the loop, and it may have to repeat this setpoint in time.
+            self.wake()
+        # The port may have been closed, and its descriptor reused, before the write.
         if self._transport is not transport:
             raise LinkLost("the port was closed; whether the setpoint was sent is not known")
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser.
 
-        A loop that does not run yet ends here, and never will.
+        A loop that has not started yet ends here, and `run` then returns at once.
         """
         self._finishing = True
         self.wake()
@@ -186,7 +188,7 @@ class PortLoop:
             self._terminate(LinkClosed(CLOSED))
 
     def run(self) -> None:
-        """The thread's whole life."""
+        """Open, serve and reopen the port until the end: the thread's main function."""
         if not self._begun.acquire(blocking=False):
             return
         end: WheelwireError = LinkClosed(CLOSED)
@@ -210,13 +212,13 @@ class PortLoop:
     def _open(self) -> Transport | None:
         """Open the port for the first time; None when that failed.
 
-        Here and not where the link is opened: no signal handler interrupts this thread. An
-        exception out of one, before the new descriptor is noted, would leave the port locked.
+        In this thread and not the caller's, because no signal handler interrupts this one. An
+        exception raised by a handler before the descriptor is stored would leave the port locked.
         """
         try:
             transport = self._open_port(self._first_baud_rate)
         except BaseException as error:
-            self.opened.put(error)  # whatever it is: it is raised there
+            self.opened.put(error)  # raised in the thread that opens the link
             return None
         self.search = BaudSearch(transport.baud_rate, host_clock_us())
         self._longest_pause_s = transport.longest_pause_s
@@ -224,7 +226,7 @@ class PortLoop:
         return transport
 
     def _serve(self, transport: Transport) -> bool:
-        """Serve until the port is lost: True; or until the end: False. Closes the port."""
+        """Serve until the port is lost (True) or the loop ends (False). Closes the port."""
         self._poller.register(transport)
         self._transport = transport
         try:
@@ -240,10 +242,10 @@ class PortLoop:
         return False
 
     def _turn(self, transport: Transport) -> None:
-        """Wait, read, do what is due, write."""
+        """Wait, read, do what is due, write: one turn of the loop."""
         events = self._wait_for_port(transport)
         data = transport.read() if events & select.POLLIN else b""
-        # An unplugged port is readable for ever, and nothing comes.
+        # An unplugged port polls as readable for ever, but gives no data.
         if events & _BROKEN and not data:
             raise transport.lost()
         self._turned_us = now_us = host_clock_us()
@@ -260,7 +262,7 @@ class PortLoop:
             self._output = self._output[transport.write(self._output) :]
 
     def _wait_for_port(self, transport: Transport) -> int:
-        """Wait until a deadline, a wake-up or the port; returns what the port has to do."""
+        """Wait for a deadline, a wake-up or the port; return the port's poll events."""
         now_us, wanted = host_clock_us(), select.POLLIN
         until_us = min(self._due_us, self._repeat_due_us)
         rests = self._may_rest(now_us)
@@ -276,7 +278,10 @@ class PortLoop:
         return found | select.POLLIN if rested else found
 
     def _may_rest(self, now_us: int) -> bool:
-        """Nobody misses what the port has before the rest is over."""
+        """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
+
+        At high state rates one read then takes several frames, which saves wake-ups.
+        """
         resting = now_us < self._coalescing.rest_until_us
         return resting and not self._work_pending and not self._latest_sample.is_read(now_us)
 
@@ -291,7 +296,7 @@ class PortLoop:
             except WheelwireError as error:
                 done(error)
             except Exception as error:
-                # Whatever is wrong with one call, the others must still be able to stop the robot.
+                # A bug in one call must not end the loop: others must be able to stop the robot.
                 _log.exception("a call of the link failed")
                 done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
 
@@ -308,7 +313,7 @@ class PortLoop:
             self._latest_sample.put(sample)
 
     def _has_work(self, now_us: int) -> bool:
-        """State frames alone make none, and most reads bring nothing else."""
+        """Whether `_advance` is needed: not for state frames, and most reads bring nothing else."""
         return (
             self._work_pending
             or now_us >= min(self._due_us, self._repeat_due_us)
@@ -317,7 +322,7 @@ class PortLoop:
 
     @property
     def _repeat_due_us(self) -> int:
-        """Asked for each time, not kept: another thread may have sent a setpoint meanwhile."""
+        """Queried each time, not cached: another thread may have sent a setpoint meanwhile."""
         due_us = self._session.setpoint_repeat_due_us
         return self._due_us if due_us is None else due_us
 
@@ -332,9 +337,10 @@ class PortLoop:
         self._tell_changes()
 
     def _queue_output(self) -> None:
-        """Queue what the session sends, unless the port has long taken nothing.
+        """Queue the session's output, or drop it if the port has accepted nothing for long.
 
-        Setpoints among what waits stay: they were taken. Requests are repeated in any case.
+        Queued setpoints are kept: their caller was told that they are sent. Requests are repeated
+        anyway.
         """
         output = self._session.take_output()
         if len(self._output) + len(output) <= OUTPUT_LIMIT:
@@ -352,10 +358,10 @@ class PortLoop:
             transport.set_baud_rate(rate)
             self.baud_rate = transport.baud_rate
         if self.search.over:
-            raise _Unanswered("nothing answers at any usual baud rate; opening the port anew")
+            raise _Unanswered("nothing answers at any usual baud rate; reopening the port")
 
     def _check_port(self, transport: Transport, now_us: int) -> None:
-        """See to it that the port is as it was opened, and leads to whom it led."""
+        """Check that the port still has its settings and still leads to the same board."""
         if now_us >= self._check_due_us:
             self._check_due_us = now_us + CHECK_US
             transport.check()
@@ -364,12 +370,12 @@ class PortLoop:
             self.search.end(self.baud_rate)
             since_us = session.unanswered_since_us
             if since_us is not None and now_us >= since_us + UNANSWERED_US:
-                raise _Unanswered("the device does not answer any more; opening the port anew")
+                raise _Unanswered("the device no longer answers; reopening the port")
         if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
             self._leave_alone(session.error)
 
     def _leave_alone(self, error: WrongBoard) -> None:
-        """Close the port, for it is not the board's that the link was opened to."""
+        """Close the port: another board is there than the one that the link was opened to."""
         if error.found != self._wrong_board:
             self._wrong_board = error.found
             _log.warning("%s: %s", self.port, error)
@@ -389,7 +395,7 @@ class PortLoop:
         self._work_pending, self._due_us = True, 0
 
     def _renew(self, now_us: int) -> None:
-        """The computer slept: what is known of the device's clock is wrong."""
+        """The computer slept, so the estimate of the device's clock is wrong."""
         error = LinkLost("the computer was suspended; a new session is being opened")
         self._session.renew(error, now_us)
         self._work_pending, self._due_us = True, 0
@@ -405,14 +411,14 @@ class PortLoop:
         self._frames.clear()
 
     def _reopen(self) -> Transport | None:
-        """Try again and again, until the port is there; None when the end has come."""
+        """Retry until the port opens; None when the loop is to end."""
         while not self._is_ending():
             if self._pause_s:
                 self._poller.poll(self._pause_s * 1000)
                 self._drain_wake_ups()
                 if self._is_ending():
                     break
-            self._do_calls(host_clock_us())  # they learn why there is no session
+            self._do_calls(host_clock_us())  # they fail with the reason why there is no session
             self._pause_s = min(max(2 * self._pause_s, FIRST_PAUSE_S), self._longest_pause_s)
             try:
                 transport = self._open_port(self.search.rate or 0)
@@ -425,10 +431,10 @@ class PortLoop:
             return transport
         return None
 
-    # --- news and the end ----------------------------------------------------------------------
+    # --- changes and the end -------------------------------------------------------------------
 
     def _tell_changes(self) -> None:
-        """Notify who waits."""
+        """Log a change of the session's state, and notify all waiting threads."""
         is_open = self._session.phase is Phase.OPEN
         if is_open != self._was_open:
             self._was_open = is_open
@@ -444,7 +450,7 @@ class PortLoop:
         return self._finishing or not self._is_wanted()
 
     def _last_stop_over(self) -> bool:
-        """Stop the robot before the end; True when that is done, or in vain."""
+        """Stop the robot before the loop ends; True once acknowledged or timed out."""
         now_us = host_clock_us()
         if self._last_stop_until_us is None:
             self._last_stop_until_us = now_us + STOP_ACK_TIMEOUT_US
@@ -458,13 +464,13 @@ class PortLoop:
         self._last_stop_done = True
 
     def fail(self, error: Exception) -> None:
-        """End before the beginning: there is no thread to run in."""
+        """End before the start: the thread could not be created."""
         self._terminate(
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
 
     def abandon(self) -> None:
-        """This process was forked: its copy of the link ends, the parent's goes on."""
+        """This process was forked: end its copy of the link; the parent's continues."""
         self._terminate(
             LinkClosed(
                 f"this process was forked from the one that opened {self.port}, which keeps it: "

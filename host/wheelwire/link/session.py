@@ -1,15 +1,15 @@
-"""One host's session with one device: hello, preparation, and each message to its handler.
+"""One host's session with one device: hello, preparation, and dispatch of messages.
 
-    CLOSED -> HELLO -> PREPARING -> OPEN      and from each back to HELLO, or to CLOSED
+    CLOSED -> HELLO -> PREPARING -> OPEN      and from any of them back to HELLO or CLOSED
 
-Hello is repeated until the device answers. Then the clock is read, the stream rate set and the
-watched parameters fetched; after that the session is open. It ends with the port, when the device
-falls silent or was reset, and when the device no longer knows it.
+Hello is repeated until the device answers. Then the clock is synchronised, the stream rate set and
+the watched parameters fetched; after that the session is open. It ends when the port closes, when
+the device falls silent or is reset, and when the device no longer knows the session.
 
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
 time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
-any other may ask for a setpoint's frame meanwhile, to write it by itself. Nothing is locked for
-that: what it needs of the session is one object, replaced as a whole.
+any other may ask for a setpoint's frame meanwhile, to write it itself. That needs no lock: what it
+uses of the session is one object, which is replaced as a whole.
 """
 
 from __future__ import annotations
@@ -66,31 +66,31 @@ from .state_stream import DUTY_SCALE, Sampler
 
 HELLO_PERIOD_US = 30_000
 SILENCE_US = 2_000_000
-"""No ping answered and no state frame for this long: the session is over, say hello again."""
+"""No pong and no state frame for this long: the session is over, say hello again."""
 RETRY_US = 1_000_000
-"""Until the next hello after the device opened a session, but refused what it needs."""
+"""Until the next hello after the device opened a session but refused to be prepared."""
 QUIET_US = 100_000
-"""Nothing was heard for this long: ping, for a device that was reset says nothing by itself."""
+"""Nothing was received for this long: ping, because a device that was reset sends nothing."""
 IDLE_QUIET_US = 200_000
-"""The same of a device that streams nothing: these pings are all that an idle link costs."""
+"""The same for a device that streams nothing: these pings are all that an idle link costs."""
 STREAM_US = 500_000
-"""It streams nothing when no state came for this long, though it was heard."""
+"""A device is not streaming if no state came for this long while other messages did."""
 QUIET_PERIOD_US = 25_000
-"""Between pings until something is heard."""
+"""Between pings until something is received."""
 ROUND_TRIPS = 1024
 
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 
 
 class Phase(enum.Enum):
-    """How far the session has come."""
+    """Phase of the session."""
 
     CLOSED = enum.auto()
     """No port."""
     HELLO = enum.auto()
     """Hello is repeated until answered."""
     PREPARING = enum.auto()
-    """The clock is read; the stream rate and the watched parameters are settled."""
+    """The clock is being synchronised, stream rate and parameters are being set."""
     OPEN = enum.auto()
 
 
@@ -100,31 +100,31 @@ class _Opened(NamedTuple):
     session_id: int
     clock: ClockEstimator
     command_seqs: count[int]
-    """Setpoints and stops draw from it: so a stop's number is above all that went before it."""
+    """Shared by setpoints and stops: a stop's number is above those of all setpoints before it."""
 
 
 class Session:
-    """The host's side of the link, session after session.
+    """The host's side of the link, for one session after another.
 
     Args:
-        nonce: Draws 32 random bits, anew for each session.
-        stream_rate_hz: Rate of the state frames; None leaves it as the device has it.
+        nonce: Draws 32 random bits for each session.
+        stream_rate_hz: Rate of the state frames; None keeps the device's own.
         watched: Ids of parameters whose values are read whenever a session opens.
-        any_board: Whether to go on with another board than that of the first session.
+        any_board: Whether to continue with another board than that of the first session.
         settings: Parameter id -> the value that the device is given whenever a session opens.
 
     Attributes:
-        phase: How far the session has come.
-        error: Why the session is not open; without meaning while it is.
+        phase: Phase of the session.
+        error: Why the session is not open; meaningless while it is.
         device: The device of the newest session.
-        count: How many sessions there were.
-        answers: How often something understood a hello, whether it opened a session or not.
-        unanswered_since_us: Since when hellos have gone unanswered; None while there is a session
-            or no port.
-        values: Parameter id -> the newest value that the device reported in this session.
+        count: Number of sessions so far.
+        answers: Number of answers to hellos, whether a session was opened or not.
+        unanswered_since_us: Since when hellos have gone unanswered; None during a session or
+            without a port.
+        values: Parameter id -> the newest value reported by the device in this session.
         bytes_received: Since the start.
-        every_state: Whether each state frame becomes a sample, or of those that come together the
-            newest only.
+        every_state: Whether each state frame becomes a sample, or only the newest of those that
+            arrive together.
     """
 
     def __init__(
@@ -156,12 +156,12 @@ class Session:
         self._decoder = Decoder()
         self._output = bytearray()
         self._frames_sent_before = 0
-        """By former encoders."""
+        """By the encoders of earlier connections."""
         self._invalid = 0
         self._foreign = 0
         self._refused = 0
         self._round_trips_us: list[int] = []
-        """The last `ROUND_TRIPS`, in no order: a list, which other threads can copy in one step."""
+        """The last `ROUND_TRIPS`, unordered: a list, which other threads can copy atomically."""
         self._oldest_round_trip = 0
 
         self._nonce = 0
@@ -172,9 +172,9 @@ class Session:
         self._opened: _Opened | None = None
         self._boots = BootHistory()
         self._heard_us = 0
-        """When the device was last heard in this session."""
+        """When something was last received from the device in this session."""
         self._state_us = 0
-        """When its last state frame came."""
+        """When the last state frame came."""
         self._prepared = False
         self._preparation_failure: WheelwireError | None = None
 
@@ -200,7 +200,7 @@ class Session:
         return self._decoder.counters.frames
 
     def statistics(self, now_us: int) -> LinkStatistics:
-        """A snapshot of what was counted."""
+        """A snapshot of all counters."""
         counters, clock = self._decoder.counters, self._synchroniser.clock
         return LinkStatistics(
             frames_sent=self._frames_sent_before + self._encoder.encoded,
@@ -227,7 +227,7 @@ class Session:
     # --- the port ------------------------------------------------------------------------------
 
     def connect(self, now_us: int) -> None:
-        """The port is open: say hello. Sequence numbers start anew, and what waited is void."""
+        """The port is open: say hello. Sequence numbers restart, and queued output is dropped."""
         self._frames_sent_before += self._encoder.encoded
         self._encoder = Encoder()
         self._decoder.restart()
@@ -235,7 +235,7 @@ class Session:
         self._begin_hello(LinkLost("the device has not answered yet"), now_us)
 
     def renew(self, error: WheelwireError, now_us: int) -> None:
-        """What the session knew has become worthless: begin another one, if one was begun."""
+        """Begin a new session if one was begun: its state is no longer valid."""
         if self._in_session:
             self._begin_hello(error, now_us)
 
@@ -245,7 +245,7 @@ class Session:
         self._output.clear()
 
     def receive(self, data: bytes, now_us: int) -> list[WheelSample]:
-        """Take what has arrived. Never raises on any bytes.
+        """Process received bytes. Never raises, whatever they are.
 
         Returns:
             New samples; see `every_state`.
@@ -255,7 +255,7 @@ class Session:
         states: list[WheelState] = []
         for message in self._decoder.feed(data):
             if type(message) is WheelState:
-                # A state counts from when the session is open: the clock is known then.
+                # Before the session is open the clock is unknown, so a state has no stamp.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
                     states.append(message)
                 if self.every_state:
@@ -264,7 +264,7 @@ class Session:
             self._take_states(states, samples, now_us)
             handler = self._handlers.get(type(message))
             if handler is None:
-                self._foreign += 1  # a message of the host's own kind: an echo
+                self._foreign += 1  # a message that only hosts send: an echo
             else:
                 handler(message, now_us)
         self._take_states(states, samples, now_us)
@@ -272,7 +272,7 @@ class Session:
         return samples
 
     def advance(self, now_us: int) -> None:
-        """Do what is due: hello, pings, repeats, the end of a silent session."""
+        """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
         elif self._in_session and now_us >= self._heard_us + SILENCE_US:
@@ -287,7 +287,7 @@ class Session:
 
     @property
     def next_deadline_us(self) -> int | None:
-        """When `advance` has something to do; None while there is no port."""
+        """When `advance` is due next; None while there is no port."""
         if self.phase is Phase.CLOSED:
             return None
         if self.phase is Phase.HELLO:
@@ -298,11 +298,11 @@ class Session:
 
     @property
     def setpoint_repeat_due_us(self) -> int | None:
-        """When a setpoint has to be repeated that was not seen to be obeyed; from any thread."""
+        """When to repeat a setpoint that no state frame has confirmed yet; from any thread."""
         return self._setpoints.repeat_due_us
 
     def awaits_answer(self, now_us: int) -> bool:
-        """Whether something may come that is to be handled at once."""
+        """Whether something may arrive that has to be handled without delay."""
         return (
             self.phase is not Phase.OPEN
             or self._requests.next_deadline_us is not None
@@ -310,7 +310,7 @@ class Session:
         )
 
     def take_output(self) -> bytes:
-        """The bytes to send, once."""
+        """Return the bytes to send, and forget them."""
         output = bytes(self._output)
         self._output.clear()
         return output
@@ -318,25 +318,27 @@ class Session:
     # --- what the application asks for ---------------------------------------------------------
 
     def check_connected(self) -> None:
-        """Raise why there is no port, if there is none."""
+        """Raise the reason if there is no port."""
         if self.phase is Phase.CLOSED:
             raise self.error.with_traceback(None)
 
     def check_open(self) -> None:
-        """Raise why the session is not open, if it is not."""
+        """Raise the reason if the session is not open."""
         if self.phase is not Phase.OPEN:
-            raise self.error.with_traceback(None)  # it may be raised for hours: let none pile up
+            raise self.error.with_traceback(
+                None
+            )  # raised again and again for hours: tracebacks must not pile up
 
     def velocity_frame(
         self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
     ) -> bytes:
-        """A velocity setpoint that is void from the host's `expiry_us` on; from any thread.
+        """Encode a velocity setpoint that expires at the host's `expiry_us`; from any thread.
 
         Returns:
             Its frame, to be written at once.
 
         Raises:
-            InvalidCommand: It would expire within the error bound of the device's clock.
+            InvalidCommand: It expires within the error bound of the device's clock.
             LinkLost: The session is not open.
             DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
         """
@@ -381,8 +383,8 @@ class Session:
         if opened is None:
             raise self.error.with_traceback(None)
         self._setpoints.check()
-        # The two clocks are known to each other with an error: its bound is taken off the expiry,
-        # or the setpoint could live longer than it was given.
+        # The device's clock is known only within a bound. Subtract the bound from the expiry, or
+        # the setpoint could live longer than its ttl.
         expiry, error_us = opened.clock.host_to_device(expiry_us)
         bound_us = math.ceil(error_us)
         sure_us = expiry_us - bound_us
@@ -391,6 +393,7 @@ class Session:
                 f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
                 f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
             )
+        # Two threads never get the same number: next() of a count is atomic in CPython.
         command_seq = next(opened.command_seqs)
         setpoint = kind(opened.session_id, command_seq, expiry - bound_us, left, right)
         self._setpoints.note_sent(setpoint, sure_us, now_us)
@@ -409,11 +412,11 @@ class Session:
 
     @property
     def _in_session(self) -> bool:
-        """The device has opened a session; it may not be ready for use yet."""
+        """The device has opened a session, which may not be ready for use yet."""
         return self.phase in (Phase.PREPARING, Phase.OPEN)
 
     def _begin_hello(self, error: WheelwireError, now_us: int, pause_us: int = 0) -> None:
-        """End what there was and, after a pause, say hello under a new nonce."""
+        """End the current session and, after a pause, say hello with a new nonce."""
         self._end(error)
         self.phase = Phase.HELLO
         self.unanswered_since_us = now_us + pause_us
@@ -427,7 +430,7 @@ class Session:
             self._send(Hello(self._nonce, PROTOCOL_VERSION, schema_hash()))
 
     def _end(self, error: WheelwireError) -> None:
-        self.error = error  # first: other threads ask why as soon as they see the phase
+        self.error = error  # first: other threads read it as soon as they see the phase
         self.phase = Phase.CLOSED
         self._opened = None
         self._id = 0
@@ -436,7 +439,7 @@ class Session:
         self._requests.abort(error)
 
     def _on_hello(self, hello: DeviceHello, now_us: int) -> None:
-        """An answer to a hello: it may begin a session."""
+        """Handle an answer to a hello, which may begin a session."""
         if hello.nonce != self._nonce:
             self._foreign += 1
             return
@@ -461,7 +464,7 @@ class Session:
             raise WrongBoard(first.board_id, found.board_id)
 
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
-        """The device has opened a session: read its clock, and ask for what is needed."""
+        """The device has opened a session: synchronise the clock, send preparing requests."""
         self._boots.enter(device.boot_id)
         self.device = device
         self.phase = Phase.PREPARING
@@ -491,7 +494,7 @@ class Session:
         self._preparation_failure = failure
 
     def _open_when_prepared(self, now_us: int) -> None:
-        """Open the session for use once all is there; give it up when something is refused."""
+        """Open the session once it is prepared; start over if preparing it failed."""
         if self.phase is not Phase.PREPARING or not self._prepared:
             return
         failure = self._preparation_failure
@@ -505,7 +508,7 @@ class Session:
     # --- what the device says ------------------------------------------------------------------
 
     def _is_ours(self, session_id: int, now_us: int) -> bool:
-        """Whether a message belongs to the session; then the device was heard."""
+        """Whether a message belongs to this session; if so, note that the device was heard."""
         ours = self._in_session and session_id == self._id
         if ours:
             self._heard_us = now_us
@@ -514,7 +517,7 @@ class Session:
         return ours
 
     def _is_this_boot(self, boot_id: int, now_us: int) -> bool:
-        """As `_is_ours`, by the boot. A boot not heard of yet is a reset, answered by a hello."""
+        """As `_is_ours`, but by boot id. An id not seen before means a reset: say hello again."""
         if not self._in_session or self.device is None:
             return False
         if self.device.boot_id == boot_id:
@@ -531,7 +534,7 @@ class Session:
     def _take_states(
         self, states: list[WheelState], samples: list[WheelSample], now_us: int
     ) -> None:
-        """Make a sample of the newest of state frames in a row, and forget them."""
+        """Make a sample of the newest of consecutive state frames, and clear the list."""
         if not states:
             return
         self._state_us = now_us
@@ -560,7 +563,7 @@ class Session:
             self._oldest_round_trip = (self._oldest_round_trip + 1) % ROUND_TRIPS
 
     def _on_event(self, event: Event, now_us: int) -> None:
-        """A transition of the supervisor."""
+        """Track the supervisor: without a stream, only events show its state."""
         if not self._is_this_boot(event.boot_id, now_us):
             return
         try:
@@ -605,13 +608,13 @@ class Session:
 
 
 def _judge(hello: DeviceHello) -> DeviceInfo:
-    """Who answered our hello and opened a session.
+    """Check an answer to a hello, and return who opened the session.
 
     Raises:
-        ProtocolMismatch: Another release; no session.
+        ProtocolMismatch: The device has another protocol version or schema; no session.
         LinkLost: The device is still starting; no session yet.
-        DeviceRefused: Another refusal; no session.
-        ValueError: The answer has a code that means nothing.
+        DeviceRefused: It refused for another reason; no session.
+        ValueError: The answer contains an unknown code.
     """
     if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, schema_hash()):
         raise ProtocolMismatch(host_release(), device_release(hello))
