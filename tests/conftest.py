@@ -5,10 +5,13 @@ Hypothesis measures no example's time: how long one takes says how busy the comp
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests is none of theirs
 
 settings.register_profile("wheelwire", deadline=None)
 settings.load_profile("wheelwire")

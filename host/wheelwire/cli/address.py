@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wheelwire.errors import InvalidArgument, RobotNotNamed
-from wheelwire.link.ports import SerialPort, likely_boards
+from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 if TYPE_CHECKING:

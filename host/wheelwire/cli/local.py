@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
-from wheelwire.link.ports import list_serial_ports
+from wheelwire.link.port_list import list_serial_ports
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import LineProfile, load_profile
 from wheelwire.simulation.simulator import find_simulator

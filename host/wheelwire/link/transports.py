@@ -21,7 +21,7 @@ import serial
 
 from ..errors import LinkLost, PortUnavailable
 from .forking import abandon_in_child
-from .ports import PSEUDO_TERMINALS, final_name, lock_holder
+from .port_list import PSEUDO_TERMINALS, final_name, lock_holder
 
 READ_SIZE = 4096
 SOCKET_TIMEOUT_S = 5.0
