@@ -130,3 +130,9 @@ def anchors(page: Path) -> set[str]:
     """Of the headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text(), re.M)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_the_files_that_the_architecture_names_exist() -> None:
+    rows = re.findall(r"^\| .+ \| `([\w/.]+)` \|$", (DOCS / "architecture.md").read_text(), re.M)
+    assert len(rows) >= 15
+    assert [row for row in rows if not (DOCS.parent / row).exists()] == []
