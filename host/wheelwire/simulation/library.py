@@ -88,7 +88,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 def library_path() -> Path:
     """$WHEELWIRE_LIBFWSIM, a checkout's build, or what the wheel brought."""
     named = os.environ.get(ENVIRONMENT)
-    return Path(named) if named else native.locate(LIBRARY, Path(__file__).parent)
+    return Path(named) if named else native.locate(LIBRARY, Path(__file__).parents[1])
 
 
 def _load() -> ctypes.CDLL:

@@ -27,7 +27,7 @@ ANSWER_TIMEOUT_S = 10.0
 EXIT_TIMEOUT_S = 5.0
 STATES_KEPT = 100_000
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parents[1]
 
 Self = TypeVar("Self", bound="Simulator")
 
