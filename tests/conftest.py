@@ -19,6 +19,7 @@ settings.load_profile("wheelwire")
 HERE = Path(__file__).parent
 ALONE = {
     "ros": ("ros", "unit/ros_package/test_healthcheck.py"),  # each takes the next domain
+    "tutorial": ("loop/test_docs.py",),  # page after page on one robot
     "rv32": ("firmware/test_rv32.py",),  # one build folder
     "fuzz": ("fuzz/test_targets.py",),  # one folder of seeds
 }

@@ -77,14 +77,15 @@ def carry_out(command: list[str]) -> None:
     assert result.returncode == 0, (command, result.stderr)
 
 
-def test_the_tutorials_way_to_the_feed_forward_finds_it(simulator: Simulator) -> None:
+def test_the_tutorials_way_to_the_feed_forward_finds_it() -> None:
     (_, program) = blocks("docs/tutorial/5-numbers.md", "python")
-    result = subprocess.run(
-        [sys.executable, "-c", program.replace(PORT, simulator.port)],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=True,
-    )
+    with Simulator() as simulator:  # its counts are the default
+        result = subprocess.run(
+            [sys.executable, "-c", program.replace(PORT, simulator.port)],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            check=True,
+        )
     found = float(result.stdout.split()[-1])
     assert found == pytest.approx(PARAMETER_BY_NAME["velocity_feedforward"].default, rel=0.03)
