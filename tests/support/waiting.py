@@ -5,7 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from wheelwire import BaseDriver
+from wheelwire.errors import LinkLost
+
 PERIOD_S = 0.002
+
+
+def is_open(robot: BaseDriver) -> bool:
+    """Whether the driver has its robot in reach."""
+    try:
+        robot.geometry  # noqa: B018
+    except LinkLost:
+        return False
+    return True
 
 
 def wait_until(

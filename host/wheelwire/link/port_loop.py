@@ -173,7 +173,7 @@ class PortLoop:
         elif now_us > self._turned_us + REPEAT_AFTER_US:
             # No state frames wake the loop, and it may have to repeat this setpoint in time.
             self.wake()
-        # The port may have been closed, and its descriptor reused, before the write.
+        # The port may have been closed before the write; then the descriptor led nowhere.
         if self._transport is not transport:
             raise LinkLost("the port was closed; whether the setpoint was sent is not known")
 

@@ -15,7 +15,7 @@ import pytest
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from support.threads import link_threads
-from support.waiting import wait_until
+from support.waiting import is_open, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import TransportDriver
@@ -239,19 +239,12 @@ def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
     def files() -> int:
         return len(list(Path("/proc/self/fd").iterdir()))
 
-    def is_open() -> bool:
-        try:
-            robot.geometry  # noqa: B018
-        except errors.LinkLost:
-            return False
-        return True
-
     with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
         before = files()
         for _ in range(3):
             device.unplug()
-            wait_until(lambda: not is_open())
+            wait_until(lambda: not is_open(robot))
             wait_until(lambda: files() < before)  # neither the port's nor the device's
             device.plug()
-            wait_until(is_open)
+            wait_until(lambda: is_open(robot))
             wait_until(lambda: files() == before)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import wait_until
+from support.waiting import is_open, wait_until
 from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -74,18 +74,10 @@ def test_it_waits_across_a_reconnection(tmp_path: Path) -> None:
         samples = robot.samples()
         next(samples)
         device.unplug()
-        wait_until(lambda: is_lost(robot))
+        wait_until(lambda: not is_open(robot))
         plugged_s = time.monotonic()
         device.plug()
         assert next(sample for sample in samples if sample.stamp > plugged_s)
-
-
-def is_lost(robot: SerialDriver) -> bool:
-    try:
-        robot.geometry  # noqa: B018
-    except errors.LinkLost:
-        return True
-    return False
 
 
 def test_a_link_that_ends_otherwise_is_told(

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import wait_until
+from support.waiting import is_open, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -124,18 +124,10 @@ def test_a_setpoint_that_reaches_no_port_raises(
         def unplugged(self: SerialTransport, data: bytes) -> int:
             if threading.current_thread() is threading.main_thread():
                 device.unplug()
-                wait_until(lambda: not is_open())
+                wait_until(lambda: not is_open(robot))
             return write(self, data)
 
         return unplugged
-
-    def is_open() -> bool:
-        try:
-            robot.info  # noqa: B018
-            robot.geometry  # noqa: B018
-        except errors.LinkLost:
-            return False
-        return True
 
     def drive() -> bool:  # what waits for the port at this moment goes first, by its own thread
         robot.set_velocity(0.1, 0.0)
