@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import socket
 import threading
 import warnings
 from collections import deque
@@ -35,8 +36,8 @@ ENVIRONMENT = {
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("ros_discovery.xml")),
 }
 """Of every process on the graph."""
-_FIRST_DOMAIN = os.getpid() % 80
-_domains = itertools.count()
+DOMAINS = 100
+_domains = itertools.count(os.getpid())
 
 
 def wait(condition: Callable[[], Any], what: str) -> None:
@@ -44,11 +45,33 @@ def wait(condition: Callable[[], Any], what: str) -> None:
     wait_until(condition, PATIENCE_S, what)
 
 
+def take_domain() -> tuple[int, socket.socket]:
+    """A domain that no process of this computer is on, and the socket that keeps it ours.
+
+    RTPS gives domain D the UDP ports from 7400 + 250 D on, and its participant number i the port
+    10 + 2 i of these; the last port belongs to a participant that no graph of ours reaches.
+    """
+    for _ in range(DOMAINS):
+        domain = 1 + next(_domains) % DOMAINS
+        first_port = 7400 + 250 * domain
+        reservation = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            reservation.bind(("", first_port + 249))
+            for participant in range(8):
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                    probe.bind(("", first_port + 10 + 2 * participant))
+        except OSError:
+            reservation.close()
+        else:
+            return domain, reservation
+    raise AssertionError(f"every one of the {DOMAINS} ROS domains is in use")
+
+
 class Graph:
     """A domain of its own, and a client node in it that spins in a thread."""
 
     def __init__(self) -> None:
-        self.domain = 1 + (_FIRST_DOMAIN + next(_domains)) % 100
+        self.domain, self._reservation = take_domain()
         os.environ.update(ENVIRONMENT)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=self.domain)
@@ -70,6 +93,7 @@ class Graph:
         self._thread.join()
         self._executor.shutdown()
         self.node.destroy_node()
+        self._reservation.close()
 
     def listen(self, type_: Any, topic: str, depth: int = 100) -> deque[Any]:
         """What is published, as it comes."""
