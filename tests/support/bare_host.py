@@ -15,7 +15,7 @@ from wheelwire_protocol import Decoder, Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Ack, AnyMessage, DeviceHello, Hello, Ping, Pong, SetStreamRate
 
-ECHO = Path(__file__).parents[1] / "bench" / "echo.c"
+ECHO = Path(__file__).parents[2] / "bench" / "echo.c"
 NONCE = 0x12345678
 REQUEST_ID = 1
 PING_SIZE = len(Encoder().encode(Ping(NONCE, REQUEST_ID, 0)))
