@@ -132,8 +132,8 @@ mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fai
 	@$(BIN)/python tests/mutants/run.py $(if $(LIST),--list) $(ONLY)
 
 RUNS ?= 5
-dying: sim  ## Kill, stop, fork and interrupt what drives, on every driver: make dying [RUNS=5]; 2 min a run
-	$(BIN)/python bench/dying.py $(RUNS)
+dying: sim  ## Kill, stop, fork and interrupt the driving processes, with every driver: make dying [RUNS=5]; 2 min a run
+	$(BIN)/python bench/process_failures.py $(RUNS)
 
 MINUTES ?= 2
 soak: sim  ## Endurance on a bad line: make soak [MINUTES=2]

@@ -34,7 +34,7 @@ STEPS = 5000
 VIRTUAL_MS = 5000
 SETPOINTS_PER_MS = 2
 LIFE_US = 500_000
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 
 METHOD = f"""\
 The firmware's core steps 1000 times a second, in real time. *To the PWM*: from the call of
@@ -103,14 +103,14 @@ def _one_command_us(robot: SerialDriver, states: States) -> float:
 
 def _next_change(states: States) -> TrueState:
     while True:
-        state = states.get(timeout=PATIENCE_S)
+        state = states.get(timeout=TIMEOUT_S)
         if state.drive_changed:
             return state
 
 
 def late_us(_robot: SerialDriver, states: States) -> list[float]:
     """By how much each step is later than the earliest one, both against simulated time."""
-    taken = [states.get(timeout=PATIENCE_S) for _ in range(STEPS)]
+    taken = [states.get(timeout=TIMEOUT_S) for _ in range(STEPS)]
     delays = [state.host_us - state.t_us for state in taken]
     return [float(delay - min(delays)) for delay in delays]
 

@@ -14,7 +14,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.reconnect import (
     AIM_S,
-    PATIENCE_S,
+    TIMEOUT_S,
     after_reset,
     after_return_elsewhere,
     after_unplug,
@@ -55,7 +55,7 @@ def bad_line(cycles: int) -> list[float]:
     """Seconds after resets, less the boot, with 1 % of the bytes corrupted both ways."""
     with (
         ImpairedSimulator(LineProfile(CORRUPT, CORRUPT)) as simulator,
-        SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot,
+        SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
     ):
         boot_s = simulator.get("boot_time_us") / 1e6
         return [after_reset(simulator, robot) - boot_s for _ in range(cycles)]

@@ -233,7 +233,7 @@ def is_checkout() -> bool:
     return (_CHECKOUT / "firmware").is_dir()
 
 
-def cure() -> str:
+def remedy() -> str:
     """What to do where a native part is missing."""
     if is_checkout():
         return "build it with `make sim`"
@@ -275,14 +275,14 @@ def load() -> ctypes.PyDLL:
     except OSError as error:
         reason = error if path.exists() else f"{path} is not there"
         raise NativeMissingError(
-            f"the firmware's core cannot be loaded: {reason}; {_cure()}"
+            f"the firmware's core cannot be loaded: {reason}; {_remedy()}"
         ) from None
     try:
         release = library.wheelwire_abi(), library.wheelwire_schema_hash() & 0xFFFFFFFF
     except AttributeError:
         release = (0, 0)
     if release != (ABI, SCHEMA_HASH):
-        raise NativeMissingError(f"{path} is not of this release; {_cure()}")
+        raise NativeMissingError(f"{path} is not of this release; {_remedy()}")
     _declare(library)
     return library
 
@@ -302,10 +302,10 @@ def _declare(library: ctypes.CDLL) -> None:
         function.argtypes = arguments
 
 
-def _cure() -> str:
+def _remedy() -> str:
     if os.environ.get(ENVIRONMENT):
         return f"unset ${ENVIRONMENT}, or let it name the library of this release"
-    return cure()
+    return remedy()
 
 
 class _Identity(ctypes.Structure):

@@ -13,7 +13,7 @@ import time
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-PATIENCE_S = 8.0
+TIMEOUT_S = 8.0
 """Discovery, and a report each second."""
 
 
@@ -38,7 +38,7 @@ def main() -> str | None:
     rclpy.init(args=[])
     node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)
     node.create_subscription(DiagnosticArray, "/diagnostics", listener.hear, 10)
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while listener.status is None and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)
     rclpy.shutdown()

@@ -17,7 +17,7 @@ from .pacing import sampling_rate_hz
 from .parameters import Setting
 
 CONNECT_TIMEOUT_S = 2.0
-"""Shorter than patience: every callback waits meanwhile."""
+"""Short, because every callback of the node waits while a driver connects."""
 NO_PIN = NO_CHIP = -1
 PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
 """The wiring guide's."""

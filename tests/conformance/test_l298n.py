@@ -20,7 +20,7 @@ class GpioBench(Bench):
         return L298NDriver(
             parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2},
             pwm_directory=self.chip.pwm_directory,
-            patience_ms=5000,
+            core_timeout_ms=5000,
         )
 
     def true_ticks(self) -> tuple[int, int]:

@@ -20,7 +20,7 @@ class PigpioBench(Bench):
             "127.0.0.1",
             self.daemon.port,
             parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2},
-            patience_ms=5000,
+            core_timeout_ms=5000,
         )
 
     def true_ticks(self) -> tuple[int, int]:

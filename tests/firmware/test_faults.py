@@ -16,9 +16,9 @@ from wheelwire_protocol.types import ClearEstop, ClearFault
 SIDES = ("left", "right")
 
 
-def settle(robot: VirtualRobot, left: float, right: float, patience_s: float = 5.0) -> Fault:
-    """Drive until a fault trips or the patience ends; returns the faults."""
-    end_us = robot.now_us + patience_s * 1e6
+def settle(robot: VirtualRobot, left: float, right: float, timeout_s: float = 5.0) -> Fault:
+    """Drive until a fault trips or the time is up; returns the faults."""
+    end_us = robot.now_us + timeout_s * 1e6
     with suppress(DeviceRefused):
         while robot.now_us < end_us and robot.state() is not SupervisorState.FAULT:
             robot.drive(left, right, 0.02)

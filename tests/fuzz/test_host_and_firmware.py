@@ -22,8 +22,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from support.faulty_robot import FaultyRobot
 from support.host_model import Model
+from support.impaired_robot import ImpairedVirtualRobot
 from support.virtual import STEP_US
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, Done, RequestMessage
@@ -74,7 +74,7 @@ class HostAndFirmware(RuleBasedStateMachine):
 
     @initialize(seed=st.integers(0, 2**16))
     def power_on(self, seed: int) -> None:
-        self.robot = FaultyRobot(seed, LineProfile(seed=seed))
+        self.robot = ImpairedVirtualRobot(seed, LineProfile(seed=seed))
         self.asking = False
         defaults = {p.id: frozenset({single(p.default)}) for p in PARAMETERS}
         self.model = Model(values=dict(defaults), saved=dict(defaults))

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PATIENCE_S, PROGRAM, check_error, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
 from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from support.usb_ports import fake_usb_ports
@@ -277,7 +277,7 @@ def test_a_drive_of_the_only_candidate_asks_first(
         assert f"{quiet.port} is the only candidate" in asked.decode()
         assert quiet.get("true.distance_m") == before
         os.write(terminal, f"{answer}\n".encode())
-        process.communicate(timeout=PATIENCE_S)
+        process.communicate(timeout=TIMEOUT_S)
     os.close(terminal)
     assert process.returncode == (0 if drives else errors.RobotNotNamed.exit_code)
     assert (quiet.get("true.distance_m") > before + 0.02) is drives
@@ -345,7 +345,7 @@ def sim(link: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]
         yield process, process.stdout.readline()
     finally:
         process.terminate()
-        process.communicate(timeout=PATIENCE_S)
+        process.communicate(timeout=TIMEOUT_S)
 
 
 BAD_LINE = [(), ("--faults", "noisy")]
@@ -425,7 +425,7 @@ def test_demo_shows_what_it_measured_though_the_picture_cannot_be_written(tmp_pa
         [*PROGRAM, "demo", "--output", str(tmp_path)],
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
     )
@@ -447,9 +447,9 @@ def test_demo_interrupted_leaves_nothing_behind(tmp_path: Path) -> None:
         assert demo.poll() is None
     (simulator,) = children(demo.pid)
     demo.send_signal(signal.SIGINT)
-    demo.communicate(timeout=PATIENCE_S)
+    demo.communicate(timeout=TIMEOUT_S)
     assert demo.returncode == 130
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while Path(f"/proc/{simulator}").exists():
         assert time.monotonic() < end
         time.sleep(0.01)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PATIENCE_S, PROGRAM
+from support.command import PROGRAM, TIMEOUT_S
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -32,7 +32,7 @@ def test_the_readmes_program_drives() -> None:
             [sys.executable, "-c", program.replace(PORT, simulator.port)],
             capture_output=True,
             text=True,
-            timeout=PATIENCE_S,
+            timeout=TIMEOUT_S,
             check=False,
         )
         assert result.returncode == 0, result.stderr
@@ -71,9 +71,7 @@ def test_the_tutorials_commands_and_programs_work(page: str, simulator: Simulato
 
 
 def carry_out(command: list[str]) -> None:
-    result = subprocess.run(
-        command, capture_output=True, text=True, timeout=PATIENCE_S, check=False
-    )
+    result = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     assert result.returncode == 0, (command, result.stderr)
 
 
@@ -84,7 +82,7 @@ def test_the_tutorials_way_to_the_feed_forward_finds_it() -> None:
             [sys.executable, "-c", program.replace(PORT, simulator.port)],
             capture_output=True,
             text=True,
-            timeout=PATIENCE_S,
+            timeout=TIMEOUT_S,
             check=True,
         )
     found = float(result.stdout.split()[-1])

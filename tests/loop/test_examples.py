@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PATIENCE_S
+from support.command import TIMEOUT_S
 from support.waiting import wait_until
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
@@ -33,13 +33,13 @@ def start(name: str, *arguments: str) -> subprocess.Popen[str]:
 
 
 def end(process: subprocess.Popen[str], typed: str = "") -> str:
-    output, errors = process.communicate(typed, timeout=PATIENCE_S)
+    output, errors = process.communicate(typed, timeout=TIMEOUT_S)
     assert process.returncode == 0, errors
     return output
 
 
 def wait_while_running(process: subprocess.Popen[str], condition: Callable[[], bool]) -> None:
-    wait_until(lambda: condition() or process.poll() is not None, PATIENCE_S)
+    wait_until(lambda: condition() or process.poll() is not None, TIMEOUT_S)
     if process.poll() is not None:
         pytest.fail(process.communicate()[1])
 
@@ -89,7 +89,7 @@ def test_the_e_stop_is_lived_through() -> None:
         # The prompt before it has no end of line, and may have come with the line above.
         assert output.endswith("cleared; driving again\ndone\n")
         assert simulator.get("true.distance_m") > stopped_m + 0.05
-        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)
+        wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)
 
 
 def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
@@ -109,15 +109,15 @@ def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
         reader = threading.Thread(target=process.stdout.read)
         reader.start()
         os.write(keyboard, b"i")
-        wait_until(lambda: simulator.get("true.x_m") > 0.03, PATIENCE_S)
-        wait_until(lambda: simulator.get("stands_still"), PATIENCE_S)  # one key is one setpoint
+        wait_until(lambda: simulator.get("true.x_m") > 0.03, TIMEOUT_S)
+        wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)  # one key is one setpoint
         assert simulator.get("true.x_m") < 0.3
         os.write(keyboard, b"ei")
-        wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED, PATIENCE_S)
+        wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED, TIMEOUT_S)
         os.write(keyboard, b"c")
-        wait_until(lambda: simulator.get("state") == SupervisorState.IDLE, PATIENCE_S)
+        wait_until(lambda: simulator.get("state") == SupervisorState.IDLE, TIMEOUT_S)
         os.write(keyboard, b"q")
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(TIMEOUT_S) == 0
         reader.join()
         process.stdout.close()
     assert termios.tcgetattr(terminal) == before

@@ -31,7 +31,7 @@ from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import DeviceHello, Hello, WheelState
 
-PATIENCE_S = 10.0
+TIMEOUT_S = 10.0
 SILENCE_S = 0.5
 HELLO = Hello(1, PROTOCOL_VERSION, schema_hash())
 
@@ -49,10 +49,10 @@ def opened(port: str, speed: int = termios.B115200) -> Iterator[int]:
         os.close(fd)
 
 
-def say_hello(fd: int, patience_s: float = PATIENCE_S) -> DeviceHello | None:
+def say_hello(fd: int, timeout_s: float = TIMEOUT_S) -> DeviceHello | None:
     """The answer to a hello, repeated as a host does; None when none comes."""
     encoder, decoder = Encoder(), Decoder()
-    end = time.monotonic() + patience_s
+    end = time.monotonic() + timeout_s
     while time.monotonic() < end:
         os.write(fd, encoder.encode(HELLO))
         if select.select([fd], [], [], 0.1)[0]:
@@ -64,7 +64,7 @@ def say_hello(fd: int, patience_s: float = PATIENCE_S) -> DeviceHello | None:
 
 def wait_for_end(pid: int) -> None:
     """Wait until a process that is not our child is gone."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while Path(f"/proc/{pid}").exists():
         assert time.monotonic() < end, "the process lives on"
         time.sleep(0.01)
@@ -95,7 +95,7 @@ def test_a_port_that_nobody_reads_keeps_nothing_old() -> None:
         with opened(simulator.port) as fd:
             assert say_hello(fd) is not None
         closed_us = simulator.get("device_us")
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while simulator.get("device_us") < closed_us + 2e6:
             assert time.monotonic() < end, "simulated time stands still"
             time.sleep(0.01)
@@ -106,7 +106,7 @@ def test_a_port_that_nobody_reads_keeps_nothing_old() -> None:
         with opened(simulator.port) as fd:
             decoder = Decoder()
             while not states:
-                assert select.select([fd], [], [], PATIENCE_S)[0], "nothing came"
+                assert select.select([fd], [], [], TIMEOUT_S)[0], "nothing came"
                 found = decoder.feed(os.read(fd, 4096))
                 states += [message for message in found if isinstance(message, WheelState)]
         assert states[0].t_us > opened_us - 100_000
@@ -202,7 +202,7 @@ def test_a_signal_ends_it_cleanly(link: Path, number: signal.Signals) -> None:
         assert ready["event"] == "ready"
         assert str(link.readlink()) == ready["port"]
         process.send_signal(number)
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(TIMEOUT_S) == 0
     assert not link.is_symlink()
 
 
@@ -228,7 +228,7 @@ def test_it_ends_when_its_parent_is_killed(link: Path) -> None:
 def test_true_states_come_at_their_rate() -> None:
     states: list[TrueState] = []
     with Simulator(truth_hz=100, on_state=states.append) as simulator:
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while len(states) < 50:
             assert time.monotonic() < end, "too few states"
             time.sleep(0.01)

@@ -15,7 +15,7 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import PortUnavailable
 from wheelwire.simulation.simulator import Simulator
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 class Cables:
@@ -34,7 +34,7 @@ class Cables:
         (self.folder / name).symlink_to(simulator.port)
 
     def board_id(self, name: str) -> str:
-        with SerialDriver(str(self.folder / name), connect_timeout=PATIENCE_S) as robot:
+        with SerialDriver(str(self.folder / name), connect_timeout=TIMEOUT_S) as robot:
             return robot.info.device.board_id
 
 
@@ -48,7 +48,7 @@ def cables(tmp_path: Path, line: str) -> Iterator[Cables]:
 
 
 def wait(condition: Callable[[], bool]) -> None:
-    wait_until(condition, PATIENCE_S)
+    wait_until(condition, TIMEOUT_S)
 
 
 def test_a_board_is_found_among_several_ports(cables: Cables) -> None:
@@ -68,7 +68,7 @@ def test_a_board_that_comes_back_under_another_name_is_found(cables: Cables) -> 
         cables.ours.plug()
         cables.name("tty7", cables.ours)
         since = time.monotonic()
-        wait(lambda: robot.read(PATIENCE_S).stamp > since)
+        wait(lambda: robot.read(TIMEOUT_S).stamp > since)
         assert robot.info.device.board_id == board_id
         assert robot.info.port.endswith("tty7")
 
@@ -79,7 +79,7 @@ def test_asking_who_is_there_costs_another_robot_nothing(cables: Cables) -> None
         sessions = other.statistics.sessions
         with SerialDriver(cables.pattern, board_id=board_id) as robot:
             assert robot.info.device.board_id == board_id
-        other.read(PATIENCE_S)
+        other.read(TIMEOUT_S)
         assert other.statistics.sessions == sessions
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from wheelwire.simulation.simulator import Simulator
 
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 DRIVE = """
 import sys
@@ -33,7 +33,7 @@ def run(script: str, **environment: str) -> subprocess.CompletedProcess[str]:
         env=os.environ | environment,
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
     )
 

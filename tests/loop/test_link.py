@@ -30,7 +30,7 @@ from wheelwire.samples import WheelSample
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import RefusalCode, ResetReason, SupervisorState
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def simulator(line: str, tmp_path: Path) -> Iterator[Simulator]:
 def driven(robot: SerialDriver) -> WheelSample:
     """A sample while being driven: one setpoint may be lost, and an application sends many."""
     robot.set_velocity(0.3, 0.0, ttl=1.0)
-    return robot.read(PATIENCE_S)
+    return robot.read(TIMEOUT_S)
 
 
 def drive_until_driving(robot: SerialDriver) -> None:
@@ -50,7 +50,7 @@ def drive_until_driving(robot: SerialDriver) -> None:
 
 
 def wait(condition: Callable[[], bool]) -> None:
-    wait_until(condition, PATIENCE_S)
+    wait_until(condition, TIMEOUT_S)
 
 
 def is_lost(robot: SerialDriver) -> bool:
@@ -72,7 +72,7 @@ def test_the_readme_example() -> None:
 
 
 def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         wait(lambda: driven(robot).left_mps > 0.1)
     wait(lambda: simulator.get("drive_on") == 0)
     assert simulator.get("drive_removed_us") < simulator.get("deadline_us")
@@ -84,7 +84,7 @@ def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simula
 def test_another_baud_rate_is_found(line: str, baud: int) -> None:
     with (
         simulator_on(line, baud=baud) as simulator,
-        SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot,
+        SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
     ):
         assert robot.info.baud_rate == baud
         assert robot.read().state is SupervisorState.IDLE
@@ -101,23 +101,23 @@ def test_an_uncommon_baud_rate_is_named() -> None:
 def test_the_roms_boot_text_is_survived(line: str) -> None:
     with (
         simulator_on(line, settings={"boot_text": 1}) as simulator,
-        SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot,
+        SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
     ):
         boot_id = simulator.reset(ResetReason.BROWNOUT)
-        wait(lambda: robot.read(PATIENCE_S).boot_id == boot_id)
+        wait(lambda: robot.read(TIMEOUT_S).boot_id == boot_id)
         assert robot.info.device.reset_reason is ResetReason.BROWNOUT
         assert robot.statistics.device_resets == 1
 
 
 def test_a_second_host_is_told_that_the_port_is_in_use(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         with pytest.raises(PortUnavailable, match="another program uses it"):
             SerialDriver(simulator.port)
         assert robot.read().state is SupervisorState.IDLE
 
 
 def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         odometry = Odometry(robot.geometry)
         odometry.update(robot.read())
         wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.05)
@@ -127,7 +127,7 @@ def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> Non
         plugged_s = time.monotonic()
         simulator.plug()
         # One that was measured before, and that nobody has read, comes first.
-        while (sample := robot.read(PATIENCE_S)).stamp < plugged_s:
+        while (sample := robot.read(TIMEOUT_S)).stamp < plugged_s:
             odometry.update(sample)
         # The device counted on while nobody listened: nothing is lost, nothing jumps.
         assert odometry.update(sample).pose.x_m == pytest.approx(
@@ -139,19 +139,19 @@ def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> Non
 
 
 def test_a_reset_does_not_make_the_odometry_jump(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         odometry = Odometry(robot.geometry)
         odometry.update(robot.read())
         wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.1)
         ticks = robot.get_encoder_ticks()
         simulator.reset()
-        wait(lambda: odometry.update(robot.read(PATIENCE_S)).rebased)
+        wait(lambda: odometry.update(robot.read(TIMEOUT_S)).rebased)
         assert odometry.pose.x_m == pytest.approx(simulator.get("true.x_m"), abs=0.1)
         assert robot.get_encoder_ticks() >= ticks
 
 
 def test_estop_latches_until_cleared(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         drive_until_driving(robot)
         robot.estop()
         assert simulator.get("drive_on") == 0
@@ -192,7 +192,7 @@ def test_a_port_that_answers_nothing() -> None:
 def test_the_rate_asked_is_the_rate_had(line: str, rate_hz: int) -> None:
     with (
         simulator_on(line) as simulator,
-        SerialDriver(simulator.port, stream_rate_hz=rate_hz, connect_timeout=PATIENCE_S) as robot,
+        SerialDriver(simulator.port, stream_rate_hz=rate_hz, connect_timeout=TIMEOUT_S) as robot,
     ):
         first, sent, asked = robot.read(), frames_sent_by_device(robot), frames_sent(robot)
         wait(lambda: frames_sent_by_device(robot) > sent + 2 * rate_hz)

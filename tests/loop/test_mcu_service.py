@@ -16,7 +16,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 AT_ONCE_US = 500_000
 """On a busy test machine; the setpoints live for ten times as long."""
 CONFIG = """
@@ -55,7 +55,7 @@ def address(daemon: PigpioProcess, tmp_path: Path) -> Iterator[str]:
     finally:
         process.terminate()
         process.stdout.close()
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(TIMEOUT_S) == 0
         assert not daemon.truth()["driven"]
         assert not Path(address.removeprefix("unix:")).exists()
 
@@ -64,10 +64,10 @@ def test_a_lost_host_ends_the_drive_and_not_the_service(
     daemon: PigpioProcess, address: str
 ) -> None:
     with subprocess.Popen([sys.executable, "-c", DRIVING, address]) as host:
-        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
         host.send_signal(signal.SIGKILL)
         killed_us = time.monotonic_ns() // 1000
-    wait_until(lambda: not daemon.truth()["driven"], PATIENCE_S)
+    wait_until(lambda: not daemon.truth()["driven"], TIMEOUT_S)
     assert daemon.truth()["driven_changed_us"] - killed_us < AT_ONCE_US
     with SerialDriver(address) as driver:
         first = driver.info.device.boot_id
@@ -75,13 +75,13 @@ def test_a_lost_host_ends_the_drive_and_not_the_service(
         assert driver.info.device.boot_id == first
         assert driver.geometry.wheel_radius == 0.04
         driver.set_velocity(0.2, 0.0)
-        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
 
 
 def test_it_has_one_host_at_a_time(daemon: PigpioProcess, address: str) -> None:
     with SerialDriver(address) as driver:
         driver.set_velocity(0.2, 0.0, ttl=5)
-        wait_until(lambda: bool(daemon.truth()["driven"]), PATIENCE_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
         with pytest.raises(errors.PortUnavailable, match="another program uses it"):
             SerialDriver(address, connect_timeout=0.5)
         assert daemon.truth()["driven"]

@@ -15,7 +15,7 @@ from support.lines import simulator_on
 from support.stop_host import (
     FAILURES,
     HANG,
-    PATIENCE_S,
+    TIMEOUT_S,
     TRUTH_HZ,
     at_speed,
     host,
@@ -71,7 +71,7 @@ def test_interrupted_host_stops_before_the_deadline(simulator: Simulator) -> Non
         process.send_signal(signal.SIGINT)
         end = wait(simulator, stopped)
         assert end.drive_removed_us < end.deadline_us
-        process.wait(PATIENCE_S)
+        process.wait(TIMEOUT_S)
 
 
 def test_device_reset_coasts_until_a_setpoint_of_a_new_session(simulator: Simulator) -> None:

@@ -17,7 +17,7 @@ from support.ros_process import RobotNode
 from support.ros_rig import Rig, open_rig, twist
 from support.stop_host import stopped
 
-TIMEOUT_S = 0.5
+CMD_VEL_TIMEOUT_S = 0.5
 CLOCK_ERROR_US = 10_000
 
 TELEOPERATION = """
@@ -35,13 +35,15 @@ except KeyboardInterrupt:
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
-    with open_rig(tmp_path_factory.mktemp("rig"), stamped=True, cmd_vel_timeout=TIMEOUT_S) as rig:
+    with open_rig(
+        tmp_path_factory.mktemp("rig"), stamped=True, cmd_vel_timeout=CMD_VEL_TIMEOUT_S
+    ) as rig:
         yield rig
 
 
 def test_a_stale_stamp_is_ignored_and_counted(rig: Rig) -> None:
     ticks = rig.simulator.get("true.left_ticks")
-    rig.commands.publish(rig.stamped(0.3, age_s=TIMEOUT_S + 0.1))
+    rig.commands.publish(rig.stamped(0.3, age_s=CMD_VEL_TIMEOUT_S + 0.1))
     assert rig.ignored("stale") == 1
     assert rig.simulator.get("true.left_ticks") == ticks
 
@@ -53,7 +55,7 @@ def test_an_old_command_lives_for_the_rest_of_the_timeout(rig: Rig) -> None:
     rig.simulator.take_states()
     rig.commands.publish(rig.stamped(0.3, age_s))
     start = rig.truth(lambda state: state.drive_on)
-    rest_us = (TIMEOUT_S - age_s) * 1e6
+    rest_us = (CMD_VEL_TIMEOUT_S - age_s) * 1e6
     assert 0 < start.deadline_us - start.device_us <= rest_us + CLOCK_ERROR_US
     rig.truth(stopped)
 
@@ -66,7 +68,7 @@ def test_no_stamp_means_now_and_one_from_the_future_gains_no_life(
     message = TwistStamped(twist=twist(0.3)) if age_s is None else rig.stamped(0.3, age_s)
     rig.commands.publish(message)
     start = rig.truth(lambda state: state.drive_on)
-    assert start.deadline_us - start.device_us <= TIMEOUT_S * 1e6 + CLOCK_ERROR_US
+    assert start.deadline_us - start.device_us <= CMD_VEL_TIMEOUT_S * 1e6 + CLOCK_ERROR_US
     rig.truth(stopped)
 
 

@@ -18,7 +18,7 @@ from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
 
-PATIENT_US = 1_000_000
+LONG_OVERRUN_LIMIT_US = 1_000_000
 """A busy test machine is no fault of the robot's."""
 
 
@@ -26,7 +26,7 @@ def check_driving(graph: Graph, driver: str, **options: Any) -> None:
     """There and to a halt, by odom."""
     diagnostics = Diagnostics(graph)
     odometry = graph.listen(Odometry, "odom")
-    with RobotNode(graph, driver_type=driver, overrun_limit_us=PATIENT_US, **options):
+    with RobotNode(graph, driver_type=driver, overrun_limit_us=LONG_OVERRUN_LIMIT_US, **options):
         commands = graph.publisher(Twist, "cmd_vel")
         wait(lambda: odometry, "odom")
         with Repeater(commands, lambda: twist(SPEED_MPS)):

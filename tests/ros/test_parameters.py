@@ -18,7 +18,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from nav_msgs.msg import Odometry
 from std_srvs.srv import Trigger
 
-from support.ros import PATIENCE_S, Graph, Repeater, open_graph, wait
+from support.ros import TIMEOUT_S, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from wheelwire import open_driver
@@ -105,7 +105,7 @@ def test_aliases_and_changes_reach_the_firmware_and_saved_ones_stay(tmp_path: Pa
 
 
 def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
-    with open_driver("serial", port=simulator.port, connect_timeout=PATIENCE_S) as robot:
+    with open_driver("serial", port=simulator.port, connect_timeout=TIMEOUT_S) as robot:
         drive = robot.geometry
         return (
             robot.parameters.get("proportional_gain"),
@@ -128,7 +128,7 @@ def test_a_start_with_what_cannot_be_ends_with_one_line(
     parameters: dict[str, Any], words: str
 ) -> None:
     with open_graph() as graph, RobotNode(graph, **parameters) as node:
-        assert node.process.wait(PATIENCE_S) == 1
+        assert node.process.wait(TIMEOUT_S) == 1
         (line,) = node.errors().splitlines()
         assert words in line
 
@@ -155,7 +155,7 @@ def test_a_robots_own_file_is_no_parameter_file() -> None:
         [sys.executable, "-m", "wheelwire_ros.hardware_robot", *arguments],
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
     )
     assert node.returncode == 1

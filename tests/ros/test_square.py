@@ -17,7 +17,7 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from support.ros import PATIENCE_S, Diagnostics, Graph, wait
+from support.ros import TIMEOUT_S, Diagnostics, Graph, wait
 from support.ros_process import RobotNode
 from wheelwire.simulation.simulator import Simulator
 
@@ -49,7 +49,7 @@ class Driver:
         self._publisher = publisher
 
     def go_to(self, x_m: float, y_m: float) -> None:
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while not self._step_to(x_m, y_m):
             assert time.monotonic() < end, f"({x_m}, {y_m}) was not reached"
             time.sleep(PERIOD_S)

@@ -13,13 +13,13 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from lifecycle_msgs.msg import Transition
 from std_msgs.msg import Empty
 
-from support.ros import PATIENCE_S
+from support.ros import TIMEOUT_S
 from support.ros_rig import NODE, Rig, open_rig
 from support.stop_host import stopped
 from support.stop_times import PERIOD_US
 from wheelwire.simulation.simulator import TrueState
 
-TIMEOUT_S = 0.5
+CMD_VEL_TIMEOUT_S = 0.5
 LONG_S = 5.0
 CLOCK_ERROR_US = 10_000
 
@@ -56,7 +56,7 @@ def check_stopped_early(rig: Rig) -> None:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    with open_rig(tmp_path, cmd_vel_timeout=TIMEOUT_S) as rig:
+    with open_rig(tmp_path, cmd_vel_timeout=CMD_VEL_TIMEOUT_S) as rig:
         yield rig
 
 
@@ -64,7 +64,7 @@ def test_a_command_lives_for_the_timeout_and_is_not_sent_again(rig: Rig) -> None
     start = rig.drive_on()
     end = rig.truth(stopped)
     check_stopped_at_deadline(end)
-    assert end.deadline_us <= start.device_us + TIMEOUT_S * 1e6 + CLOCK_ERROR_US
+    assert end.deadline_us <= start.device_us + CMD_VEL_TIMEOUT_S * 1e6 + CLOCK_ERROR_US
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_an_interrupted_node_stops_the_wheels_first(far_rig: Rig, number: signal
     far_rig.drive_on()
     far_rig.node.process.send_signal(number)
     check_stopped_early(far_rig)
-    assert far_rig.node.process.wait(PATIENCE_S) == 0
+    assert far_rig.node.process.wait(TIMEOUT_S) == 0
     assert "Traceback" not in far_rig.node.errors()
 
 
@@ -98,7 +98,7 @@ def test_an_exception_in_either_thread_stops_the_wheels_first(far_rig: Rig, topi
     far_rig.drive_on()
     explosion.publish(Empty())
     check_stopped_early(far_rig)
-    assert far_rig.node.process.wait(PATIENCE_S) == 1
+    assert far_rig.node.process.wait(TIMEOUT_S) == 1
     assert "RuntimeError: a defect" in far_rig.node.errors()
 
 

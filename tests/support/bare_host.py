@@ -21,7 +21,7 @@ REQUEST_ID = 1
 PING_SIZE = len(Encoder().encode(Ping(NONCE, REQUEST_ID, 0)))
 PONG_SIZE = len(Encoder().encode(Pong(NONCE, REQUEST_ID, 0, 0, 0)))
 """Of the whole frames: a message has one size, whatever is in it."""
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 REPEAT_S = 0.1
 
 
@@ -88,14 +88,14 @@ class BareHost:
         return time.perf_counter() - begin
 
     def _read(self) -> bytes:
-        if not self._poller.poll(PATIENCE_S * 1e3):
+        if not self._poller.poll(TIMEOUT_S * 1e3):
             raise TimeoutError("nothing came")
         return self._transport.read()
 
     def _ask(self, request: AnyMessage, answer: type[AnyMessage]) -> Any:
         """Say it until it is answered: a device that starts hears nothing."""
         decoder = Decoder()
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
             self._transport.write(self._encoder.encode(request))
             while self._poller.poll(REPEAT_S * 1e3):

@@ -11,7 +11,7 @@ from typing import Any
 from wheelwire import errors
 
 PROGRAM = [sys.executable, "-m", "wheelwire"]
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -20,7 +20,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
         [*PROGRAM, *arguments],
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
         env={**os.environ, "COLUMNS": "100", **environment},
     )

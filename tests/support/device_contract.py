@@ -16,7 +16,7 @@ from wheelwire.link.info import host_release
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Capability, ResetReason, SupervisorState
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 WATCH_S = 2.0
 TTL_S = 0.3
 CLOCK_ERROR_US = 5000
@@ -43,7 +43,7 @@ class Bench:
     @contextmanager
     def robot(self) -> Iterator[SerialDriver]:
         """The device, with no e-stop and no fault latched by a former test."""
-        with SerialDriver(self.port, connect_timeout=PATIENCE_S) as robot:
+        with SerialDriver(self.port, connect_timeout=TIMEOUT_S) as robot:
             state = robot.read().state
             if state is SupervisorState.ESTOPPED:
                 robot.clear_estop()
@@ -60,7 +60,7 @@ class Bench:
 
 def wait(robot: SerialDriver, condition: Callable[[WheelSample], bool]) -> WheelSample:
     """The first sample from now on that fulfils `condition`."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while time.monotonic() < end:
         sample = robot.read()
         if condition(sample):

@@ -16,7 +16,7 @@ from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample, tick_difference
 from wheelwire.simulation.impairment import LineProfile
 
-from .faulty_robot import FaultyRobot
+from .impaired_robot import ImpairedVirtualRobot
 
 STATE_HZ = 1000
 COMMAND_MS = 20
@@ -83,7 +83,7 @@ class EnduranceRun:
 
     def __init__(self, seed: int, profile: LineProfile | None = None, /, **settings: float) -> None:
         self.random = Random(seed)
-        self.robot = FaultyRobot(seed, profile, **settings)
+        self.robot = ImpairedVirtualRobot(seed, profile, **settings)
         self.robot.session = Session(lambda: self.random.getrandbits(32), STATE_HZ)
         self.account = Account()
         self._latest_sample = LatestSample()
@@ -127,9 +127,9 @@ class EnduranceRun:
         self.robot.plug()
         self.wait_open()
 
-    def until(self, condition: Callable[[], bool], patience_ms: int = 10_000) -> None:
+    def until(self, condition: Callable[[], bool], timeout_ms: int = 10_000) -> None:
         """Step until it holds; fails when it does not in time."""
-        for _ in range(patience_ms):
+        for _ in range(timeout_ms):
             if condition():
                 return
             self.step()

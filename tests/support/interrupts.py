@@ -21,7 +21,7 @@ from .pty_device import PtyDevice
 
 PROGRAM = Path(__file__).with_name("interrupted_host.py")
 LONGEST_PAUSE_S = 0.0015
-PATIENCE_S = 600.0
+TIMEOUT_S = 600.0
 
 
 @dataclass
@@ -59,7 +59,7 @@ def storm(count: int, mode: str, seed: int = 1) -> Storm:
 
 
 def _shoot(process: subprocess.Popen[str], moments: random.Random, report: Future[str]) -> None:
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while not report.done():
         assert time.monotonic() < end, "the program hangs"
         process.send_signal(signal.SIGINT)

@@ -12,7 +12,7 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Board, ResetReason
 from wheelwire_protocol.native import Core, Identity, Outputs
 
-PATIENCE_US = 5_000_000
+TIMEOUT_US = 5_000_000
 
 
 class LibraryRobot:
@@ -65,7 +65,7 @@ class LibraryRobot:
         return self.outputs
 
     def run_until(self, condition: Callable[[], bool]) -> None:
-        end_us = self.now_us + PATIENCE_US
+        end_us = self.now_us + TIMEOUT_US
         while not condition():
             assert self.now_us < end_us, "the condition never held"
             self.step()

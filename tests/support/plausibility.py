@@ -21,7 +21,7 @@ class Outcome(NamedTuple):
 
     faults: Fault
     seconds: float
-    """From the failure to the fault, or to the end of patience."""
+    """From the failure to the fault, or to the end of the run."""
     distance_m: float
     """That the wheel of the failed encoder rolled in it."""
     top_mps: float
@@ -35,7 +35,7 @@ def fail(
     driven_s: float = 0.0,
     battery_v: float = MEASURED_V,
     supply_v: float = MEASURED_V,
-    patience_s: float = 3.0,
+    timeout_s: float = 3.0,
 ) -> Outcome:
     """Drive straight, and let the encoder of one wheel fail after `driven_s`.
 
@@ -46,7 +46,7 @@ def fail(
         driven_s: 0: it fails before the first setpoint.
         battery_v: What the firmware measures; 0: nothing.
         supply_v: What the motors have.
-        patience_s: Of waiting for a fault.
+        timeout_s: Of waiting for a fault.
     """
     robot = VirtualRobot(1, supply_v=supply_v, battery_v=battery_v).open()
     robot.drive(target_mps, target_mps, driven_s)
@@ -54,7 +54,7 @@ def fail(
         robot.sim.set(f"{side}.{name}", value)
     began_us, top = robot.now_us, 0.0
     before = robot.sim.get(f"true.{side}_ticks")
-    while not robot.sim.get("faults") and robot.now_us < began_us + patience_s * 1e6:
+    while not robot.sim.get("faults") and robot.now_us < began_us + timeout_s * 1e6:
         with suppress(DeviceRefused):
             robot.drive(target_mps, target_mps, PERIOD_S)
         top = max(top, abs(robot.sim.get(f"true.{side}_mps")))

@@ -12,7 +12,7 @@ from wheelwire.simulation.simulator import Simulator
 
 AIM_S = 0.25
 """p99, from the port's return."""
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 def after_unplug(simulator: Simulator, robot: SerialDriver) -> float:
@@ -38,14 +38,14 @@ def after_reset(simulator: Simulator, robot: SerialDriver) -> float:
     """Seconds from a reset to a sample of the new boot; includes the boot's own time."""
     begin = time.monotonic()
     boot_id = simulator.reset()
-    while robot.read(PATIENCE_S).boot_id != boot_id:
-        assert time.monotonic() < begin + PATIENCE_S, "no sample of the new boot"
+    while robot.read(TIMEOUT_S).boot_id != boot_id:
+        assert time.monotonic() < begin + TIMEOUT_S, "no sample of the new boot"
     return time.monotonic() - begin
 
 
 def _first_fresh(robot: SerialDriver, since: float) -> float:
-    while robot.read(PATIENCE_S).stamp < since:
-        assert time.monotonic() < since + PATIENCE_S, "no fresh sample"
+    while robot.read(TIMEOUT_S).stamp < since:
+        assert time.monotonic() < since + TIMEOUT_S, "no fresh sample"
     return time.monotonic() - since
 
 
@@ -59,4 +59,4 @@ def is_lost(robot: SerialDriver) -> bool:
 
 
 def _wait_lost(robot: SerialDriver) -> None:
-    wait_until(lambda: is_lost(robot), PATIENCE_S, "the loss of the port")
+    wait_until(lambda: is_lost(robot), TIMEOUT_S, "the loss of the port")

@@ -28,7 +28,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from support.waiting import wait_until
 
-PATIENCE_S = 90.0
+TIMEOUT_S = 90.0
 """On a busy computer a node alone takes half a minute to start."""
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
@@ -42,7 +42,7 @@ _domains = itertools.count(os.getpid())
 
 def wait(condition: Callable[[], Any], what: str) -> None:
     """Until it holds."""
-    wait_until(condition, PATIENCE_S, what)
+    wait_until(condition, TIMEOUT_S, what)
 
 
 def take_domain() -> tuple[int, socket.socket]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from support.processes import interruptible
-from support.ros import PATIENCE_S, Graph
+from support.ros import TIMEOUT_S, Graph
 
 
 class RobotNode:
@@ -58,14 +58,14 @@ class RobotNode:
     def end(self, number: signal.Signals) -> int:
         """Send a signal and wait; returns the exit code."""
         self.process.send_signal(number)
-        return self.process.wait(PATIENCE_S)
+        return self.process.wait(TIMEOUT_S)
 
     def close(self) -> None:
         """Interrupt it, if it still runs."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         try:
-            self.process.wait(PATIENCE_S)
+            self.process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()

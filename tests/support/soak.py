@@ -26,7 +26,7 @@ CORRUPT = 0.01
 """Of each byte, both ways."""
 LAP_S = 5.0
 UNPLUGGED_S = 0.2
-PATIENCE_S = 60.0
+TIMEOUT_S = 60.0
 SETTLED = 300
 """Readings."""
 PROFILE = LineProfile(Impairment(), Impairment(), seed=11)
@@ -179,8 +179,8 @@ class Soak:
 
     def _ticks_against_plant(self) -> int:
         """Ticks of both wheels that the host has too many, while the robot stands."""
-        started_us = self._robot.read(PATIENCE_S).t_us
-        wait(lambda: self._robot.read(PATIENCE_S).t_us != started_us)
+        started_us = self._robot.read(TIMEOUT_S).t_us
+        wait(lambda: self._robot.read(TIMEOUT_S).t_us != started_us)
         measured = self._robot.get_encoder_ticks()
         true = (self._simulator.get("true.left_ticks"), self._simulator.get("true.right_ticks"))
         return sum(measured) - int(sum(true))
@@ -207,7 +207,7 @@ class Soak:
     def _device_gap(self) -> Gap:
         """On a good line. Only an answer to the last frame that was sent covers all of them."""
         truth = self._simulator.line.to_device.truth
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:
             before = truth.frames
             counted = retry(self._robot.device_counters)
@@ -223,7 +223,7 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
     end = time.monotonic() + minutes * 60
     with (
         ImpairedSimulator(PROFILE, seed=3) as simulator,
-        SerialDriver(simulator.port, stream_rate_hz=STATE_HZ, connect_timeout=PATIENCE_S) as robot,
+        SerialDriver(simulator.port, stream_rate_hz=STATE_HZ, connect_timeout=TIMEOUT_S) as robot,
     ):
         soak = Soak(simulator, robot)
         while time.monotonic() < end:
@@ -234,7 +234,7 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
 
 def wait(condition: Callable[[], bool]) -> None:
     """Until it holds; fails when it does not for long."""
-    wait_until(condition, PATIENCE_S)
+    wait_until(condition, TIMEOUT_S)
 
 
 def retry(action: Callable[[], T]) -> T:

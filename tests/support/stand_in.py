@@ -26,7 +26,7 @@ class StandIn:
             text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])},
         )
-        self.greeting = self._answer()
+        self.first_answer = self._answer()
 
     def command(self, line: str) -> dict[str, Any]:
         assert self._process.stdin

@@ -21,7 +21,7 @@ from wheelwire_protocol.types import Hello, SetWheelVelocity
 from .processes import interruptible
 from .stop_times import NOISE_BYTES_PER_S, SPEED_MPS, TTL_S, WRONG_HASH, StopTime
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 TRUTH_HZ = 200.0
 
 COMMANDING = """
@@ -56,7 +56,7 @@ def host(simulator: Simulator) -> Iterator[subprocess.Popen[bytes]]:
 
 def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueState:
     """The first true state from now on that fulfils `condition`."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while time.monotonic() < end:
         for state in simulator.take_states():
             if condition(state):

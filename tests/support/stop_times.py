@@ -12,7 +12,7 @@ from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Hello, SetWheelVelocity
 
-from .faulty_robot import FaultyRobot
+from .impaired_robot import ImpairedVirtualRobot
 
 TTL_S = 0.3
 SPEED_MPS = 0.25
@@ -22,7 +22,7 @@ PERIOD_US = 1000
 NOISE_BYTES_PER_S = 200_000
 LATE_MS = 150
 """After it, what a frozen host had left in a buffer arrives."""
-PATIENCE_MS = 5000
+TIMEOUT_MS = 5000
 WRONG_HASH = schema_hash() ^ 1
 
 
@@ -54,7 +54,7 @@ class Failure:
     commands = False
     """The host goes on commanding."""
 
-    def __init__(self, robot: FaultyRobot) -> None:
+    def __init__(self, robot: ImpairedVirtualRobot) -> None:
         self.robot = robot
         self.inject()
 
@@ -147,7 +147,7 @@ class WrongSchema(Failure):
             self.robot.line.to_device.send(self._encoder.encode(message), self.robot.now_us)
 
 
-FAILURES: dict[str, Callable[[FaultyRobot], Failure]] = {
+FAILURES: dict[str, Callable[[ImpairedVirtualRobot], Failure]] = {
     "host killed": Killed,
     "host frozen, its buffer late": Frozen,
     "cable pulled": CablePulled,
@@ -159,10 +159,10 @@ FAILURES: dict[str, Callable[[FaultyRobot], Failure]] = {
 }
 
 
-def stop_time(kind: Callable[[FaultyRobot], Failure], seed: int) -> StopTime:
+def stop_time(kind: Callable[[ImpairedVirtualRobot], Failure], seed: int) -> StopTime:
     """Bring a robot to speed, fail it, and measure. The seed sets the failure's phase."""
     random = Random(seed)
-    robot = FaultyRobot(seed, clock_ppm=random.uniform(-200, 200))
+    robot = ImpairedVirtualRobot(seed, clock_ppm=random.uniform(-200, 200))
     robot.sim.advance_us(random.randrange(PERIOD_US))
     robot.open()
     robot.drive(SPEED_MPS, SPEED_MPS, 1.0)
@@ -189,8 +189,8 @@ def stop_time(kind: Callable[[FaultyRobot], Failure], seed: int) -> StopTime:
     )
 
 
-def _run_until_still(robot: FaultyRobot, failure: Failure) -> None:
-    for elapsed_ms in range(PATIENCE_MS):
+def _run_until_still(robot: ImpairedVirtualRobot, failure: Failure) -> None:
+    for elapsed_ms in range(TIMEOUT_MS):
         failure.go_on(elapsed_ms)
         if failure.commands and elapsed_ms % COMMAND_MS == 0:
             with suppress(WheelwireError):

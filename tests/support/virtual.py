@@ -15,7 +15,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
 
 STEP_US = 1000
-PATIENCE_S = 5.0
+TIMEOUT_S = 5.0
 
 
 class VirtualRobot:
@@ -56,9 +56,9 @@ class VirtualRobot:
         while self.now_us < end_us:
             self.step()
 
-    def run_until(self, condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
-        """Let time pass until `condition()` holds; fails when it does not within `patience_s`."""
-        end_us = self.now_us + round(patience_s * 1e6)
+    def run_until(self, condition: Callable[[], bool], timeout_s: float = TIMEOUT_S) -> None:
+        """Let time pass until `condition()` holds; fails when it does not within `timeout_s`."""
+        end_us = self.now_us + round(timeout_s * 1e6)
         while not condition():
             assert self.now_us < end_us, "the condition never held"
             self.step()

@@ -80,8 +80,8 @@ class VirtualLine:
         while self.now_us < end_us:
             self.step(end_us)
 
-    def run_until(self, condition: Callable[[], bool], patience_s: float = 5.0) -> None:
-        end_us = self.now_us + round(patience_s * 1e6)
+    def run_until(self, condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+        end_us = self.now_us + round(timeout_s * 1e6)
         self.flush()
         while not condition():
             assert self.now_us < end_us, "the condition never held"

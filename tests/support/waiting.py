@@ -21,10 +21,10 @@ def is_open(robot: BaseDriver) -> bool:
 
 
 def wait_until(
-    condition: Callable[[], object], patience_s: float = 10.0, what: str = "the condition"
+    condition: Callable[[], object], timeout_s: float = 10.0, what: str = "the condition"
 ) -> None:
     """Return as soon as `condition()` holds; fail when it does not in time."""
-    end = time.monotonic() + patience_s
+    end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, f"{what} never held"
         time.sleep(PERIOD_S)

@@ -113,7 +113,7 @@ PIN_OPTIONS: dict[str, list[Any]] = {
     "pins": [5, "x", {"left_pwm": 18}],
     "parameters": [5, "x", [1]],
     "store": [5, b"x"],
-    "patience_ms": [*NO_NUMBERS, 0],
+    "core_timeout_ms": [*NO_NUMBERS, 0],
 }
 
 

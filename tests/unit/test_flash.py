@@ -21,7 +21,7 @@ from wheelwire import errors, flash
 from wheelwire_protocol.codes import Board
 from wheelwire_protocol.types import Stop
 
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 OTA_1_IS_SELECTED = OTADATA_ENTRY.pack(2, b"\xff" * 20, 2, 0x55F63774)
 """As the bootloader's tools write it: sequence number 2, valid, and the CRC of the number."""
 
@@ -66,7 +66,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "wheelwire", "flash", *arguments],
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=TIMEOUT_S,
         check=False,
         env={**os.environ, "COLUMNS": "200"},
     )

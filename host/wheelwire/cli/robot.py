@@ -22,7 +22,7 @@ from .output import JsonFlag, console, plain, print_facts, print_json
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
-CLEAR_PATIENCE_S = 1.0
+CLEAR_TIMEOUT_S = 1.0
 """Until a state frame shows what came of a request; they come at 10 Hz at least."""
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
@@ -151,9 +151,9 @@ def _without_contact(address: str) -> str:
     )
 
 
-def _standstill(robot: BaseDriver, patience_s: float = 3.0) -> WheelSample:
-    """The first sample of standing wheels, or the newest after `patience_s`."""
-    end = time.monotonic() + patience_s
+def _standstill(robot: BaseDriver, timeout_s: float = 3.0) -> WheelSample:
+    """The first sample of standing wheels, or the newest after `timeout_s`."""
+    end = time.monotonic() + timeout_s
     sample = robot.read()
     while (sample.left_mps or sample.right_mps) and time.monotonic() < end:
         sample = robot.read()
@@ -212,7 +212,7 @@ def clear(
             _clear_estop(driver, address.text)
         elif before.state is SupervisorState.FAULT:
             driver.clear_fault()
-        end = time.monotonic() + CLEAR_PATIENCE_S
+        end = time.monotonic() + CLEAR_TIMEOUT_S
         while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
             after = driver.read()
     ended = before.state if before.state in _LATCHED else None

@@ -23,7 +23,7 @@ COMMAND_PERIOD_S = 0.02
 TTL_S = 0.3
 STRAIGHT_S = 1.0
 """Driven after the figure, so that the hang meets a robot at speed."""
-PATIENCE_S = 10.0
+STANDSTILL_TIMEOUT_S = 10.0
 PICTURE = "trajectory.png"
 
 
@@ -76,11 +76,11 @@ class _Demonstration:
 
     def _hang(self) -> None:
         """Command no more, as a program that hangs: the firmware must stop the robot."""
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + STANDSTILL_TIMEOUT_S
         while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
             if time.monotonic() > end:
                 raise WheelwireError(
-                    f"the robot still moves {PATIENCE_S:g} s after the last command"
+                    f"the robot still moves {STANDSTILL_TIMEOUT_S:g} s after the last command"
                 )
             self._watch("hanging")
 

@@ -50,7 +50,7 @@ def open_driver(
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
     pwm_directory: Path = ...,
-    patience_ms: int = ...,
+    core_timeout_ms: int = ...,
 ) -> L298NDriver: ...
 @overload
 def open_driver(
@@ -61,7 +61,7 @@ def open_driver(
     pins: Pins | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
-    patience_ms: int = ...,
+    core_timeout_ms: int = ...,
 ) -> PigpioDriver: ...
 @overload
 def open_driver(

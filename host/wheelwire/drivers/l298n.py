@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..arguments import path, whole
 from ..linux_mcu.pins import Pins
-from ..linux_mcu.settings import PATIENCE_MS, McuSettings
+from ..linux_mcu.settings import CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
 from .pins import PinDriver
 
@@ -24,8 +24,8 @@ class L298NDriver(PinDriver):
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
         pwm_directory: Where the kernel's PWM is.
-        patience_ms: A core that is silent for longer while its pins are claimed is killed, and EN
-            pulled low.
+        core_timeout_ms: If the core is silent for longer while it holds the pins, it is killed
+            and EN is pulled low.
 
     Raises:
         DriverUnavailable: gpiozero or the core's library is not installed, or a pin or its PWM
@@ -41,7 +41,7 @@ class L298NDriver(PinDriver):
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
         pwm_directory: Path = PWM_DIRECTORY,
-        patience_ms: int = PATIENCE_MS,
+        core_timeout_ms: int = CORE_TIMEOUT_MS,
     ) -> None:
         settings = McuSettings(
             backend="l298n",
@@ -49,6 +49,6 @@ class L298NDriver(PinDriver):
             parameters=checked_values(parameters),
             pwm_directory=str(path("pwm_directory", pwm_directory)),
             pwm_chip=None if pwm_chip is None else whole("pwm_chip", pwm_chip, 0, MAX_CHIP),
-            patience_ms=patience_ms,
+            core_timeout_ms=core_timeout_ms,
         )
         super().__init__(settings, store)

@@ -12,7 +12,7 @@ from ..parameters import checked_values
 from .pins import PinDriver
 
 DEFAULT_PORT = 8888
-PATIENCE_MS = 1000
+CORE_TIMEOUT_MS = 1000
 """Longer than an answer over a wireless network may take."""
 
 
@@ -25,8 +25,8 @@ class PigpioDriver(PinDriver):
         pins: The wiring.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
-        patience_ms: A core that is silent for longer is killed; EN goes low by the script inside
-            pigpiod.
+        core_timeout_ms: If the core is silent for longer, it is killed; the script inside pigpiod
+            then pulls EN low.
 
     Raises:
         DriverUnavailable: pigpio's client or the core's library is not installed, no daemon
@@ -42,7 +42,7 @@ class PigpioDriver(PinDriver):
         pins: Pins | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
-        patience_ms: int = PATIENCE_MS,
+        core_timeout_ms: int = CORE_TIMEOUT_MS,
     ) -> None:
         wiring = pins or Pins()
         if isinstance(wiring, Pins):  # else it is refused with the other options
@@ -53,6 +53,6 @@ class PigpioDriver(PinDriver):
             parameters=checked_values(parameters),
             host=text("host", host, "localhost"),
             port=whole("port", port, 1, 65_535),
-            patience_ms=patience_ms,
+            core_timeout_ms=core_timeout_ms,
         )
         super().__init__(settings, store)

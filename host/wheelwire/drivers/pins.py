@@ -15,7 +15,7 @@ from ..linux_mcu.settings import McuSettings
 from ..linux_mcu.store import converted_store
 from .transport_driver import TransportDriver
 
-MAX_PATIENCE_MS = 60_000
+MAX_CORE_TIMEOUT_MS = 60_000
 
 log = logging.getLogger("wheelwire")
 
@@ -37,7 +37,9 @@ class PinDriver(TransportDriver):
     def __init__(self, settings: McuSettings, store: Path | None) -> None:
         settings = replace(
             settings,
-            patience_ms=whole("patience_ms", settings.patience_ms, 1, MAX_PATIENCE_MS),
+            core_timeout_ms=whole(
+                "core_timeout_ms", settings.core_timeout_ms, 1, MAX_CORE_TIMEOUT_MS
+            ),
         )
         if not isinstance(settings.pins, Pins):
             raise InvalidArgument(f"pins = {shown(settings.pins)}: give `wheelwire.Pins`")

@@ -27,7 +27,7 @@ from .transports import Transport, open_transport
 NO_VERSION = 0
 """Of no release: a device refuses it, so that being asked costs nobody a session; but it answers,
 and says who it is."""
-PATIENCE_US = 1_000_000
+IDENTIFY_TIMEOUT_US = 1_000_000
 """Opening a port may reset an ESP32: it answers after its boot."""
 
 
@@ -110,7 +110,7 @@ def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:
     for descriptor in by_descriptor:
         poller.register(descriptor, select.POLLIN)
     now_us = due_us = host_clock_us()
-    end_us = now_us + PATIENCE_US
+    end_us = now_us + IDENTIFY_TIMEOUT_US
     while now_us < end_us and any(not one.board_id for one in by_descriptor.values()):
         if now_us >= due_us:
             due_us = now_us + HELLO_PERIOD_US

@@ -54,7 +54,7 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
         os.close(settings.socket)
     realtime.become_punctual(realtime.GUARD_PRIORITY)
     prepare = partial(prepare_enable_low, settings)
-    return guard.watch(core_pid, heartbeat, settings.patience_ms / 1000, prepare)
+    return guard.watch(core_pid, heartbeat, settings.core_timeout_ms / 1000, prepare)
 
 
 def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | None]) -> int:

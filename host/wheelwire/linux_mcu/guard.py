@@ -16,7 +16,7 @@ CHECK_S = 0.01
 def watch(
     core_pid: int,
     heartbeat: Heartbeat,
-    patience_s: float,
+    core_timeout_s: float,
     prepare_enable_low: Callable[[], Callable[[], None]],
 ) -> int:
     """Until the core's process has ended, by itself or by the guard.
@@ -24,7 +24,7 @@ def watch(
     Args:
         core_pid: A child of this process.
         heartbeat: The core's.
-        patience_s: A running core that is silent for longer is killed: no pin can be claimed
+        core_timeout_s: A running core that is silent for longer is killed: no pin can be claimed
             while it holds them.
         prepare_enable_low: Does what is slow; its result pulls EN low.
 
@@ -34,9 +34,9 @@ def watch(
     core = os.pidfd_open(core_pid)
     enable_low = _prepared(prepare_enable_low, heartbeat)
     while not _ended(core):
-        if heartbeat.phase is Phase.RUNNING and heartbeat.age_s > patience_s:
+        if heartbeat.phase is Phase.RUNNING and heartbeat.age_s > core_timeout_s:
             # Where this process was held up itself, the core was so too, and has its chance now.
-            if _ended(core, wait_s=CHECK_S) or heartbeat.age_s <= patience_s:
+            if _ended(core, wait_s=CHECK_S) or heartbeat.age_s <= core_timeout_s:
                 continue
             os.kill(core_pid, signal.SIGKILL)
     _, status = os.waitpid(core_pid, 0)

@@ -8,8 +8,8 @@ from typing import Literal
 
 from .pins import Pins
 
-PATIENCE_MS = 100
-"""A core that gives no sign of life for this long while it drives is taken for hung."""
+CORE_TIMEOUT_MS = 100
+"""A core that is silent for this long while it drives is considered hung."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class McuSettings:
         pwm_chip: `l298n`: number of the kernel's PWM chip, where there are several.
         host: `pigpio`: where the daemon runs.
         port: `pigpio`: its TCP port.
-        patience_ms: How long the core may be silent before the guard ends it.
+        core_timeout_ms: How long the core may be silent before the guard kills it.
         socket: File descriptor of the connected socket to the application; or
         listen: Path of a Unix socket, where one application after the other may connect.
         parent: Process id of the application, whose end ends this process too.
@@ -39,7 +39,7 @@ class McuSettings:
     pwm_chip: int | None = None
     host: str = "localhost"
     port: int = 8888
-    patience_ms: int = PATIENCE_MS
+    core_timeout_ms: int = CORE_TIMEOUT_MS
     socket: int | None = None
     listen: str | None = None
     parent: int | None = None

@@ -16,7 +16,7 @@ from ..link.session import Phase, Session
 from ..parameters import checked_value
 
 PERIOD_US = 1000
-PATIENCE_US = 10_000_000
+ANSWER_TIMEOUT_US = 10_000_000
 
 
 def converted_store(path: Path) -> Path:
@@ -86,7 +86,7 @@ class CoreHost:
             raise answers[0]
 
     def _turn(self) -> None:
-        if self._now_us > PATIENCE_US:
+        if self._now_us > ANSWER_TIMEOUT_US:
             raise DriverUnavailable("the core does not answer: is its library of this release?")
         self._now_us += PERIOD_US
         self._session.advance(self._now_us)

@@ -94,7 +94,7 @@ def library_path() -> Path:
 def _load() -> ctypes.CDLL:
     path = library_path()
     if not path.exists():
-        raise SimulatorNotFound(f"there is no {path}: {native.cure()}")
+        raise SimulatorNotFound(f"there is no {path}: {native.remedy()}")
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)

@@ -85,12 +85,12 @@ class ImpairedRelay:
             self._unplug()
 
     def _turn(self) -> None:
-        for happening in self.line.advance(host_clock_us()):
-            self._obey(happening)
+        for event in self.line.advance(host_clock_us()):
+            self._obey(event)
         if self._device is None and not self._unplugged:
             self._plug()
         if self._device is None:
-            self._end.wait(min(REOPEN_S, self._patience_s()))
+            self._end.wait(min(REOPEN_S, self._wait_s()))
             return
         try:
             self._write()
@@ -98,10 +98,10 @@ class ImpairedRelay:
         except (OSError, termios.error):  # the device's port is gone, and ours with it
             self._unplug()
 
-    def _obey(self, happening: LineEvent) -> None:
-        if happening is LineEvent.RESET:
+    def _obey(self, event: LineEvent) -> None:
+        if event is LineEvent.RESET:
             self._reset()
-        elif happening is LineEvent.UNPLUG:
+        elif event is LineEvent.UNPLUG:
             self._unplugged = True
             self._drain()
             self._unplug()
@@ -163,7 +163,7 @@ class ImpairedRelay:
         device = self._device
         if device is None:
             return
-        readable, _, _ = select.select([device, self._master], [], [], self._patience_s())
+        readable, _, _ = select.select([device, self._master], [], [], self._wait_s())
         now_us = host_clock_us()
         for descriptor, direction in (
             (device, self.line.to_host),
@@ -187,7 +187,7 @@ class ImpairedRelay:
         self._to_host = _written(self._master, self._to_host, self.line.to_host.take(now_us))
         self._to_device = _written(device, self._to_device, self.line.to_device.take(now_us))
 
-    def _patience_s(self) -> float:
+    def _wait_s(self) -> float:
         """Until the line has something to do; short while an end does not take what waits."""
         if self._to_host or self._to_device:
             return RETRY_S

@@ -45,7 +45,7 @@ def find_simulator() -> Path:
         return Path(named)
     program = native.locate(PROGRAM, _PACKAGE)
     if not os.access(program, os.X_OK):
-        raise SimulatorNotFound(f"there is no simulator, {program}: {native.cure()}")
+        raise SimulatorNotFound(f"there is no simulator, {program}: {native.remedy()}")
     return program
 
 

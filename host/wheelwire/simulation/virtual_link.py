@@ -166,8 +166,8 @@ class VirtualLink:
             raise reply.with_traceback(None)
         return reply
 
-    def _pass_until(self, condition: Callable[[], bool], patience_s: float) -> None:
-        end_us = self.now_us + round(patience_s * 1e6)
+    def _pass_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
+        end_us = self.now_us + round(timeout_s * 1e6)
         while not condition():
             if self.now_us > end_us:
                 raise RequestTimeout("the simulated robot does not answer")

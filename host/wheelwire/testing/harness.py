@@ -11,8 +11,8 @@ from ..samples import WheelSample
 
 REPEAT_S = 0.05
 TTL_S = 0.5
-PATIENCE_S = 30.0
-"""In the robot's time. Much longer than anything takes, for a busy machine is no error."""
+TIMEOUT_S = 30.0
+"""In the robot's time. Much longer than anything takes: a busy machine must not fail a test."""
 
 SPEED_MPS = 0.2
 """What the tests drive at, where nothing else is said."""
@@ -34,7 +34,7 @@ class DriveHarness:
 
     def next(self) -> WheelSample:
         """The next sample."""
-        sample = self.driver.read(PATIENCE_S)
+        sample = self.driver.read(TIMEOUT_S)
         self.samples.append(sample)
         return sample
 
@@ -98,7 +98,7 @@ class DriveHarness:
         return self.wait(lambda s: s.left_mps == 0 and s.right_mps == 0)
 
     def recovers(self) -> bool:
-        """Whether the driver reads a sample within the patience, the link's loss allowed for."""
+        """Whether the driver reads a sample in time, though its link may have been lost."""
         try:
             self.next()
         except (LinkLost, RequestTimeout):
@@ -120,7 +120,7 @@ class DriveHarness:
         sample = self.next()
         start_us = commanded_us = sample.t_us
         while not condition(sample):
-            assert sample.t_us - start_us < PATIENCE_S * 1e6, f"it never came to that: {sample}"
+            assert sample.t_us - start_us < TIMEOUT_S * 1e6, f"it never came to that: {sample}"
             if sample.t_us - commanded_us >= REPEAT_S * 1e6:
                 command()
                 commanded_us = sample.t_us

@@ -12,7 +12,7 @@ import pytest
 from .. import errors
 from ..drivers.base import BaseDriver
 from .bench import Bench
-from .harness import PATIENCE_S, SPEED_MPS, DriveHarness, turning
+from .harness import SPEED_MPS, TIMEOUT_S, DriveHarness, turning
 
 POLL_S = 0.01
 
@@ -40,7 +40,7 @@ class LifecycleTests:
     def test_a_robot_without_its_link_stops(self, bench: Bench, harness: DriveHarness) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
         bench.lose_link()
-        for _ in range(round(PATIENCE_S / POLL_S)):
+        for _ in range(round(TIMEOUT_S / POLL_S)):
             bench.pass_time(POLL_S)
             if not bench.is_driven():
                 break

@@ -12,7 +12,7 @@ from wheelwire_protocol.codes import SupervisorState
 from .. import errors
 from ..drivers.base import BaseDriver
 from ..samples import WheelSample
-from .harness import CLOSE, PATIENCE_S, SPEED_MPS, DriveHarness, mean_of
+from .harness import CLOSE, SPEED_MPS, TIMEOUT_S, DriveHarness, mean_of
 
 
 def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
@@ -46,7 +46,7 @@ class RefusingTests:
     def test_a_stamp_of_another_clock_is_no_command(
         self, harness: DriveHarness, ahead_s: float
     ) -> None:
-        later = harness.next().stamp + PATIENCE_S + ahead_s
+        later = harness.next().stamp + TIMEOUT_S + ahead_s
         for call in (harness.driver.set_velocity, harness.driver.set_wheel_velocity):
             with pytest.raises(errors.InvalidCommand, match="monotonic"):
                 call(0.1, 0.0, stamp=later)

@@ -23,7 +23,7 @@ class GpioRig(StandInRig):
             self.driver = L298NDriver(
                 parameters={"overrun_limit_us": 1e6},
                 pwm_directory=chip.pwm_directory,
-                patience_ms=5000,
+                core_timeout_ms=5000,
             )
         self._command("spin 0")
         return self

@@ -15,7 +15,7 @@ class PigpioRig(StandInRig):
     def __enter__(self) -> PigpioRig:
         self.stand_in = daemon = PigpioProcess()
         self.driver = PigpioDriver(
-            "127.0.0.1", daemon.port, parameters={"overrun_limit_us": 1e6}, patience_ms=5000
+            "127.0.0.1", daemon.port, parameters={"overrun_limit_us": 1e6}, core_timeout_ms=5000
         )
         self._command("spin 0")
         return self

@@ -13,7 +13,7 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.types import SetDuty, SetWheelVelocity
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 FIRST, STRANGER = 0x240AC4123456, 0x240AC4ABCDEF
 
 
@@ -41,7 +41,7 @@ def replace(robot: PtyDevice, board_id: int) -> FakeDevice:
 def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         stranger = replace(robot, STRANGER)
-        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), PATIENCE_S)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
         error = error_of(driver)
         assert "240ac4abcdef" in str(error)
         assert "240ac4123456" in str(error)
@@ -51,20 +51,20 @@ def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> No
         assert not [m for m in stranger.received if isinstance(m, (SetWheelVelocity, SetDuty))]
         assert driver.info.device.board_id == "240ac4123456"
         replace(robot, FIRST)
-        wait_until(lambda: error_of(driver) is None, PATIENCE_S)
+        wait_until(lambda: error_of(driver) is None, TIMEOUT_S)
 
 
 def test_another_board_may_be_taken_on_purpose(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path), any_board=True) as driver:
         stranger = replace(robot, STRANGER)
-        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed), PATIENCE_S)
+        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed), TIMEOUT_S)
         assert driver.info.device.board_id == "240ac4abcdef"
 
 
 def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         replace(robot, STRANGER)
-        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), PATIENCE_S)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
 
         def open_second() -> bool:
             try:
@@ -73,7 +73,7 @@ def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
                 return False
             return True
 
-        wait_until(open_second, PATIENCE_S)
+        wait_until(open_second, TIMEOUT_S)
 
 
 def board_of(link: Path | None = None) -> str:
@@ -93,4 +93,4 @@ def test_a_driver_goes_on_when_a_simulator_is_started_again_at_its_link(tmp_path
     with Simulator(link=link) as simulator, SerialDriver(simulator.port) as driver:
         simulator.close()
         with Simulator(link=link):
-            wait_until(lambda: error_of(driver) is None, PATIENCE_S)
+            wait_until(lambda: error_of(driver) is None, TIMEOUT_S)

@@ -40,6 +40,6 @@ def test_a_port_that_is_unplugged_while_it_is_asked_is_given_up_at_once(tmp_path
     begin = time.monotonic()
     with pytest.raises(PortUnavailable):
         identify.open_board(str(tmp_path / "tty*"), BOARD_ID, 115_200)
-    assert time.monotonic() - begin < identify.PATIENCE_US / 1e6 / 2
+    assert time.monotonic() - begin < identify.IDENTIFY_TIMEOUT_US / 1e6 / 2
     thread.join()
     os.close(port)

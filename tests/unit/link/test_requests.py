@@ -107,7 +107,7 @@ def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None
     line.to_device.impairment.loss = 0.0
     outcomes: list[object] = []
     begin(line, stop, outcomes)
-    line.run_until(lambda: bool(outcomes), patience_s=0.01)
+    line.run_until(lambda: bool(outcomes), timeout_s=0.01)
     assert isinstance(outcomes[0], Ack)
     assert answers == []
 

@@ -38,7 +38,7 @@ def test_a_session_opens_on_a_line_that_is_slow_to_answer() -> None:
     slow = Impairment(delay_us=350_000)
     line = VirtualLine(to_device=slow, to_host=slow, stream_rate_hz=100, watched=(1,))
     line.session.connect(line.now_us)
-    line.run_until(lambda: bool(line.samples), patience_s=10.0)
+    line.run_until(lambda: bool(line.samples), timeout_s=10.0)
     line.run(5.0)
     assert line.session.statistics(line.now_us).sessions == 1
 
@@ -118,7 +118,7 @@ def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile() -> None:
 def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon() -> None:
     line = VirtualLine().open()
     line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN, patience_s=0.12)
+    line.run_until(lambda: line.session.phase is not Phase.OPEN, timeout_s=0.12)
     line.wait_open()
 
 
@@ -128,7 +128,7 @@ def test_the_reset_is_found_soon_though_the_first_answer_is_lost() -> None:
     line.to_host.impairment.loss = 1.0
     line.run(0.12)
     line.to_host.impairment.loss = 0.0
-    line.run_until(lambda: line.session.phase is not Phase.OPEN, patience_s=0.03)
+    line.run_until(lambda: line.session.phase is not Phase.OPEN, timeout_s=0.03)
 
 
 def test_a_silent_device_is_not_flooded() -> None:

@@ -12,7 +12,7 @@ import pytest
 from wheelwire.linux_mcu import guard
 from wheelwire.linux_mcu.heartbeat import Heartbeat, Phase
 
-PATIENCE_S = 0.1
+CORE_TIMEOUT_S = 0.1
 
 
 def watched(act: Callable[[Heartbeat], None]) -> tuple[int, list[str]]:
@@ -24,13 +24,13 @@ def watched(act: Callable[[Heartbeat], None]) -> tuple[int, list[str]]:
         act(heartbeat)
         heartbeat.phase = Phase.CLOSED
         os._exit(0)
-    status = guard.watch(core_pid, heartbeat, PATIENCE_S, lambda: lambda: low.append("EN"))
+    status = guard.watch(core_pid, heartbeat, CORE_TIMEOUT_S, lambda: lambda: low.append("EN"))
     return status, low
 
 
 def saves_to_a_slow_card(heartbeat: Heartbeat) -> None:
     with heartbeat.saving():
-        time.sleep(5 * PATIENCE_S)
+        time.sleep(5 * CORE_TIMEOUT_S)
 
 
 def hangs(_heartbeat: Heartbeat) -> None:

@@ -12,7 +12,7 @@ from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, DriverUnavailable
 from wheelwire.linux_mcu.pins import Pins
 
-PATIENT = {"overrun_limit_us": 1e6}
+LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
 """A busy test machine is no fault of the robot's."""
 Wire = Callable[[GpioChip], GpioChip]
 
@@ -36,8 +36,8 @@ def chip(tmp_path: Path, wire: Wire) -> Iterator[GpioChip]:
 def open_on(chip: GpioChip, **options: object) -> L298NDriver:
     return L298NDriver(
         pwm_directory=chip.pwm_directory,
-        parameters=PATIENT,
-        patience_ms=5000,
+        parameters=LONG_OVERRUN_LIMIT,
+        core_timeout_ms=5000,
         **options,  # type: ignore[arg-type]
     )
 

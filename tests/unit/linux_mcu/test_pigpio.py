@@ -23,7 +23,7 @@ DRIVING = """
 import sys, time, wheelwire
 robot = wheelwire.open_driver("pigpio", host="127.0.0.1", port=int(sys.argv[1]),
                               parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
-                              patience_ms=5000)
+                              core_timeout_ms=5000)
 while True:
     robot.set_velocity(0.2, 0.0, ttl=5)
     time.sleep(0.02)
@@ -48,7 +48,7 @@ def driver_at(daemon: PigpioProcess) -> PigpioDriver:
         HOST,
         daemon.port,
         parameters={"overrun_limit_us": 1e6, "ttl_max_s": 5},
-        patience_ms=5000,
+        core_timeout_ms=5000,
     )
 
 

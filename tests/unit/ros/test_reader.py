@@ -7,7 +7,7 @@ from support.host_samples import sample
 from wheelwire import BaseDriver, LinkClosed, LinkLost, WheelSample, WheelwireError
 from wheelwire_ros.reader import SampleReader
 
-PATIENCE_S = 30.0
+TIMEOUT_S = 30.0
 
 
 class ScriptedRobot:
@@ -30,7 +30,7 @@ def events(*script: WheelSample | Exception, count: int) -> list[Any]:
     robot = cast("BaseDriver", ScriptedRobot(*script))
     reader = SampleReader(robot, seen.put, lambda: seen.put("change"), seen.put)
     try:
-        return [seen.get(timeout=PATIENCE_S) for _ in range(count)]
+        return [seen.get(timeout=TIMEOUT_S) for _ in range(count)]
     finally:
         reader.close()
 

@@ -8,11 +8,11 @@ from wheelwire.simulation.impairment import ImpairedLine, LineEvent, LineProfile
 from .virtual import STEP_US, VirtualRobot
 
 
-class FaultyRobot(VirtualRobot):
-    """As `VirtualRobot`, with a line that obeys a profile and a host that can stand still.
+class ImpairedVirtualRobot(VirtualRobot):
+    """A `VirtualRobot` whose line is impaired by a profile and whose host can be suspended.
 
     Attributes:
-        host_runs: False: the host neither reads nor writes, as when it was killed or stopped.
+        host_runs: False: the host neither reads nor writes, as if killed or stopped.
         resets: Of the device, so far.
         unplugs: Of the cable, so far.
     """
@@ -28,9 +28,9 @@ class FaultyRobot(VirtualRobot):
         self._plugged = True
 
     def step(self) -> None:
-        """One millisecond: the line's turn, the host's, then the device's."""
-        for happening in self.line.advance(self.now_us):
-            self._obey(happening)
+        """Advance one millisecond: the line first, then the host, then the device."""
+        for event in self.line.advance(self.now_us):
+            self._obey(event)
         if self.host_runs:
             self.session.advance(self.now_us)
             self.line.to_device.send(self.session.take_output(), self.now_us)
@@ -46,26 +46,26 @@ class FaultyRobot(VirtualRobot):
                 self.samples += self.session.receive(piece, self.now_us)
 
     def reset(self) -> None:
-        """The chip starts anew."""
+        """Restart the chip."""
         self.resets += 1
         self.sim.reset()
 
     def unplug(self) -> None:
-        """Pull the cable; what is under way is lost."""
+        """Pull the cable; bytes in transit are lost."""
         self._plugged = False
         self.unplugs += 1
         self.line.clear()
         self.session.disconnect(LinkLost("unplugged"))
 
     def plug(self) -> None:
-        """Put it back."""
+        """Plug the cable in again."""
         self._plugged = True
         self.session.connect(self.now_us)
 
-    def _obey(self, happening: LineEvent) -> None:
-        if happening is LineEvent.RESET:
+    def _obey(self, event: LineEvent) -> None:
+        if event is LineEvent.RESET:
             self.reset()
-        elif happening is LineEvent.UNPLUG:
+        elif event is LineEvent.UNPLUG:
             self.unplug()
         else:
             self.plug()

@@ -1,4 +1,4 @@
-"""Applications that drive by any of the drivers, and what can befall them or their processes."""
+"""Applications that drive a robot through any driver, and failures of them or their processes."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from .stand_in import StandIn
 from .waiting import wait_until
 
 TTL_S = 0.3
-PATIENCE_S = 30.0
-IN_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
-SIGINTS = 10_000
+TIMEOUT_S = 30.0
+MEMORY_FOLDER = "/dev/shm" if Path("/dev/shm").is_dir() else None  # noqa: S108 - for its speed
+INTERRUPTS = 10_000
 DEADLINE, FAILED = 0, 8
 """Offsets in the memory that is shared with the application; microseconds, monotonic."""
 
 APPLICATION = """
 import ctypes, gc, json, mmap, os, signal, struct, sys, time, wheelwire
-driver, options, way, path = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], sys.argv[4]
+driver, options, failure, path = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3], sys.argv[4]
 memory = mmap.mmap(os.open(path, os.O_RDWR), mmap.PAGESIZE)
 now_us = lambda: time.monotonic_ns() // 1000
 note = lambda offset, value: struct.pack_into("q", memory, offset, value)
@@ -57,16 +57,16 @@ while not asked:
         pass
     time.sleep(0.02)
 note(FAILED, now_us())
-if way == "exit":
+if failure == "exit":
     os._exit(0)
-elif way == "fork":
+elif failure == "fork":
     if libc.fork() == 0:
         libc.sleep(2)
         libc._exit(0)
     os.kill(os.getpid(), signal.SIGKILL)
-elif way == "close":
+elif failure == "close":
     robot.shutdown()
-elif way == "forgotten":
+elif failure == "forgotten":
     del robot
     gc.collect()
 time.sleep(60)
@@ -82,7 +82,7 @@ def now_us() -> int:
 class Application:
     """A process that drives until it fails."""
 
-    def __init__(self, driver: str, options: dict[str, Any], way: str, directory: Path) -> None:
+    def __init__(self, driver: str, options: dict[str, Any], failure: str, directory: Path) -> None:
         path = directory / "memory"
         path.write_bytes(bytes(mmap.PAGESIZE))
         with path.open("r+b") as file:
@@ -96,7 +96,7 @@ class Application:
                 numbers + APPLICATION,
                 driver,
                 json.dumps(options),
-                way,
+                failure,
                 str(path),
             ],
             stdout=subprocess.PIPE,
@@ -109,7 +109,7 @@ class Application:
         line = self.process.stdout.readline()
         assert line == b"open\n", (directory / "log").read_text()
         self.child = next(iter(children(self.process.pid)), 0)
-        """The process that it has started, a guard or the simulator; 0 where there is none."""
+        """The process that it started: a guard or the simulator; 0 if there is none."""
 
     def word(self, offset: int) -> int:
         return int(struct.unpack_from("q", self._memory, offset)[0])
@@ -126,9 +126,9 @@ def _send(number: int) -> Injection:
     return lambda application: application.process.send_signal(number)
 
 
-def _storm(application: Application) -> None:
+def _interrupt_often(application: Application) -> None:
     with suppress(ProcessLookupError):
-        for _ in range(SIGINTS):
+        for _ in range(INTERRUPTS):
             os.killpg(application.process.pid, signal.SIGINT)
 
 
@@ -140,7 +140,7 @@ def _send_to_core(number: int) -> Injection:
     return inject
 
 
-WAYS: dict[str, tuple[str, Injection]] = {
+APPLICATION_FAILURES: dict[str, tuple[str, Injection]] = {
     "killed (SIGKILL)": ("", _send(signal.SIGKILL)),
     "stopped (SIGSTOP)": ("", _send(signal.SIGSTOP)),
     "killed, a fork holds the socket": ("fork", _send(signal.SIGUSR1)),
@@ -148,25 +148,25 @@ WAYS: dict[str, tuple[str, Injection]] = {
     "closed": ("close", _send(signal.SIGUSR1)),
     "forgotten (garbage collection)": ("forgotten", _send(signal.SIGUSR1)),
     "hang": ("hang", _send(signal.SIGUSR1)),
-    f"{SIGINTS} SIGINTs": ("", _storm),
+    f"{INTERRUPTS} SIGINTs": ("", _interrupt_often),
 }
-CORE_WAYS: dict[str, Injection] = {
+CORE_FAILURES: dict[str, Injection] = {
     "core killed": _send_to_core(signal.SIGKILL),
     "core stopped": _send_to_core(signal.SIGSTOP),
     "guard killed": lambda application: os.kill(application.child, signal.SIGKILL),
 }
-WAITING_WAYS = ("stopped (SIGSTOP)", "hang")
-"""Ways that nothing tells the robot's process of: the setpoint's deadline acts."""
+UNDETECTED_FAILURES = ("stopped (SIGSTOP)", "hang")
+"""The robot's process does not notice these: only the setpoint's deadline stops the wheels."""
 
 
 @dataclass(frozen=True)
-class Death:
+class FailureTimes:
     """One run; times in microseconds.
 
     Attributes:
         failure_to_removed_us: From the failure to the drive's removal.
-        late_us: From the deadline of the last setpoint to the drive's removal; below 0 where it did
-            not have to wait for that.
+        late_us: From the deadline of the last setpoint to the drive's removal; below 0 if the
+            drive was removed before it.
         ended_us: From the failure to the end of the process that moves the pins; None where it goes
             on, because its application does.
     """
@@ -176,28 +176,28 @@ class Death:
     ended_us: int | None
 
 
-class Place(ABC):
-    """Where a robot is driven, and seen."""
+class ObservedRobot(ABC):
+    """A robot, how an application drives it, and how the test sees its motors."""
 
     driver: str
     options: dict[str, Any]
 
     @abstractmethod
     def is_driven(self) -> bool:
-        """A motor is switched on."""
+        """Whether a motor is switched on."""
 
     @abstractmethod
     def removed_us(self) -> int:
         """When the drive was last removed."""
 
-    def driven_for_long(self, application: Application) -> bool:
-        """The robot has come to speed."""
+    def is_up_to_speed(self, application: Application) -> bool:
+        """Whether the robot has reached its speed."""
         del application
         return self.is_driven()
 
 
-class StandInPlace(Place):
-    """On a stand-in of hardware."""
+class StandInRobot(ObservedRobot):
+    """On a stand-in for the hardware."""
 
     def __init__(self, driver: str, stand_in: StandIn, options: dict[str, Any]) -> None:
         self.driver = driver
@@ -212,7 +212,7 @@ class StandInPlace(Place):
         return int(self._stand_in.truth()["driven_changed_us"])
 
 
-class SerialPlace(Place):
+class SerialRobot(ObservedRobot):
     """On the simulated ESP32 behind a pseudo-terminal."""
 
     driver = "serial"
@@ -230,12 +230,12 @@ class SerialPlace(Place):
         return driven
 
     def removed_us(self) -> int:
-        wait_until(lambda: not self.is_driven() and self._removed_us, PATIENCE_S)
+        wait_until(lambda: not self.is_driven() and self._removed_us, TIMEOUT_S)
         return self._removed_us
 
 
-class MockPlace(Place):
-    """The mock driver; what its simulator tells is copied to a file."""
+class MockRobot(ObservedRobot):
+    """The mock driver; its simulator's output is copied to a file."""
 
     driver = "mock"
     options: dict[str, Any] = {}  # noqa: RUF012 - nobody changes it
@@ -245,7 +245,7 @@ class MockPlace(Place):
         self._child: int | None = None
         self._ended_us = 0
 
-    def driven_for_long(self, application: Application) -> bool:
+    def is_up_to_speed(self, application: Application) -> bool:
         self._child = self._child or os.pidfd_open(application.child)
         return self.is_driven()
 
@@ -275,18 +275,18 @@ os.execv({program!r}, [{program!r}, "--truth-hz=1", *sys.argv[1:]])
 
 
 @contextmanager
-def place(name: str, directory: Path, patience_ms: int | None) -> Iterator[Place]:
+def open_robot(name: str, directory: Path, core_timeout_ms: int | None) -> Iterator[ObservedRobot]:
     """`serial`, `l298n` (kernel PWM), `l298n, software PWM`, `pigpio` or `mock`."""
-    patient: dict[str, Any] = {"parameters": {"overrun_limit_us": 1e6}}
-    if patience_ms is not None:
-        patient["patience_ms"] = patience_ms
+    tolerant: dict[str, Any] = {"parameters": {"overrun_limit_us": 1e6}}
+    if core_timeout_ms is not None:
+        tolerant["core_timeout_ms"] = core_timeout_ms
     if name == "serial":
         with Simulator(truth_hz=1.0) as simulator:
-            yield SerialPlace(simulator)
+            yield SerialRobot(simulator)
     elif name == "pigpio":
         with PigpioProcess() as daemon:
-            options = {"host": "127.0.0.1", "port": daemon.port, **patient}
-            yield StandInPlace("pigpio", daemon, options)
+            options = {"host": "127.0.0.1", "port": daemon.port, **tolerant}
+            yield StandInRobot("pigpio", daemon, options)
     elif name == "mock":
         program = directory / "simulator"
         truth = directory / "truth"
@@ -294,12 +294,12 @@ def place(name: str, directory: Path, patience_ms: int | None) -> Iterator[Place
         program.write_text(text)
         program.chmod(0o755)
         with _environment({ENVIRONMENT: str(program)}):
-            yield MockPlace(truth)
+            yield MockRobot(truth)
     else:
         with GpioChip(directory, kernel_pwm="software" not in name) as chip:
-            options = {"pwm_directory": str(chip.pwm_directory), **patient}
+            options = {"pwm_directory": str(chip.pwm_directory), **tolerant}
             with _environment(chip.environment):
-                yield StandInPlace("l298n", chip, options)
+                yield StandInRobot("l298n", chip, options)
 
 
 @contextmanager
@@ -316,30 +316,34 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def die(place_name: str, way: str, phase_s: float = 0.0, patience_ms: int | None = None) -> Death:
+def time_failure(
+    driver: str, failure: str, phase_s: float = 0.0, core_timeout_ms: int | None = None
+) -> FailureTimes:
     """Drive, inject the failure `phase_s` later, and measure."""
-    application_way, inject = WAYS[way] if way in WAYS else ("", CORE_WAYS[way])
+    behaviour, inject = APPLICATION_FAILURES.get(failure) or ("", CORE_FAILURES[failure])
     # In memory, as /sys is: a disk would hold the core up.
-    directory = tempfile.TemporaryDirectory(dir=IN_MEMORY)
-    with directory as name, place(place_name, Path(name), patience_ms) as where:
-        application = Application(where.driver, where.options, application_way, Path(name))
+    directory = tempfile.TemporaryDirectory(dir=MEMORY_FOLDER)
+    with directory as name, open_robot(driver, Path(name), core_timeout_ms) as robot:
+        application = Application(robot.driver, robot.options, behaviour, Path(name))
         try:
-            wait_until(lambda: where.driven_for_long(application), PATIENCE_S, "the drive")
+            wait_until(lambda: robot.is_up_to_speed(application), TIMEOUT_S, "the drive")
             time.sleep(0.2 + phase_s)
-            ends = way not in WAITING_WAYS and where.driver != "serial"
+            ends = failure not in UNDETECTED_FAILURES and robot.driver != "serial"
             child = os.pidfd_open(application.child) if ends else None
             failed_us = now_us()
             inject(application)
-            wait_until(lambda: not where.is_driven(), PATIENCE_S, "the end of the drive")
-            removed_us = where.removed_us()
+            wait_until(lambda: not robot.is_driven(), TIMEOUT_S, "the end of the drive")
+            removed_us = robot.removed_us()
             ended_us = None if child is None else _end(child) - failed_us
         finally:
             application.close()
         failed_us = application.word(FAILED) or failed_us
-        return Death(removed_us - failed_us, removed_us - application.word(DEADLINE), ended_us)
+        return FailureTimes(
+            removed_us - failed_us, removed_us - application.word(DEADLINE), ended_us
+        )
 
 
 def _end(process: int) -> int:
-    assert select.select([process], [], [], PATIENCE_S)[0], "the process goes on"
+    assert select.select([process], [], [], TIMEOUT_S)[0], "the process goes on"
     os.close(process)
     return now_us()
