@@ -87,7 +87,9 @@ def under_loads(
 
 def to_pwm_us(robot: SerialDriver, states: States) -> list[float]:
     """From the command to the drive, again and again."""
-    robot.parameters["stop_mode"] = StopMode.COAST  # a bridge that brakes first lets go for a step
+    robot.parameters.set(
+        "stop_mode", StopMode.COAST
+    )  # a bridge that brakes first lets go for a step
     return [_one_command_us(robot, states) for _ in range(COMMANDS)]
 
 

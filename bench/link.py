@@ -229,7 +229,7 @@ def show_fast_stream() -> list[Target]:
     """Print what is lost of a fast stream."""
     with Simulator() as simulator:
         with SerialDriver(simulator.port) as robot:
-            robot.parameters["control_rate_hz"] = FAST_HZ
+            robot.parameters.set("control_rate_hz", FAST_HZ)
         with SerialDriver(simulator.port, stream_rate_hz=FAST_HZ) as robot:
             before = robot.statistics
             load = load_while(lambda: time.sleep(FAST_S))

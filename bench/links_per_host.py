@@ -88,7 +88,7 @@ def _opened(stack: ExitStack, simulator: Simulator, rate_hz: int) -> SerialDrive
     """A link at a rate that the control loop may first have to be made fit for."""
     if rate_hz > 1000:
         with SerialDriver(simulator.port) as robot:
-            robot.parameters["control_rate_hz"] = rate_hz
+            robot.parameters.set("control_rate_hz", rate_hz)
     return stack.enter_context(SerialDriver(simulator.port, stream_rate_hz=rate_hz))
 
 

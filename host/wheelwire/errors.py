@@ -157,10 +157,11 @@ class InvalidCommand(InvalidArgument):
     exit_code = 10
 
 
-class UnknownParameter(WheelwireError):  # noqa: N818
+class UnknownParameter(WheelwireError, KeyError):  # noqa: N818
     """No parameter has this name."""
 
     exit_code = 11
+    __str__ = Exception.__str__  # KeyError's own puts the text in quotes
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         from difflib import get_close_matches  # here, because it is slow to import

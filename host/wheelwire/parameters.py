@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -27,44 +27,62 @@ class ParameterInfo:
     doc: str
 
 
-class Parameters(ABC):
-    """The parameters of one robot. Like a mapping from name to value; each access asks the robot.
+class ParameterMapping(Mapping[str, float]):
+    """The values of a robot's parameters by name, each in its parameter's unit.
 
-    Raises, in every method that takes a name: `UnknownParameter`; in every method: `LinkLost`,
-    `RequestTimeout`, `DeviceRefused`.
+    The names are the same for every robot of this release, so `in`, `len` and iteration over the
+    names ask nobody.
+
+    Raises:
+        UnknownParameter: No parameter has this name. It is also a KeyError.
+        LinkLost: A value is asked for while the robot is out of reach.
     """
 
-    def get(self, name: str) -> float:
-        """The value in force, in the parameter's unit."""
-        return self._read(_definition(name))
+    def __getitem__(self, name: str) -> float:
+        return self._value(definition_of(name))
 
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name in PARAMETER_BY_NAME
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(PARAMETER_BY_NAME)
+
+    def __len__(self) -> int:
+        return len(PARAMETER_BY_NAME)
+
+    @abstractmethod
+    def _value(self, definition: Parameter) -> float:
+        """The value in force."""
+
+
+class Parameters(ParameterMapping):
+    """The parameters of one robot: a mapping of the values known since the session was opened.
+
+    A value that is not known yet is asked for when it is first used, and kept. A new session, after
+    a reconnection or a reset of the device, voids what is known. `set`, `refresh`, `list`, `save`
+    and `reset` talk to the device each time.
+
+    Raises, in every method that talks to the device: `LinkLost`, `RequestTimeout`, `DeviceRefused`;
+    in every one that takes a name: `UnknownParameter`.
+    """
+
+    @abstractmethod
     def set(self, name: str, value: float) -> float:
         """Change a value until the next reset of the device; returns the value in force.
 
         Raises:
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
         """
-        definition = _definition(name)
-        number = _check(definition, value, self._bounds(definition))
-        return self._write(definition, number)
 
-    def __getitem__(self, name: str) -> float:
-        return self.get(name)
-
-    def __setitem__(self, name: str, value: float) -> None:
-        self.set(name, value)
-
-    def __iter__(self) -> Iterator[str]:
-        return (info.name for info in self.list())
-
-    def items(self) -> Iterator[tuple[str, float]]:
-        """Pairs of name and value."""
-        return ((info.name, info.value) for info in self.list())
+    @abstractmethod
+    def refresh(self, name: str | None = None) -> None:
+        """Ask the device anew for one value, or for all."""
 
     @abstractmethod
     def list(self) -> tuple[ParameterInfo, ...]:
         """All parameters, with the bounds that the device holds them to."""
 
+    @abstractmethod
     def save(self, name: str | None = None) -> None:
         """Keep values across resets. Only while stopped.
 
@@ -72,23 +90,10 @@ class Parameters(ABC):
             name: The only one to save; all others stay as they were saved. None saves all, also
                 those that were only tried.
         """
-        self._save(0 if name is None else _definition(name).id)
 
     @abstractmethod
     def reset(self) -> None:
         """Go back to the defaults, and forget what was saved. Only while stopped."""
-
-    @abstractmethod
-    def _save(self, parameter: int) -> None: ...
-
-    @abstractmethod
-    def _read(self, definition: Parameter) -> float: ...
-
-    @abstractmethod
-    def _write(self, definition: Parameter, value: float) -> float: ...
-
-    @abstractmethod
-    def _bounds(self, definition: Parameter) -> tuple[float, float]: ...
 
 
 def decimal_of_float32(value: float) -> float:
@@ -96,7 +101,8 @@ def decimal_of_float32(value: float) -> float:
     return float(f"{value:.7g}")
 
 
-def _definition(name: str) -> Parameter:
+def definition_of(name: str) -> Parameter:
+    """The parameter of this name; raises `UnknownParameter`."""
     definition = PARAMETER_BY_NAME.get(name) if isinstance(name, str) else None
     if definition is None:
         raise UnknownParameter(name, PARAMETER_BY_NAME)
@@ -110,8 +116,8 @@ def checked_value(name: str, value: float) -> float:
         UnknownParameter: No parameter has this name.
         ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
     """
-    definition = _definition(name)
-    return _check(definition, value, (definition.minimum, definition.maximum))
+    definition = definition_of(name)
+    return check_value(definition, value, (definition.minimum, definition.maximum))
 
 
 def checked_values(values: Mapping[str, float] | None) -> dict[str, float]:
@@ -135,7 +141,12 @@ def _millimetres(definition: Parameter, value: float) -> str:
     return f" ({metres:g} is {value:g} mm)"
 
 
-def _check(definition: Parameter, value: float, bounds: tuple[float, float]) -> float:
+def check_value(definition: Parameter, value: float, bounds: tuple[float, float]) -> float:
+    """`value` as a number that the parameter takes within `bounds`.
+
+    Raises:
+        ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
+    """
     name, (low, high) = definition.name, bounds
     if definition.kind is Kind.SWITCH and isinstance(value, bool):
         value = float(value)

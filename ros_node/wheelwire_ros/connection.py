@@ -154,7 +154,7 @@ class RobotConnection:
         before: dict[str, float] = {}
         try:
             for name, value in values.items():
-                before[name] = self.robot.parameters.get(name)
+                before[name] = self.robot.parameters[name]
                 self.robot.parameters.set(name, value)
         except WheelwireError:
             with suppress(WheelwireError):

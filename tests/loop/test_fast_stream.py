@@ -59,7 +59,7 @@ def test_who_asks_gets_samples_as_they_come() -> None:
 def test_five_thousand_states_a_second() -> None:
     with Simulator() as simulator:
         with SerialDriver(simulator.port) as robot:
-            robot.parameters["control_rate_hz"] = 5000
+            robot.parameters.set("control_rate_hz", 5000)
         with SerialDriver(simulator.port, stream_rate_hz=5000) as robot:
             wait_for_frames(robot, 5 * FRAMES)
             first = robot.read()

@@ -109,10 +109,10 @@ def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path:
 
 def test_what_is_saved_outlives_the_host(address: str) -> None:
     with SerialDriver(address) as driver:
-        driver.parameters["integral_gain"] = 7.5
+        driver.parameters.set("integral_gain", 7.5)
         driver.parameters.save()
     with SerialDriver(address) as driver:
-        driver.parameters["integral_gain"] = 8.5
+        driver.parameters.set("integral_gain", 8.5)
         driver.parameters.reset()
         assert driver.parameters["wheel_radius"] == 0.04
 

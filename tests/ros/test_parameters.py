@@ -108,7 +108,7 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
     with open_driver("serial", port=simulator.port, connect_timeout=TIMEOUT_S) as robot:
         drive = robot.geometry
         return (
-            robot.parameters.get("proportional_gain"),
+            robot.parameters["proportional_gain"],
             drive.wheel_separation,
             drive.counts_per_revolution,
             drive.max_velocity_mps,

@@ -135,7 +135,7 @@ class DeviceContract:
         with bench.robot() as robot:
             value = robot.parameters["brake_time_s"]
             other = 0.25 if value != 0.25 else 0.5
-            robot.parameters["brake_time_s"] = other
+            robot.parameters.set("brake_time_s", other)
             robot.parameters.save()
         try:
             bench.restart()
@@ -143,7 +143,7 @@ class DeviceContract:
                 assert robot.parameters["brake_time_s"] == other
         finally:
             with bench.robot() as robot:
-                robot.parameters["brake_time_s"] = value
+                robot.parameters.set("brake_time_s", value)
                 robot.parameters.save()
 
     def test_the_wheels_follow_and_stop(self, bench: Bench) -> None:

@@ -46,8 +46,7 @@ CALLS: dict[str, Callable[[SerialDriver, Any], object]] = {
     "timeout": lambda robot, bad: robot.read(bad),
     "value": lambda robot, bad: robot.parameters.set("integral_gain", bad),
     "whole value": lambda robot, bad: robot.parameters.set("counts_per_revolution", bad),
-    "item": lambda robot, bad: robot.parameters.__setitem__("wheel_radius", bad),
-    "name": lambda robot, bad: robot.parameters.get(bad),
+    "name": lambda robot, bad: robot.parameters[bad],
     "set name": lambda robot, bad: robot.parameters.set(bad, 1.0),
 }
 

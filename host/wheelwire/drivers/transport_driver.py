@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME, Parameter
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
@@ -17,13 +17,6 @@ from wheelwire_protocol.types import (
     ControlCountersGet,
     LinkCounters,
     LinkCountersGet,
-    ParameterEntry,
-    ParameterGet,
-    ParameterList,
-    ParameterReset,
-    ParameterSave,
-    ParameterSet,
-    ParameterValue,
 )
 
 from ..arguments import timeout_s, whole
@@ -33,8 +26,9 @@ from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
-from ..parameters import ParameterInfo, Parameters, checked_values, decimal_of_float32
+from ..parameters import Parameters, checked_values, decimal_of_float32
 from .base import BaseDriver
+from .device_parameters import DeviceParameters
 
 if TYPE_CHECKING:
     from ..simulation.virtual_link import VirtualLink
@@ -48,51 +42,6 @@ GEOMETRY = tuple(
     for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
 )
 """Read from the device in each session, so that a robot's dimensions are stored in one place."""
-
-
-class DeviceParameters(Parameters):
-    """The parameters that live on the device."""
-
-    def __init__(self, link: DeviceLink) -> None:
-        self._link = link
-        self._known_bounds: dict[int, tuple[float, float]] = {}
-
-    def list(self) -> tuple[ParameterInfo, ...]:
-        """All parameters of the device, in its order."""
-        entries = [self._entry(0)]
-        entries += [self._entry(index) for index in range(1, entries[0].parameter_count)]
-        self._known_bounds = {e.parameter: (e.minimum, e.maximum) for e in entries}
-        return tuple(_info(entry) for entry in entries)
-
-    def reset(self) -> None:
-        """Restore the defaults and empty the device's store."""
-        self._link.request(ParameterReset(0, 0))
-        for parameter in GEOMETRY:
-            self._get(parameter)  # the link keeps the answers
-
-    def _save(self, parameter: int) -> None:
-        self._link.request(ParameterSave(0, 0, parameter))
-
-    def _read(self, definition: Parameter) -> float:
-        return self._get(definition.id)
-
-    def _write(self, definition: Parameter, value: float) -> float:
-        message = ParameterSet(0, 0, definition.id, value)
-        answer = cast("ParameterValue", self._link.request(message))
-        return decimal_of_float32(answer.value)
-
-    def _bounds(self, definition: Parameter) -> tuple[float, float]:
-        if not self._known_bounds:
-            self.list()
-        low, high = self._known_bounds[definition.id]
-        return decimal_of_float32(low), decimal_of_float32(high)
-
-    def _get(self, parameter: int) -> float:
-        answer = cast("ParameterValue", self._link.request(ParameterGet(0, 0, parameter)))
-        return decimal_of_float32(answer.value)
-
-    def _entry(self, index: int) -> ParameterEntry:
-        return cast("ParameterEntry", self._link.request(ParameterList(0, 0, index)))
 
 
 class DeviceDriver(BaseDriver):
@@ -128,7 +77,7 @@ class DeviceDriver(BaseDriver):
 
     @property
     def parameters(self) -> Parameters:
-        """The device's parameters, by name."""
+        """The device's parameters, by name: a mapping of the values known in this session."""
         return self._parameters
 
     @property
@@ -263,17 +212,3 @@ class TransportDriver(DeviceDriver):
                 open_port=open_transport,
             )
         )
-
-
-def _info(entry: ParameterEntry) -> ParameterInfo:
-    definition = PARAMETER_BY_ID[entry.parameter]
-    return ParameterInfo(
-        name=definition.name,
-        value=decimal_of_float32(entry.value),
-        default=decimal_of_float32(entry.default_value),
-        minimum=decimal_of_float32(entry.minimum),
-        maximum=decimal_of_float32(entry.maximum),
-        unit=definition.unit.value,
-        kind=definition.kind,
-        doc=definition.doc,
-    )

@@ -169,6 +169,11 @@ class Link:
         except KeyError:  # a new session has just begun
             raise self._session.error from None
 
+    def known(self, parameter: int) -> float | None:
+        """The newest value of a parameter that was reported in this session, if there is one."""
+        self.check()
+        return self._session.values.get(parameter)
+
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
         self._check_alive()

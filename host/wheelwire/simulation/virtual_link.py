@@ -96,6 +96,11 @@ class VirtualLink:
         self.check()
         return tuple([self._session.values[parameter] for parameter in parameters])
 
+    def known(self, parameter: int) -> float | None:
+        """The newest value of a parameter that was reported in this session, if there is one."""
+        self.check()
+        return self._session.values.get(parameter)
+
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
         self._check_open()

@@ -67,18 +67,18 @@ class RefusingTests:
     def test_parameters_have_names_and_bounds(self, driver: BaseDriver) -> None:
         parameters = driver.parameters
         with pytest.raises(errors.UnknownParameter, match="wheel_radius"):
-            parameters.get("wheel_radios")
+            parameters["wheel_radios"]
         with pytest.raises(errors.ParameterOutOfRange, match="at most"):
-            parameters["wheel_radius"] = 7.0
+            parameters.set("wheel_radius", 7.0)
         with pytest.raises(errors.ParameterOutOfRange, match="whole"):
-            parameters["counts_per_revolution"] = 360.5
-        parameters["max_velocity_mps"] = 0.15
+            parameters.set("counts_per_revolution", 360.5)
+        assert parameters.set("max_velocity_mps", 0.15) == 0.15
         assert parameters["max_velocity_mps"] == 0.15
         assert driver.geometry.max_velocity_mps == 0.15
         assert {info.name for info in parameters.list()} >= {"wheel_radius", "ttl_max_s"}
 
     def test_a_limit_that_is_changed_is_kept_to(self, harness: DriveHarness) -> None:
-        harness.driver.parameters["max_velocity_mps"] = 0.15
+        harness.driver.parameters.set("max_velocity_mps", 0.15)
         close = pytest.approx(0.15, rel=CLOSE)
         harness.steady(0.4, 0.0, lambda samples: mean_of(samples, "left") == close)
 
@@ -91,17 +91,17 @@ class RefusingTests:
         for name, value in before.items():
             harness.driver.set_velocity(SPEED_MPS, 0.0)
             with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
-                parameters[name] = value * 2
+                parameters.set(name, value * 2)
             assert parameters[name] == value
-            parameters[name] = value
+            parameters.set(name, value)
         harness.driver.stop()
-        parameters["ttl_max_s"] = 0.5
+        parameters.set("ttl_max_s", 0.5)
         assert parameters["ttl_max_s"] == 0.5
 
     def test_gains_may_change_while_driving(self, harness: DriveHarness) -> None:
         def change() -> WheelSample:
             harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
-            harness.driver.parameters["integral_gain"] = 12.0
+            harness.driver.parameters.set("integral_gain", 12.0)
             return harness.next()
 
         harness.first(change, lambda sample: sample.state is SupervisorState.DRIVING)

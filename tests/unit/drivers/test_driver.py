@@ -8,9 +8,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, cast, get_args, get_type_hints
 
 import pytest
 
@@ -25,8 +25,15 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
 from wheelwire.testing.refusing import meaningless
 from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import ParameterSave, ParameterSet, SetDuty, SetWheelVelocity, Stop
+from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
+from wheelwire_protocol.types import (
+    ParameterGet,
+    ParameterSave,
+    ParameterSet,
+    SetDuty,
+    SetWheelVelocity,
+    Stop,
+)
 
 
 @pytest.fixture
@@ -218,7 +225,7 @@ def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
         assert driver.geometry.wheel_separation == 0.3
         assert driver.geometry.wheel_radius == 0.033
-        driver.parameters["max_velocity_mps"] = 0.15
+        driver.parameters.set("max_velocity_mps", 0.15)
         assert driver.geometry.max_velocity_mps == 0.15
         driver.set_velocity(0.3, 0.0)
         wait_until(lambda: bool(device.obeyed))
@@ -233,8 +240,7 @@ def test_parameters_by_name(robot: PtyDevice, driver: SerialDriver) -> None:
     parameters = driver.parameters
     assert parameters["wheel_radius"] == 0.033
     assert parameters.set("integral_gain", 7.5) == 7.5
-    assert dict(parameters.items())["integral_gain"] == 7.5
-    assert list(parameters) == list(PARAMETER_BY_NAME)
+    assert dict(parameters)["integral_gain"] == 7.5
     info = next(info for info in parameters.list() if info.name == "ttl_max_s")
     assert (info.default, info.minimum, info.maximum, info.unit) == (1.0, 0.02, 5.0, "s")
     parameters.save()
@@ -245,9 +251,107 @@ def test_parameters_by_name(robot: PtyDevice, driver: SerialDriver) -> None:
     assert saves == [0, PARAMETER_BY_NAME["integral_gain"].id]
 
 
+def asked(robot: PtyDevice) -> list[str]:
+    """The parameters that the device was asked for, by name; forgets them."""
+    done = robot.device.done
+    gets = [PARAMETER_BY_ID[m.parameter].name for m in done if isinstance(m, ParameterGet)]
+    done.clear()
+    return gets
+
+
+def test_parameters_are_a_mapping(robot: PtyDevice, driver: SerialDriver) -> None:
+    parameters = driver.parameters
+    assert isinstance(parameters, Mapping)
+    asked(robot)
+    assert list(parameters) == list(PARAMETER_BY_NAME)
+    assert len(parameters) == len(PARAMETER_BY_NAME)
+    assert "integral_gain" in parameters
+    assert "integral_gian" not in parameters
+    assert cast("str", 3) not in parameters
+    assert parameters.get("integral_gian") is None
+    assert parameters.get("integral_gian", 4.0) == 4.0
+    assert asked(robot) == []
+    assert parameters.get("integral_gain", 4.0) == parameters["integral_gain"] != 4.0
+    assert dict(parameters) == {i.name: i.value for i in parameters.list()} == parameters
+    with pytest.raises(KeyError) as error:
+        parameters["integral_gian"]
+    assert str(error.value).startswith("no parameter is called")
+    assert not hasattr(parameters, "__setitem__")
+
+
+def test_a_value_that_is_known_in_this_session_is_not_asked_for(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    parameters = driver.parameters
+    asked(robot)
+    assert parameters["wheel_radius"] == 0.033  # read when the session was opened
+    assert asked(robot) == []
+    gain = parameters["integral_gain"]
+    assert asked(robot) == ["integral_gain"]
+    assert parameters["integral_gain"] == gain
+    parameters.set("path_gain", 2.5)
+    assert parameters["path_gain"] == 2.5
+    assert dict(parameters)["path_gain"] == 2.5
+    assert asked(robot) == []  # setting one has listed all, for their bounds
+
+
+def test_refreshing_asks_for_one_value_or_for_all(robot: PtyDevice, driver: SerialDriver) -> None:
+    parameters = driver.parameters
+    gain = parameters["integral_gain"]
+    by_another_way = PARAMETER_BY_NAME["integral_gain"].id
+    robot.device.parameters[by_another_way] = gain / 2
+    assert parameters["integral_gain"] == gain
+    asked(robot)
+    parameters.refresh("integral_gain")
+    assert asked(robot) == ["integral_gain"]
+    assert parameters["integral_gain"] == gain / 2
+    parameters.refresh()
+    assert asked(robot) == list(PARAMETER_BY_NAME)
+    with pytest.raises(errors.UnknownParameter):
+        parameters.refresh("integral_gian")
+
+
+def test_a_new_session_voids_the_known_values(robot: PtyDevice, driver: SerialDriver) -> None:
+    gain = driver.parameters["integral_gain"]
+    robot.device.parameters[PARAMETER_BY_NAME["integral_gain"].id] = gain / 2
+    robot.device.reset()
+    wait_until(lambda: driver.sessions == 2 and not is_lost(driver))
+    assert driver.parameters["integral_gain"] == gain / 2
+    robot.unplug()
+    wait_until(lambda: is_lost(driver))
+    with pytest.raises(errors.LinkLost):
+        driver.parameters["integral_gain"]
+    with pytest.raises(errors.LinkLost):
+        driver.parameters.get("integral_gain", 1.0)
+    assert "integral_gain" in driver.parameters
+
+
+def test_a_reset_of_the_parameters_voids_the_known_values(driver: SerialDriver) -> None:
+    gain = driver.parameters["integral_gain"]
+    driver.parameters.set("integral_gain", gain / 2)
+    driver.parameters.reset()
+    assert driver.parameters["integral_gain"] == gain
+
+
+def test_a_value_whose_change_was_not_answered_is_asked_for_anew(
+    robot: PtyDevice, driver: SerialDriver
+) -> None:
+    parameters, device = driver.parameters, robot.device
+    gain = parameters["integral_gain"]
+    parameters.list()
+    device.lost_answers = {ParameterSet}
+    with pytest.raises(errors.RequestTimeout):
+        parameters.set("integral_gain", gain / 2)
+    device.lost_answers = set()
+    assert parameters["integral_gain"] == gain / 2
+    asked(robot)
+    assert parameters["integral_gain"] == gain / 2
+    assert asked(robot) == []
+
+
 def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: SerialDriver) -> None:
     with pytest.raises(errors.UnknownParameter, match="did you mean wheel_radius"):
-        driver.parameters.get("wheel_radios")
+        driver.parameters["wheel_radios"]
     with pytest.raises(errors.ParameterOutOfRange, match=r"wheel_radius = 7.*at most 1"):
         driver.parameters.set("wheel_radius", 7)
     with pytest.raises(errors.ParameterOutOfRange, match="at least"):

@@ -74,7 +74,7 @@ def test_in_the_child_every_method_says_that_it_was_forked(robot: PtyDevice) -> 
         driver.get_encoder_ticks,
         driver.device_counters,
         lambda: driver.geometry,
-        lambda: driver.parameters.get("wheel_radius"),
+        lambda: driver.parameters["wheel_radius"],
         driver.parameters.list,
     ]
 

@@ -32,7 +32,7 @@ CALLS: dict[str, Callable[[SerialDriver], object]] = {
     "read": lambda robot: robot.read(),
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
     "statistics": lambda robot: robot.statistics,
-    "get": lambda robot: robot.parameters.get("wheel_radius"),
+    "refresh": lambda robot: robot.parameters.refresh("wheel_radius"),
 }
 
 

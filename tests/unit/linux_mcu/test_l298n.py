@@ -142,7 +142,7 @@ def test_a_parameter_that_is_none_is_refused_before_anything_is_started() -> Non
 
 def test_a_close_while_driving_brakes_before_the_pins_are_given_back(chip: GpioChip) -> None:
     with open_on(chip) as driver:
-        driver.parameters["brake_time_s"] = 0.5
+        driver.parameters.set("brake_time_s", 0.5)
         driver.set_velocity(0.2, 0.0)
         wait_until(lambda: bool(chip.truth()["driven"]))
         start = time.monotonic()

@@ -21,9 +21,9 @@ def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
     store = tmp_path / "parameters"
     with MockDriver(realtime=False, store=store) as driver:
         default = driver.parameters["integral_gain"]
-        driver.parameters["integral_gain"] = 7.5
+        driver.parameters.set("integral_gain", 7.5)
         driver.parameters.save()
-        driver.parameters["integral_gain"] = 8.0
+        driver.parameters.set("integral_gain", 8.0)
     with MockDriver(realtime=False, store=store) as driver:
         assert driver.parameters["integral_gain"] == 7.5
         driver.parameters.reset()
@@ -92,7 +92,7 @@ def _save_on(settings: McuSettings) -> None:
 
 def test_a_change_is_in_force_at_once() -> None:
     with MockDriver(realtime=False) as driver:
-        driver.parameters["right_motor_inverted"] = 1
+        driver.parameters.set("right_motor_inverted", 1)
         driver.set_duty(0.5, 0.5)
         driver.advance(0.5)
         left, right = driver.get_encoder_ticks()

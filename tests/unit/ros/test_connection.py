@@ -34,7 +34,7 @@ class RecordingRobot:
         self.error: Exception | None = None
         self.parameters = self
 
-    def get(self, name: str) -> float:
+    def __getitem__(self, name: str) -> float:
         if self.error is not None:
             raise self.error
         return self.values[name]
