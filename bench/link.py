@@ -29,6 +29,8 @@ READS_HZ = 50
 CPU_ROUNDS = 3
 CPU_S = 2.0
 IDLE_S = 10.0
+SLOW_HZ = 100
+SLOW_ROUNDS = 5
 SETTLING_S = 0.3
 DECODED = 20_000
 FAST_HZ = 5000
@@ -55,7 +57,8 @@ CPU = f"""\
 CPU of the host's process by the kernel's accounts, medians of {CPU_ROUNDS} interleaved rounds of
 {CPU_S:g} s; the idle link {IDLE_S:g} s. The *bare host* reads the same stream and throws it away.
 A fast stream that nobody asks for is read every {REST_US / 1e3:g} ms only, unless an answer is
-under way. *Decoding* is the codec's time for so many frames, fed one by one.
+under way. *Decoding* is the codec's time for so many frames, fed one by one. At {SLOW_HZ} states
+a second every wake-up finds cold caches; {SLOW_ROUNDS} rounds.
 """
 
 
@@ -93,9 +96,14 @@ def show_round_trips() -> list[Target]:
     header = ("round trip [us]", "p50", "p99", "p50 / echo's", "p99 / echo's")
     sys.stdout.write(f"{ROUND_TRIPS}\n{table(header, rows)}\n")
     p50, p99 = ratios[round_trips.FIRMWARE]
+    bare, ping, request = (
+        found[name] for name in (round_trips.FIRMWARE, round_trips.PING, round_trips.REQUEST)
+    )
     return [
         at_most("p50 of the firmware / the echo's", p50, 1.25),
         at_most("p99 of the firmware / the echo's", p99, 2),
+        at_most("p50 of a request / a bare host's ping", ratio(request.p50s_us, bare.p50s_us), 2),
+        at_most("p99 of the library's ping / a bare host's", ratio(ping.p99s_us, bare.p99s_us), 2),
     ]
 
 
@@ -129,6 +137,14 @@ def bare_load(port: str) -> Load:
         return load_while(lambda: host.discard(CPU_S))
 
 
+def iterated_load(port: str) -> Load:
+    """Of an open link of which every sample is read, at the slow rate."""
+    with SerialDriver(port, stream_rate_hz=SLOW_HZ) as robot:
+        samples = robot.samples()
+        time.sleep(SETTLING_S)
+        return load_while(lambda: [next(samples) for _ in range(round(CPU_S * SLOW_HZ))])
+
+
 def decoding() -> float:
     """CPU of decoding the stream's frames, of one core."""
     stream = capture(DECODED)
@@ -150,6 +166,14 @@ def show_cpu() -> list[Target]:
             "bare": lambda: bare_load(port),
         }
         loads = in_rounds(measures)
+        slow = in_rounds(
+            {
+                "unread": lambda: library_load(port, SLOW_HZ, CPU_S),
+                "read": lambda: iterated_load(port),
+                "bare": lambda: bare_load(port),
+            },
+            SLOW_ROUNDS,
+        )
     decode = decoding()
     rows = [
         _load_row("library, idle link (no stream)", idle),
@@ -157,6 +181,9 @@ def show_cpu() -> list[Target]:
         [f"decoding {RATE_HZ} states", f"{decode:.2%}", ""],
         _load_row(f"library, {RATE_HZ} states/s, none asked for", loads["library"]),
         _load_row(f"library, {RATE_HZ} states/s, {READS_HZ} reads/s", loads["read"]),
+        _load_row(f"bare host, {SLOW_HZ} states/s", slow["bare"]),
+        _load_row(f"library, {SLOW_HZ} states/s, none asked for", slow["unread"]),
+        _load_row(f"library, {SLOW_HZ} states/s, each read", slow["read"]),
     ]
     sys.stdout.write(f"{CPU}\n{table(('host', 'CPU of a core', 'wake-ups/s'), rows)}\n")
     limit = 1.3 * loads["bare"].cpu + decode
@@ -165,12 +192,29 @@ def show_cpu() -> list[Target]:
         at_most(
             f"CPU at {RATE_HZ} Hz, none asked for", 100 * loads["library"].cpu, 100 * limit, " %"
         ),
+        at_most(
+            f"CPU at {RATE_HZ} Hz with {READS_HZ} reads/s / the bare host's",
+            loads["read"].cpu / loads["bare"].cpu,
+            2,
+        ),
+        at_most(
+            f"CPU of a sample at {SLOW_HZ} Hz, unread / the bare host's",
+            slow["unread"].cpu / slow["bare"].cpu,
+            2.5,
+        ),
+        at_most(
+            f"CPU of a sample at {SLOW_HZ} Hz, read / the bare host's",
+            slow["read"].cpu / slow["bare"].cpu,
+            3.5,
+        ),
     ]
 
 
-def in_rounds(measures: Mapping[str, Callable[[], Load]]) -> dict[str, Load]:
+def in_rounds(
+    measures: Mapping[str, Callable[[], Load]], count: int = CPU_ROUNDS
+) -> dict[str, Load]:
     """The medians of interleaved rounds."""
-    rounds = [{name: measure() for name, measure in measures.items()} for _ in range(CPU_ROUNDS)]
+    rounds = [{name: measure() for name, measure in measures.items()} for _ in range(count)]
     return {
         name: Load(
             median(loads[name].cpu for loads in rounds),

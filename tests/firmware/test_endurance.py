@@ -12,6 +12,7 @@ from support.endurance import (
     across_the_time_wrap,
     drive_and_interrupt,
 )
+from support.host_samples import remeasured
 from support.library_robot import LibraryRobot
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.simulation.impairment import load_profile, shipped_profiles
@@ -71,7 +72,7 @@ def test_the_tick_counts_wrap() -> None:
         turn()
     robot.run_until(lambda: robot.samples[-1].t_us >= robot.now_us - robot.outputs.period_us)
     for sample in robot.samples:
-        latest_sample.put(sample)
+        latest_sample.put(remeasured(sample))
     end = robot.samples[-1]
     assert begin.right_ticks < 0 < begin.left_ticks
     assert end.left_ticks < 0 < end.right_ticks

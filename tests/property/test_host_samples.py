@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.host_samples import sample, wrap
+from support.host_samples import measurement, sample, wrap
 from wheelwire.link.latest_sample import LatestSample
 
 int32 = st.integers(-(2**31), 2**31 - 1)
@@ -24,12 +24,12 @@ def test_unbounded_ticks_are_the_sum_of_all_travel_across_wraps_and_resets(
     start: int, steps: list[tuple[int, int]]
 ) -> None:
     latest_sample = LatestSample()
-    latest_sample.put(sample(left_ticks=start))
+    latest_sample.put(measurement(left_ticks=start))
     raw, total, boot = start, start, 1
     for travel, dice in steps:
         if dice == 0:  # the device was reset: it counts from 0 again
             raw, boot = 0, boot + 1
         else:
             raw, total = wrap(raw + travel), total + travel
-        latest_sample.put(sample(left_ticks=raw, boot_id=boot))
+        latest_sample.put(measurement(left_ticks=raw, boot_id=boot))
     assert latest_sample.ticks(0) == (total, 0)

@@ -16,6 +16,7 @@ from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample, tick_difference
 from wheelwire.simulation.impairment import LineProfile
 
+from .host_samples import remeasured
 from .impaired_robot import ImpairedVirtualRobot
 
 STATE_HZ = 1000
@@ -167,7 +168,7 @@ class EnduranceRun:
     def _take(self, sample: WheelSample) -> None:
         account, true = self.account, self._truth[(sample.boot_id, sample.t_us)]
         update = self._odometry.update(sample)
-        self._latest_sample.put(sample)
+        self._latest_sample.put(remeasured(sample))
         if self._last_sample is None:
             self._first = true
             self._started_at = sample.left_ticks

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from wheelwire.link.clock import ClockEstimator, Exchange
+from wheelwire.link.session import Session
+from wheelwire.link.state_stream import Measurement
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.types import WheelState
 
 _STANDING: dict[str, Any] = {
     "boot_id": 1,
@@ -29,6 +33,26 @@ _STANDING: dict[str, Any] = {
 def sample(**fields: Any) -> WheelSample:
     """A standing robot's sample, with `fields` changed."""
     return WheelSample(**{**_STANDING, **fields})
+
+
+def measurement(**fields: Any) -> Measurement:
+    """What was measured of a standing robot, with `fields` of the state frame changed."""
+    state = WheelState(**{**dict.fromkeys(WheelState._fields, 0), "boot_id": 1, **fields})
+    clock = ClockEstimator()
+    clock.add(Exchange(0, 0, 0, 0))
+    return Measurement(state, state.t_us, clock.conversion, state.t_us)
+
+
+def remeasured(sample: WheelSample) -> Measurement:
+    """Back from a sample: where the wheels were, not the rest."""
+    return measurement(
+        boot_id=sample.boot_id, left_ticks=sample.left_ticks, right_ticks=sample.right_ticks
+    )
+
+
+def received(session: Session, data: bytes, now_us: int) -> list[WheelSample]:
+    """The samples of what a session receives."""
+    return [measurement.sample() for measurement in session.receive(data, now_us)]
 
 
 def wrap(ticks: int) -> int:

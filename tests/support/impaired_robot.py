@@ -5,6 +5,7 @@ from __future__ import annotations
 from wheelwire.errors import LinkLost
 from wheelwire.simulation.impairment import ImpairedLine, LineEvent, LineProfile
 
+from .host_samples import received
 from .virtual import STEP_US, VirtualRobot
 
 
@@ -43,7 +44,7 @@ class ImpairedVirtualRobot(VirtualRobot):
             self.line.to_host.send(sent, self.now_us)
         for piece in self.line.to_host.take(self.now_us):
             if self.host_runs:
-                self.samples += self.session.receive(piece, self.now_us)
+                self.samples += received(self.session, piece, self.now_us)
 
     def reset(self) -> None:
         """Restart the chip."""

@@ -12,6 +12,8 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Board, ResetReason
 from wheelwire_protocol.native import Core, Identity, Outputs
 
+from .host_samples import received
+
 TIMEOUT_US = 5_000_000
 
 
@@ -61,7 +63,7 @@ class LibraryRobot:
             left_illegal=self.illegal[0],
             right_illegal=self.illegal[1],
         )
-        self.samples += self.session.receive(self.core.take(), self.now_us)
+        self.samples += received(self.session, self.core.take(), self.now_us)
         return self.outputs
 
     def run_until(self, condition: Callable[[], bool]) -> None:

@@ -14,6 +14,8 @@ from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
 
+from .host_samples import received
+
 STEP_US = 1000
 TIMEOUT_S = 5.0
 
@@ -69,7 +71,7 @@ class VirtualRobot:
         self.sim.write(self.session.take_output())
         self.sim.advance_us(STEP_US)
         self.now_us += STEP_US
-        self.samples += self.session.receive(self.sim.read(), self.now_us)
+        self.samples += received(self.session, self.sim.read(), self.now_us)
 
     def set_velocity(self, left_mps: float, right_mps: float, ttl_s: float = 0.5) -> None:
         """Send one setpoint."""

@@ -14,6 +14,7 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 
 from .fake_device import FakeDevice
+from .host_samples import received
 
 STEP_US = 2_000
 """The longest jump of time."""
@@ -61,7 +62,7 @@ class VirtualLine:
             self.device.feed(piece, now)
         self.device.advance(now)
         for piece in self.to_host.take(now):
-            self.samples += self.session.receive(piece, now)
+            self.samples += received(self.session, piece, now)
         due = self.session.next_deadline_us
         if due is not None and due <= now:
             self.session.advance(now)

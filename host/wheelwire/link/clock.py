@@ -140,45 +140,19 @@ class _Line(NamedTuple):
         return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
 
 
-class ClockEstimator:
-    """Keeps the exchanges of one session and converts times between the two clocks.
+class Conversion:
+    """An estimate that no longer changes: the lines of which, at each time, the surest counts."""
 
-    One thread adds; any may convert.
-    """
+    __slots__ = ("lines",)
 
-    def __init__(self) -> None:
-        self._readings: deque[_Reading] = deque(maxlen=WINDOW)
-        self._lines: list[_Line] = []
-
-    @property
-    def synchronised(self) -> bool:
-        """True once there was an exchange; the conversions need one."""
-        return bool(self._lines)
-
-    def add(self, exchange: Exchange) -> None:
-        """Take one exchange into the estimate."""
-        reading = _Reading.of(exchange)
-        if any(line.contradicts(reading) for line in self._lines):
-            self._readings.clear()  # a clock was stepped: earlier readings are void
-        elif self._has_enough(reading.host_us):
-            return
-        self._readings.append(reading)
-        lines = [_through_best(self._readings)]
-        if len(self._readings) >= FIT_FROM:
-            fit = _fit(list(self._readings))
-            if abs(fit.b) < MAX_SLOPE:
-                lines.append(fit)
-        self._lines = lines  # replaced as a whole: other threads convert meanwhile
-
-    def _has_enough(self, host_us: int) -> bool:
-        fitted = len(self._readings) >= FIT_FROM
-        return fitted and host_us < self._readings[-1].host_us + SPACING_US
+    def __init__(self, lines: Sequence[_Line]) -> None:
+        self.lines = lines
 
     def host_to_device(self, host_us: int) -> tuple[int, float]:
         """The device's clock at the host's `host_us`, and the bound of its error, both in us."""
         self._check()
-        best, best_error_us = self._lines[0], math.inf
-        for line in self._lines:  # a plain loop takes half as long, and every setpoint needs this
+        best, best_error_us = self.lines[0], math.inf
+        for line in self.lines:  # a plain loop takes half as long, and every setpoint needs this
             error_us = line.bound_us(host_us)
             if error_us < best_error_us:
                 best, best_error_us = line, error_us
@@ -188,12 +162,62 @@ class ClockEstimator:
         """The host's clock at the device's `device_us`, and the bound of its error, both in us."""
         self._check()
         best_us, best_error_us = 0, math.inf
-        for line in self._lines:  # a plain loop takes half as long, and every sample needs this
+        for line in self.lines:  # a plain loop takes half as long, and every sample needs this
             host_us = line.host_us(device_us)
             error_us = line.bound_us(host_us)
             if error_us < best_error_us:
                 best_us, best_error_us = host_us, error_us
         return best_us, best_error_us
+
+    def _check(self) -> None:
+        if not self.lines:
+            raise RuntimeError("the clock is not synchronised")
+
+
+class ClockEstimator:
+    """Keeps the exchanges of one session and converts times between the two clocks.
+
+    One thread adds; any may convert.
+
+    Attributes:
+        conversion: The estimate at this moment; replaced as a whole.
+    """
+
+    def __init__(self) -> None:
+        self._readings: deque[_Reading] = deque(maxlen=WINDOW)
+        self.conversion = Conversion(())
+
+    @property
+    def synchronised(self) -> bool:
+        """True once there was an exchange; the conversions need one."""
+        return bool(self.conversion.lines)
+
+    def add(self, exchange: Exchange) -> None:
+        """Take one exchange into the estimate."""
+        reading = _Reading.of(exchange)
+        if any(line.contradicts(reading) for line in self.conversion.lines):
+            self._readings.clear()  # a clock was stepped: earlier readings are void
+        elif self._has_enough(reading.host_us):
+            return
+        self._readings.append(reading)
+        lines = [_through_best(self._readings)]
+        if len(self._readings) >= FIT_FROM:
+            fit = _fit(list(self._readings))
+            if abs(fit.b) < MAX_SLOPE:
+                lines.append(fit)
+        self.conversion = Conversion(lines)  # other threads convert meanwhile
+
+    def _has_enough(self, host_us: int) -> bool:
+        fitted = len(self._readings) >= FIT_FROM
+        return fitted and host_us < self._readings[-1].host_us + SPACING_US
+
+    def host_to_device(self, host_us: int) -> tuple[int, float]:
+        """See `Conversion`."""
+        return self.conversion.host_to_device(host_us)
+
+    def device_to_host(self, device_us: int) -> tuple[int, float]:
+        """See `Conversion`."""
+        return self.conversion.device_to_host(device_us)
 
     def error_us(self, host_us: int) -> float:
         """Bound of the conversions' error, in us, at the host's `host_us`."""
@@ -201,14 +225,12 @@ class ClockEstimator:
 
     def unwrap(self, t_us: int, host_us: int) -> int:
         """The 64-bit device time, in us, of a 32-bit `t_us` that came at the host's `host_us`."""
-        self._check()
-        line = self._lines[0]  # any line is close enough to choose between multiples of 71.6 min
+        lines = self.conversion.lines
+        if not lines:
+            raise RuntimeError("the clock is not synchronised")
+        line = lines[0]  # any line is close enough to choose between multiples of 71.6 min
         near = host_us + line.base_us + round(line.offset_us(host_us))
         return near + tick_difference(t_us, near)
-
-    def _check(self) -> None:
-        if not self._lines:
-            raise RuntimeError("the clock is not synchronised")
 
 
 def _through_best(readings: Sequence[_Reading]) -> _Line:

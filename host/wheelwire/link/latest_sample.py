@@ -10,10 +10,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from weakref import ref
 
+from wheelwire_protocol.types import WheelState
+
 from ..errors import RequestTimeout, WheelwireError
-from ..samples import WheelSample
+from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
 from .sample_iterator import SampleIterator
+from .state_stream import Measurement
 from .waiting import Notifier
 
 ATTENTION_US = 200_000
@@ -30,8 +33,8 @@ class LatestSample:
 
     def __init__(self) -> None:
         self._changed = Notifier()
-        self._last: WheelSample | None = None
-        self._unread: deque[WheelSample] = deque(maxlen=1)
+        self._last: WheelState | None = None
+        self._unread: deque[Measurement] = deque(maxlen=1)
         self._current = False
         self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
@@ -40,21 +43,25 @@ class LatestSample:
         self._iterators: list[ref[SampleIterator]] = []
         """Copied before iterating: other threads add to it."""
 
-    def put(self, sample: WheelSample) -> None:
-        """Store a new sample."""
-        if self._last is None:
-            self._ticks = sample.left_ticks, sample.right_ticks
-        else:
-            travel, (left, right) = sample.since(self._last), self._ticks
-            self._ticks = left + travel.left, right + travel.right
-        self._last = sample
-        self._unread.append(sample)
+    def put(self, measurement: Measurement) -> None:
+        """Store what was measured."""
+        state, last = measurement.state, self._last
+        if last is None:
+            self._ticks = state.left_ticks, state.right_ticks
+        elif state.boot_id == last.boot_id:
+            left, right = self._ticks
+            self._ticks = (
+                left + tick_difference(state.left_ticks, last.left_ticks),
+                right + tick_difference(state.right_ticks, last.right_ticks),
+            )
+        self._last = state
+        self._unread.append(measurement)
         for reference in tuple(self._iterators):
             iterator = reference()
             if iterator is None:
                 self._iterators.remove(reference)
             else:
-                iterator.put(sample)
+                iterator.put(measurement)
         self._current = True
         self._changed.notify_all()
 
@@ -97,7 +104,7 @@ class LatestSample:
             RequestTimeout: None came in time.
             WheelwireError: None will come, for the reason given to `fail`.
         """
-        taken: list[WheelSample] = []
+        taken: list[Measurement] = []
 
         def take() -> bool:
             with suppress(IndexError):  # there is none, or another thread took it
@@ -108,7 +115,7 @@ class LatestSample:
         self._wait(timeout_s, take)
         if not taken:
             raise self._why_none(timeout_s)
-        return taken[0]
+        return taken[0].sample()
 
     def ticks(self, timeout_s: float) -> tuple[int, int]:
         """The unbounded tick counts of the newest sample, waiting for a current one.

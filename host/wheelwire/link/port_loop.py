@@ -307,10 +307,10 @@ class PortLoop:
 
     def _receive(self, data: bytes, now_us: int) -> None:
         self._session.every_state = self._latest_sample.is_iterated
-        samples = self._session.receive(data, now_us)
+        measurements = self._session.receive(data, now_us)
         self._coalescing.note_read(self._session.frames_received, now_us)
-        for sample in samples:
-            self._latest_sample.put(sample)
+        for measurement in measurements:
+            self._latest_sample.put(measurement)
 
     def _has_work(self, now_us: int) -> bool:
         """Whether `_advance` is needed: not for state frames, and most reads bring nothing else."""

@@ -8,9 +8,10 @@ from contextlib import suppress
 
 from ..errors import WheelwireError
 from ..samples import WheelSample
+from .state_stream import Measurement
 
-QUEUE_S = 1.0
-"""Samples that are older than the newest by more than this are dropped."""
+QUEUE_US = 1_000_000
+"""Samples that came longer than this before the newest are dropped."""
 
 
 class SampleIterator:
@@ -28,16 +29,16 @@ class SampleIterator:
         """`wait` returns when its argument holds, or after a bounded time; see `BaseDriver`."""
         self.dropped = 0
         self._wait = wait
-        self._queue: deque[WheelSample] = deque()
+        self._queue: deque[Measurement] = deque()
         self._over = False
         self._failure: WheelwireError | None = None
 
-    def put(self, sample: WheelSample) -> None:
-        """A new sample was measured. Called by one thread."""
+    def put(self, measurement: Measurement) -> None:
+        """Something new was measured. Called by one thread."""
         queue = self._queue
-        queue.append(sample)
+        queue.append(measurement)
         with suppress(IndexError):  # whoever iterates was quicker
-            while queue[0].stamp < sample.stamp - QUEUE_S:
+            while queue[0].arrived_us < measurement.arrived_us - QUEUE_US:
                 queue.popleft()
                 self.dropped += 1
 
@@ -59,7 +60,7 @@ class SampleIterator:
         while True:
             over = self._over  # first: what came before the end is still handed out
             with suppress(IndexError):
-                return self._queue.popleft()
+                return self._queue.popleft().sample()
             if over:
                 if self._failure is not None:
                     raise self._failure.with_traceback(None)

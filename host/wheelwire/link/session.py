@@ -57,12 +57,11 @@ from ..errors import (
     WheelwireError,
     WrongBoard,
 )
-from ..samples import WheelSample
 from .clock import ClockEstimator, Synchroniser
 from .info import BootHistory, DeviceInfo, LinkStatistics, device_release, host_release, quantile
 from .requests import Answer, Done, RequestMessage, RequestQueue
 from .setpoints import SETPOINT_IDS, SetpointSender
-from .state_stream import DUTY_SCALE, Sampler
+from .state_stream import DUTY_SCALE, Measurement, StateStream
 
 HELLO_PERIOD_US = 30_000
 SILENCE_US = 2_000_000
@@ -123,8 +122,9 @@ class Session:
             without a port.
         values: Parameter id -> the newest value reported by the device in this session.
         bytes_received: Since the start.
-        every_state: Whether each state frame becomes a sample, or only the newest of those that
-            arrive together.
+        frames_received: Good frames of known messages, since the start.
+        every_state: Whether each state frame counts, or only the newest of those that arrive
+            together.
     """
 
     def __init__(
@@ -144,6 +144,7 @@ class Session:
         self.unanswered_since_us: int | None = None
         self.values: dict[int, float] = {}
         self.bytes_received = 0
+        self.frames_received = 0
         self.every_state = False
 
         self._draw_nonce = nonce
@@ -180,7 +181,7 @@ class Session:
 
         self._requests = RequestQueue(self._send)
         self._setpoints = SetpointSender(self._send)
-        self._sampler = Sampler()
+        self._state_stream = StateStream()
         self._synchroniser = Synchroniser(0, self._send, 0)
         self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
             DeviceHello: self._on_hello,
@@ -194,11 +195,6 @@ class Session:
             ControlCounters: self._on_answer,
         }
 
-    @property
-    def frames_received(self) -> int:
-        """Good frames of known messages, since the start."""
-        return self._decoder.counters.frames
-
     def statistics(self, now_us: int) -> LinkStatistics:
         """A snapshot of all counters."""
         counters, clock = self._decoder.counters, self._synchroniser.clock
@@ -211,7 +207,7 @@ class Session:
             unknown_id=counters.unknown_id,
             wrong_length=counters.wrong_length,
             repeated=counters.repeated,
-            stale_states=self._sampler.stale,
+            stale_states=self._state_stream.stale,
             invalid=self._invalid,
             foreign=self._foreign,
             refused=self._refused,
@@ -244,32 +240,34 @@ class Session:
         self._end(error)
         self._output.clear()
 
-    def receive(self, data: bytes, now_us: int) -> list[WheelSample]:
+    def receive(self, data: bytes, now_us: int) -> list[Measurement]:
         """Process received bytes. Never raises, whatever they are.
 
         Returns:
-            New samples; see `every_state`.
+            What was measured anew; see `every_state`.
         """
         self.bytes_received += len(data)
-        samples: list[WheelSample] = []
+        messages = self._decoder.feed(data)
+        self.frames_received += len(messages)
+        found: list[Measurement] = []
         states: list[WheelState] = []
-        for message in self._decoder.feed(data):
+        for message in messages:
             if type(message) is WheelState:
                 # Before the session is open the clock is unknown, so a state has no stamp.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
                     states.append(message)
                 if self.every_state:
-                    self._take_states(states, samples, now_us)
+                    self._take_states(states, found, now_us)
                 continue
-            self._take_states(states, samples, now_us)
+            self._take_states(states, found, now_us)
             handler = self._handlers.get(type(message))
             if handler is None:
                 self._foreign += 1  # a message that only hosts send: an echo
             else:
                 handler(message, now_us)
-        self._take_states(states, samples, now_us)
+        self._take_states(states, found, now_us)
         self._open_when_prepared(now_us)
-        return samples
+        return found
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
@@ -531,23 +529,21 @@ class Session:
             reset = LinkLost("the device was reset; a new session is being opened")
             self._begin_hello(reset, now_us)
 
-    def _take_states(
-        self, states: list[WheelState], samples: list[WheelSample], now_us: int
-    ) -> None:
-        """Make a sample of the newest of consecutive state frames, and clear the list."""
+    def _take_states(self, states: list[WheelState], found: list[Measurement], now_us: int) -> None:
+        """Add the newest of consecutive state frames to those found, and clear the list."""
         if not states:
             return
         self._state_us = now_us
         try:
-            sample = self._sampler.sample(states, self._synchroniser.clock, now_us)
+            newest = self._state_stream.newest(states, self._synchroniser.clock, now_us)
         except ValueError:
             self._invalid += 1
         else:
-            if sample is not None:
-                samples.append(sample)
-                self._setpoints.supervisor = sample.state
-                self._setpoints.faults = sample.faults
-                self._setpoints.on_obeyed(sample.command_seq)
+            if newest is not None:
+                found.append(newest)
+                self._setpoints.supervisor = newest.supervisor
+                self._setpoints.faults = newest.faults
+                self._setpoints.on_obeyed(newest.state.command_seq)
         states.clear()
 
     def _on_pong(self, pong: Pong, now_us: int) -> None:

@@ -8,54 +8,54 @@ from functools import cache
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import WheelState
 
-from ..samples import WheelSample
-from .clock import ClockEstimator
+from ..samples import WheelSample, tick_difference
+from .clock import ClockEstimator, Conversion
 
 DUTY_SCALE = 32767
+UNWRAP_US = 60_000_000
+"""Frames closer to each other than this need no estimate of the clock: 32 bits wrap in 71 min."""
 
-# By a dictionary, in a seventh of the time: this is done for each sample.
+# By a dictionary, in a seventh of the time: this is done for each state frame.
 _supervisor_state = cache(SupervisorState)
 _fault = cache(Fault)
 
 
-class Sampler:
-    """Turns the state frames of a link into samples, across its sessions."""
+class Measurement:
+    """A state frame, which becomes a sample when somebody asks for it.
 
-    def __init__(self) -> None:
-        self.stale = 0
-        """Frames that were repeated, or older than the newest."""
-        self._boot_id: int | None = None
-        self._t_us = 0
+    Most are replaced by the next one before anybody does: making the sample, above all its stamp,
+    costs more than all that is done with the others.
 
-    def sample(
-        self, states: Iterable[WheelState], clock: ClockEstimator, now_us: int
-    ) -> WheelSample | None:
-        """The sample of the newest of the state frames that came at `now_us`; None if none is new.
+    Attributes:
+        state: The frame.
+        t_us: The device's clock at the latch, 64 bits. [us]
+        arrived_us: The host's clock at the arrival. [us]
+        supervisor: The supervisor's state.
+        faults: Latched faults.
+    """
 
-        The others are not made into samples: nobody could tell them from the newest in time.
+    __slots__ = ("_clock", "arrived_us", "faults", "state", "supervisor", "t_us")
+
+    def __init__(self, state: WheelState, t_us: int, clock: Conversion, arrived_us: int) -> None:
+        """`clock` is the estimate at the arrival.
 
         Raises:
-            ValueError: A code in it means nothing.
+            ValueError: A code in the frame means nothing.
         """
-        newest = None
-        for state in states:
-            if self._is_new(state, clock.unwrap(state.t_us, now_us)):
-                newest = state
-        return None if newest is None else self._sample(newest, clock)
+        self.state = state
+        self.t_us = t_us
+        self.arrived_us = arrived_us
+        self.supervisor = _supervisor_state(state.supervisor)
+        self.faults = _fault(state.faults)
+        self._clock = clock
 
-    def _is_new(self, state: WheelState, t_us: int) -> bool:
-        is_new = state.boot_id != self._boot_id or t_us > self._t_us
-        if is_new:
-            self._boot_id, self._t_us = state.boot_id, t_us
-        else:
-            self.stale += 1
-        return is_new
-
-    def _sample(self, state: WheelState, clock: ClockEstimator) -> WheelSample:
-        host_us, error_us = clock.device_to_host(self._t_us)
+    def sample(self) -> WheelSample:
+        """The sample, with the stamp by the estimate at the arrival."""
+        state = self.state
+        host_us, error_us = self._clock.device_to_host(self.t_us)
         return WheelSample(
             boot_id=state.boot_id,
-            t_us=self._t_us,
+            t_us=self.t_us,
             left_ticks=state.left_ticks,
             right_ticks=state.right_ticks,
             left_mps=state.left_mps,
@@ -63,10 +63,51 @@ class Sampler:
             left_duty=state.left_duty_q15 / DUTY_SCALE,
             right_duty=state.right_duty_q15 / DUTY_SCALE,
             command_seq=state.command_seq,
-            state=_supervisor_state(state.supervisor),
-            faults=_fault(state.faults),
+            state=self.supervisor,
+            faults=self.faults,
             overruns=state.overruns,
             battery_v=state.battery_mv / 1000 if state.battery_mv else None,
             stamp=host_us / 1e6,
             stamp_error_s=error_us / 1e6,
         )
+
+
+class StateStream:
+    """The state frames of a link across its sessions: which are new, and when they were latched."""
+
+    def __init__(self) -> None:
+        self.stale = 0
+        """Frames that were repeated, or older than the newest."""
+        self._boot_id: int | None = None
+        self._t_us = 0
+        self._arrived_us = 0
+
+    def newest(
+        self, states: Iterable[WheelState], clock: ClockEstimator, now_us: int
+    ) -> Measurement | None:
+        """The newest of the state frames that came at `now_us`; None if none is new.
+
+        The others are passed over: nobody could tell them from the newest in time.
+
+        Raises:
+            ValueError: A code in it means nothing.
+        """
+        newest = None
+        for state in states:
+            if self._is_new(state, clock, now_us):
+                newest = state
+        if newest is None:
+            return None
+        return Measurement(newest, self._t_us, clock.conversion, now_us)
+
+    def _is_new(self, state: WheelState, clock: ClockEstimator, now_us: int) -> bool:
+        boot_id, former_us = state.boot_id, self._t_us
+        if boot_id == self._boot_id and now_us < self._arrived_us + UNWRAP_US:
+            t_us = former_us + tick_difference(state.t_us, former_us)
+        else:
+            t_us = clock.unwrap(state.t_us, now_us)
+        if boot_id == self._boot_id and t_us <= former_us:
+            self.stale += 1
+            return False
+        self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, now_us
+        return True

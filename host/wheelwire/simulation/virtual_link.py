@@ -158,8 +158,8 @@ class VirtualLink:
         self.now_us += STEP_US
         arrived = self._sim.read()
         if self._plugged:
-            for sample in self._session.receive(arrived, self.now_us):
-                self._latest_sample.put(sample)
+            for measurement in self._session.receive(arrived, self.now_us):
+                self._latest_sample.put(measurement)
 
     def _answer(self, submit: Callable[[Done], None]) -> Answer:
         self._check_open()

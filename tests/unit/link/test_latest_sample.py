@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from support.host_samples import sample
+from support.host_samples import measurement
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import ATTENTION_US, LatestSample
@@ -10,8 +10,8 @@ from wheelwire.link.latest_sample import ATTENTION_US, LatestSample
 
 def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
     latest_sample = LatestSample()
-    latest_sample.put(sample(t_us=1))
-    latest_sample.put(sample(t_us=2))
+    latest_sample.put(measurement(t_us=1))
+    latest_sample.put(measurement(t_us=2))
     assert latest_sample.take(0).t_us == 2
     with pytest.raises(RequestTimeout):
         latest_sample.take(0)
@@ -19,13 +19,13 @@ def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
 
 def test_a_waiting_thread_gets_the_sample() -> None:
     latest_sample = LatestSample()
-    threading.Timer(0.02, latest_sample.put, [sample(t_us=5)]).start()
+    threading.Timer(0.02, latest_sample.put, [measurement(t_us=5)]).start()
     assert latest_sample.take(10).t_us == 5
 
 
 def test_after_a_failure_there_is_only_the_error() -> None:
     latest_sample = LatestSample()
-    latest_sample.put(sample(t_us=1))
+    latest_sample.put(measurement(t_us=1))
     latest_sample.fail(LinkLost("over"))
     with pytest.raises(LinkLost, match="over"):
         latest_sample.take(10)
@@ -42,17 +42,17 @@ def test_a_failure_ends_the_wait() -> None:
 
 def test_ticks_from_before_an_interruption_are_not_current() -> None:
     latest_sample = LatestSample()
-    latest_sample.put(sample(left_ticks=7))
+    latest_sample.put(measurement(left_ticks=7))
     latest_sample.interrupt()
     with pytest.raises(RequestTimeout):
         latest_sample.ticks(0)
-    latest_sample.put(sample(left_ticks=9))
+    latest_sample.put(measurement(left_ticks=9))
     assert latest_sample.ticks(0) == (9, 0)
 
 
 def test_the_first_ticks_are_the_devices_own() -> None:
     latest_sample = LatestSample()
-    latest_sample.put(sample(left_ticks=-4, right_ticks=1000))
+    latest_sample.put(measurement(left_ticks=-4, right_ticks=1000))
     assert latest_sample.ticks(0) == (-4, 1000)
 
 
@@ -69,5 +69,5 @@ def test_it_is_read_for_some_time_after_each_question() -> None:
 def test_ticks_go_on_across_a_reset_of_the_device() -> None:
     latest_sample = LatestSample()
     for boot_id, left, right in ((1, 5, 7), (1, 8, 9), (2, 0, 0), (2, 2, 3)):
-        latest_sample.put(sample(boot_id=boot_id, left_ticks=left, right_ticks=right))
+        latest_sample.put(measurement(boot_id=boot_id, left_ticks=left, right_ticks=right))
     assert latest_sample.ticks(0) == (10, 12)

@@ -1,6 +1,13 @@
+import pytest
+
 from support.virtual_line import VirtualLine
+from wheelwire.link.clock import ClockEstimator, Exchange
+from wheelwire.link.state_stream import StateStream
 from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.types import WheelState
+
+MINUTE_US = 60_000_000
 
 
 def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
@@ -56,3 +63,34 @@ def test_each_side_of_a_sample_is_that_of_the_state_frame() -> None:
 def test_a_battery_that_is_not_measured_has_no_voltage() -> None:
     line = VirtualLine().open()
     assert line.samples[-1].battery_v is None
+
+
+def state(t_us: int, boot_id: int = 1) -> WheelState:
+    """As on the wire, where 32 bits of the clock are."""
+    fields = dict.fromkeys(WheelState._fields, 0)
+    return WheelState(**{**fields, "boot_id": boot_id, "t_us": t_us % (1 << 32)})
+
+
+def in_step(offset_us: int) -> ClockEstimator:
+    """The clock of a device that is ahead by `offset_us`."""
+    clock = ClockEstimator()
+    clock.add(Exchange(0, offset_us, offset_us, 0))
+    return clock
+
+
+@pytest.mark.parametrize("pause_us", [10_000, 40 * MINUTE_US, 90 * MINUTE_US])
+def test_the_devices_time_goes_on_across_its_wrap(pause_us: int) -> None:
+    begin_us = (1 << 32) - 5_000
+    clock, stream = in_step(begin_us), StateStream()
+    for host_us in (0, pause_us, pause_us + 10_000):
+        measured = stream.newest([state(begin_us + host_us)], clock, host_us)
+        assert measured is not None
+        assert measured.t_us == begin_us + host_us
+
+
+def test_a_reset_device_begins_with_its_own_time() -> None:
+    stream = StateStream()
+    stream.newest([state(50 * MINUTE_US)], in_step(50 * MINUTE_US), 0)
+    measured = stream.newest([state(7_000, boot_id=2)], in_step(-13_000), 20_000)
+    assert measured is not None
+    assert measured.t_us == 7_000
