@@ -1,7 +1,7 @@
-"""A robot in one YAML file: which driver, which pins, which numbers.
+"""A robot described by one YAML file: driver, pins and parameters.
 
-The numbers are the firmware's parameters, with its bounds. Names that others use for them are taken
-too, and reported.
+The parameters and their bounds are the firmware's. Common names from other packages are accepted
+as aliases and reported.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ ALIASES = {
     "pigpio_port": "pigpio.port",
     "serial_port": "serial.port",
 }
-"""Top-level names of other files, and what they are called here."""
+"""Top-level names from other packages' files, and the names used here."""
 MAX_RPM = "max_rpm"
 """The motor's no-load speed; with the wheel's radius it is the velocity feed-forward."""
 
 
 @dataclass(frozen=True)
 class PigpioOptions:
-    """Where pigpiod runs."""
+    """The address of pigpiod."""
 
     host: str = "localhost"
     port: int = 8888
@@ -61,7 +61,7 @@ class PigpioOptions:
 
 @dataclass(frozen=True)
 class SerialOptions:
-    """Where the ESP32 is."""
+    """The port of the ESP32."""
 
     port: str = "/dev/ttyUSB0"
     baud_rate: int = 921_600
@@ -69,19 +69,18 @@ class SerialOptions:
 
 @dataclass(frozen=True)
 class GpioOptions:
-    """This computer's own pins."""
+    """The pins of this computer."""
 
     pwm_chip: int | None = None
 
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """One robot. `parameters` has those that were given, under the firmware's names.
+    """One robot. `parameters` has those in the file, under the firmware's names.
 
     Attributes:
-        store: File in which the robot's process keeps saved parameters; not of a serial robot,
-            whose device keeps its own.
-        aliases: The foreign names that were found, and what they stand for.
+        store: File for saved parameters; not for a serial robot, whose device saves its own.
+        aliases: The aliases that were found, and the names that they stand for.
     """
 
     driver: str = "pigpio"
@@ -106,13 +105,13 @@ class RobotConfig:
 
 
 def open_robot(file: str | Path | None = None) -> BaseDriver:
-    """Open the robot that a YAML file describes; the shipped `pi4b_params.yaml` without one.
+    """Open the robot described by a YAML file; by default the built-in `pi4b_params.yaml`.
 
-    A serial robot is given the file's parameters whenever a session opens, whatever it has saved.
-    The others start with them; what was saved in `store` comes first.
+    A serial robot receives the file's parameters each time a session opens; they override what it
+    has saved. The others start with the file's, and values saved in `store` override these.
 
     Raises:
-        ConfigurationError: The file is not there, or says what cannot be.
+        ConfigurationError: The file is missing or invalid.
         WheelwireError: As `open_driver`.
     """
     config = load_config(file)
@@ -120,18 +119,20 @@ def open_robot(file: str | Path | None = None) -> BaseDriver:
 
 
 def service_settings(config: RobotConfig, address: str) -> McuSettings:
-    """Of the process that serves this robot at `address`, `unix:path`.
+    """The settings of a process that serves this robot at `address`, `unix:PATH`.
 
     Raises:
-        ConfigurationError: The robot's pins are not this computer's, or the address is of another
-            kind.
+        ConfigurationError: The robot does not use this computer's pins, or the address is not
+            `unix:PATH`.
         DriverUnavailable: The core's library is missing.
     """
     path = address.removeprefix(UNIX)
     if path == address or not path:
-        raise ConfigurationError(f"listen = {address!r}: it must be unix:PATH")
+        raise ConfigurationError(
+            f"listen = {address!r}: it must be unix:PATH, such as unix:/run/wheelwire.sock"
+        )
     if config.driver not in ("l298n", "pigpio"):
-        raise ConfigurationError(f"driver = {config.driver!r}: it must be l298n or pigpio")
+        raise ConfigurationError(f"driver = {config.driver!r}: a service needs l298n or pigpio")
     return McuSettings(
         backend="pigpio" if config.driver == "pigpio" else "l298n",
         pins=config.pins,
@@ -145,14 +146,14 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
 
 
 def load_config(file: str | Path | None = None) -> RobotConfig:
-    """Read and check a YAML file; the shipped `pi4b_params.yaml` without one.
+    """Read and check a YAML file; by default the built-in `pi4b_params.yaml`.
 
     Raises:
-        ConfigurationError: With the key, the value, and what it must be.
+        ConfigurationError: The message has the key, the value and what is allowed.
         DriverUnavailable: pydantic is not installed.
     """
     if file is not None and not isinstance(file, (str, Path)):
-        raise ConfigurationError(f"{shown(file)} is no file: give a path")
+        raise ConfigurationError(f"{shown(file)} is not a file: give a path")
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     try:
         content = yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
@@ -169,13 +170,13 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
 
 
 def parse_config(content: object) -> RobotConfig:
-    """Check what a file says; as `load_config`."""
+    """Check the content of a file; raises as `load_config`."""
     if content is None:
-        raise ConfigurationError(f"it is empty; {_NAME_A_DRIVER}")
+        raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
     if _is_of_ros(content):
         raise ConfigurationError(
-            "it is a parameter file of ROS: start the node with it "
-            "(params_file:=...); a robot's own file has `driver:`, not `ros__parameters:`"
+            "this is a ROS parameter file: start the node with it (params_file:=...); "
+            "a robot's own file has `driver:`, not `ros__parameters:`"
         )
     plain, aliases = _without_aliases(_mapping("the file", content))
     for section, names in _SECTIONS.items():
@@ -187,24 +188,24 @@ def parse_config(content: object) -> RobotConfig:
         name: _checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
     }
     for foreign, name in aliases.items():
-        log.info("%s is taken for %s", foreign, name)
+        log.info("%s is read as %s", foreign, name)
     config = _validated({**plain, "aliases": aliases})
     if "driver" not in plain:
-        raise ConfigurationError(f"driver is missing; {_NAME_A_DRIVER}")
+        raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
     return config
 
 
 class _UniqueKeys(yaml.SafeLoader):
-    """YAML asks for unique keys; PyYAML takes the last of several without a word."""
+    """YAML requires unique keys, but PyYAML silently takes the last of several."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Raises ConstructorError, a YAMLError, when a key is there twice."""
+        """Raises ConstructorError, a YAMLError, if a key occurs twice."""
         mapping = super().construct_mapping(node, deep=deep)
         seen: set[str] = set()
         for key, _ in node.value:
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
-                    problem=f"{key.value} is given twice; keep one of them",
+                    problem=f"{key.value} is given twice: remove one of them",
                     problem_mark=key.start_mark,
                 )
             seen.add(key.value)
@@ -219,7 +220,7 @@ _SECTIONS: dict[str, list[str]] = {
     "parameters": list(PARAMETER_BY_NAME),
 }
 _TOP = ["driver", "store", *_SECTIONS]
-_NAME_A_DRIVER = "say which, such as `driver: serial`; there are mock, l298n, pigpio and serial"
+_CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
 
 
 def _mapping(what: str, value: object) -> dict[str, Any]:
@@ -229,30 +230,30 @@ def _mapping(what: str, value: object) -> dict[str, Any]:
 
 
 def _without_aliases(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-    """The content under our names, and the foreign names that were in it."""
+    """The content with aliases replaced, and the aliases that were found."""
     plain = {name: value for name, value in content.items() if name not in ALIASES}
     rpm = plain.pop(MAX_RPM, None)
     found = {name: ALIASES[name] for name in content if name in ALIASES}
     for foreign, name in found.items():
-        _place(plain, name, content[foreign], foreign)
+        _set_value(plain, name, content[foreign], foreign)
     if rpm is not None:
         found[MAX_RPM] = "parameters.velocity_feedforward"
-        _place(plain, found[MAX_RPM], _feedforward(rpm, plain), MAX_RPM)
+        _set_value(plain, found[MAX_RPM], _feedforward(rpm, plain), MAX_RPM)
     return plain, found
 
 
-def _place(plain: dict[str, Any], name: str, value: object, foreign: str) -> None:
+def _set_value(plain: dict[str, Any], name: str, value: object, foreign: str) -> None:
     section, _, key = name.rpartition(".")
     target = plain
     if section:
         target = plain[section] = _mapping(section, plain.get(section) or {})
     if key in target:
-        raise ConfigurationError(f"{foreign} = {value!r}: {name} is given too; give one of them")
+        raise ConfigurationError(f"{foreign} = {value!r}: {name} is given too; remove one of them")
     target[key] = value
 
 
 def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
-    """Duty per m/s: what friction leaves of the duty, over the rim's speed at full duty."""
+    """Duty per m/s: full duty less what static friction takes, divided by the no-load speed."""
     if not isinstance(rpm, (int, float)) or not rpm > 0:
         raise ConfigurationError(f"{MAX_RPM} = {rpm!r}: it must be a number above 0")
     default = PARAMETER_BY_NAME["wheel_radius"].default
@@ -265,21 +266,21 @@ def _check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> Non
     for name in given:
         if name not in known:
             raise ConfigurationError(
-                f"{prefix}{name} = {given[name]!r}: no such key; {_instead(name, known, prefix)}"
+                f"{prefix}{name} = {given[name]!r}: unknown key; {_suggestion(name, known, prefix)}"
             )
 
 
-def _instead(name: str, known: list[str], prefix: str) -> str:
-    """Which key was meant: one in a section by the same name, else a similar one here."""
+def _suggestion(name: str, known: list[str], prefix: str) -> str:
+    """A key that may be meant: one of the same name in a section, else a similar one here."""
     places = [f"{section}.{name}" for section, names in _SECTIONS.items() if name in names]
     near = [prefix + match for match in get_close_matches(name, known, n=1, cutoff=0.5)]
     if meant := " or ".join(places or near):
         return f"did you mean {meant}?"
-    return f"there are {', '.join(known)}"
+    return f"the keys are {', '.join(known)}"
 
 
 def _is_of_ros(content: object) -> bool:
-    """Whether it has the form that `ros2 run ... --params-file` takes."""
+    """Whether it is a file for `ros2 run ... --params-file`."""
     return isinstance(content, Mapping) and any(
         isinstance(node, Mapping) and "ros__parameters" in node for node in content.values()
     )
@@ -311,5 +312,5 @@ def _validated(content: dict[str, Any]) -> RobotConfig:
 
 def _not_installed(error: ImportError) -> DriverUnavailable:
     return DriverUnavailable(
-        f"reading a robot's file needs {error.name}: pip install 'wheelwire[tools]'"
+        f"reading a robot's file needs {error.name}: run pip install 'wheelwire[tools]'"
     )

@@ -1,6 +1,6 @@
-"""All errors of the library. Each message is one line: what happened, and what to do.
+"""All errors of the library. Each message is one line: what happened and what to do.
 
-`exit_code` is the exit code of the command line; 2 is reserved for wrong usage.
+`exit_code` is what the command line exits with; 2 is reserved for wrong usage.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from typing import ClassVar
 from wheelwire_protocol.codes import Fault, RefusalCode
 
 NO_FAULT = Fault(0)
-_LONGEST_SHOWN = 60
+_MAX_SHOWN_LENGTH = 60
 
 
 class WheelwireError(Exception):
-    """Base of every error that Wheelwire raises on purpose."""
+    """Base class of the errors that Wheelwire raises."""
 
     exit_code: ClassVar[int] = 1
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Exception's own would call the class with the finished text for its arguments.
-        return _restored, (type(self), self.args, self.__dict__)
+        # Exception's own version would call the class with the finished message as its arguments.
+        return _unpickle, (type(self), self.args, self.__dict__)
 
 
 class PortUnavailable(WheelwireError):  # noqa: N818 - the design's names say the state, not "Error"
-    """The port cannot be opened: not there, in use, or not permitted."""
+    """The port cannot be opened: it does not exist, is in use, or access is denied."""
 
     exit_code = 3
 
@@ -42,20 +42,20 @@ class DeviceSilent(WheelwireError):  # noqa: N818
 
     def __init__(self, port: str, baud_rates: Sequence[int]) -> None:
         super().__init__(
-            f"{port} is silent{_tried(baud_rates)}: check power, cable and port, "
+            f"{port} is silent{_at_rates(baud_rates)}: check power, cable and port, "
             "and that the firmware is flashed"
         )
         self.baud_rates = tuple(baud_rates)
 
 
 class ForeignDevice(WheelwireError):  # noqa: N818
-    """Bytes come, but no Wheelwire frame."""
+    """The device sends bytes, but no Wheelwire frames."""
 
     exit_code = 5
 
     def __init__(self, port: str, baud_rates: Sequence[int], bytes_received: int) -> None:
         super().__init__(
-            f"{port} sent {bytes_received} bytes but no Wheelwire frame{_tried(baud_rates)}: "
+            f"{port} sent {bytes_received} bytes but no Wheelwire frame{_at_rates(baud_rates)}: "
             "choose another port (`wheelwire ports`), give its baud rate, or flash the firmware"
         )
         self.baud_rates = tuple(baud_rates)
@@ -63,19 +63,19 @@ class ForeignDevice(WheelwireError):  # noqa: N818
 
 @dataclass(frozen=True)
 class Release:
-    """How one side of the link identifies itself."""
+    """The versions of one side of the link."""
 
     protocol_version: int
     schema_hash: int
     release: str
-    """Of the firmware or the host library, such as `0.1.0`."""
+    """Release of the firmware or of the host library, such as `0.1.0`."""
 
     def __str__(self) -> str:
         return f"{self.release} (protocol {self.protocol_version}, schema {self.schema_hash:08x})"
 
 
 class ProtocolMismatch(WheelwireError):  # noqa: N818
-    """Host and firmware are of different releases; the device does not move for this host."""
+    """Host library and firmware are from different releases; the device refuses this host."""
 
     exit_code = 6
 
@@ -94,7 +94,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         code: A `RefusalCode`, if this library knows it.
         subject: What was refused.
         faults: The latched faults, if they are the reason.
-        hint: What to do, beyond what the code says.
+        hint: What to do, in addition to the code's own text.
     """
 
     exit_code = 7
@@ -107,7 +107,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         try:
             text = RefusalCode(code).doc
         except ValueError:
-            text = f"Code {code}, which this host library does not know."
+            text = f"Code {code}, unknown to this host library: install the firmware's release."
         latched = [f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults]
         sentences = [f"the device refused {subject}: {text}", *latched, hint]
         super().__init__(" ".join(filter(None, sentences)))
@@ -120,13 +120,13 @@ class LinkLost(WheelwireError):  # noqa: N818
 
 
 class LinkClosed(LinkLost):
-    """The link is down for good: it was closed, its thread failed, or this is a forked process."""
+    """The link is closed for good: by `close`, a failed thread, or a fork of the process."""
 
     exit_code = 17
 
 
 class WrongBoard(LinkLost):
-    """The port leads to another board than the one that the link was opened to; it is not used."""
+    """The board at the port is not the one that the link was opened to; it is not used."""
 
     exit_code = 18
 
@@ -140,19 +140,19 @@ class WrongBoard(LinkLost):
 
 
 class RequestTimeout(WheelwireError):  # noqa: N818
-    """No answer came, although the request was repeated: whether it was carried out is unknown."""
+    """No answer to a repeated request; it is unknown whether it was carried out."""
 
     exit_code = 9
 
 
 class InvalidArgument(WheelwireError, ValueError):  # noqa: N818
-    """An argument or option has the wrong type or size. Nothing was done."""
+    """An argument or option has a wrong type or value. Nothing was done."""
 
     exit_code = 19
 
 
 class InvalidCommand(InvalidArgument):
-    """An invalid command: NaN, infinity, no time to live left. Nothing was sent."""
+    """An invalid command: NaN, infinity, or already expired. Nothing was sent."""
 
     exit_code = 10
 
@@ -167,13 +167,13 @@ class UnknownParameter(WheelwireError, KeyError):  # noqa: N818
         from difflib import get_close_matches  # here, because it is slow to import
 
         near = get_close_matches(shown(name).strip("'"), list(known), n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}?" if near else "list the parameters to see the names"
+        hint = f"did you mean {near[0]}?" if near else "`wheelwire params list` shows the names"
         super().__init__(f"no parameter is called {shown(name)}: {hint}")
         self.name = name
 
 
 class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
-    """A parameter's value is outside its bounds, or not a number of its kind."""
+    """A parameter's value is out of bounds, or of the wrong kind."""
 
     exit_code = 12
 
@@ -185,13 +185,13 @@ class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
 
 
 class DriverUnavailable(WheelwireError):  # noqa: N818
-    """There is no driver of this name, or its requirements are not installed."""
+    """The driver does not exist, or something that it needs is missing."""
 
     exit_code = 13
 
 
 class SimulatorNotFound(WheelwireError):  # noqa: N818
-    """The simulated device is not built, or not found."""
+    """The simulator is not built or cannot be found."""
 
     exit_code = 14
 
@@ -203,24 +203,24 @@ class ConfigurationError(WheelwireError):
 
 
 class FlashFailed(WheelwireError):  # noqa: N818
-    """The firmware could not be written to a chip, or does not answer afterwards."""
+    """The firmware could not be written, or does not answer afterwards."""
 
     exit_code = 16
 
 
 class OutputFailed(WheelwireError):  # noqa: N818
-    """A result could not be written: a full disk, a folder that is missing or not writable."""
+    """A result could not be written: the disk is full, or the folder is missing or read-only."""
 
     exit_code = 20
 
 
 class RobotNotNamed(WheelwireError):  # noqa: N818
-    """No robot was named, and which one is meant cannot be told. Nothing was opened."""
+    """No robot was named, and there is not exactly one candidate. Nothing was opened."""
 
     exit_code = 21
 
 
-def _restored(
+def _unpickle(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:
     error = kind.__new__(kind, *arguments)
@@ -232,10 +232,10 @@ def shown(value: object) -> str:
     """Format `value` for an error message: never long, and never raises."""
     try:
         text = repr(value)
-    except Exception:  # such as of an int with more digits than Python will print
+    except Exception:  # such as an int with more digits than Python agrees to print
         text = f"a {type(value).__name__}"
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+    return text if len(text) <= _MAX_SHOWN_LENGTH else f"{text[:_MAX_SHOWN_LENGTH]}..."
 
 
-def _tried(baud_rates: Sequence[int]) -> str:
+def _at_rates(baud_rates: Sequence[int]) -> str:
     return f" at {', '.join(map(str, baud_rates))} baud" if baud_rates else ""

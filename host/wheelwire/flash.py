@@ -1,6 +1,6 @@
-"""Putting the firmware on a chip, by `python -m esptool`, and asking it afterwards who it is.
+"""Writing the firmware to a chip with `python -m esptool`, and checking that it answers.
 
-esptool is GPL and an extra of its own; it runs as a program, never as a part of this one.
+esptool is GPL and comes with an extra: it runs as a separate program and is never imported.
 """
 
 from __future__ import annotations
@@ -34,76 +34,82 @@ from .link.info import DeviceInfo
 CHECKOUT_BUILD = Path(__file__).parents[2] / "build"
 FLASH_BAUD_RATE = 460_800
 PROBE_TIMEOUT_S = 2.0
-"""For a firmware that may not be there at all."""
+"""Short: the chip may hold no firmware at all."""
 STANDSTILL_TIMEOUT_S = 3.0
 RETURN_TIMEOUT_S = 15.0
-"""Native USB vanishes as the chip resets, and comes back."""
+"""A native USB port disappears when the chip resets, and comes back."""
 REOPEN_PERIOD_S = 0.1
 
 _CONNECTED = re.compile(r"Connected to (ESP\S+)")
 _WRITING = re.compile(r"Writing at 0x([0-9a-f]+)")
-_LAST_LINES = 20
+_KEPT_LINES = 20
 
 
 def built_image(board: Board, build: Path = CHECKOUT_BUILD) -> Image:
-    """The image that this checkout has built for a board.
+    """The image that was built in this checkout for a board.
 
     Raises:
-        FlashFailed: It has built none.
+        FlashFailed: There is none.
     """
     name = f"wheelwire-{board.name.lower()}.bin"
     path = build / board.name.lower() / name
     if not path.exists():
         raise FlashFailed(
-            f"no firmware image for the {board.name}: download a release's {name} "
-            f"and name it with --image, or build it to {path}"
+            f"no firmware image for the {board.name}: download {name} from a release and give it "
+            f"with --image, or build it as {path}"
         )
     return read_image(path)
 
 
 def ensure_stopped(port: str) -> None:
-    """Stop a robot whose firmware answers; a port where none answers is as good.
+    """Stop the robot if its firmware answers; return if it does not.
 
     Raises:
-        FlashFailed: Its wheels go on turning.
+        FlashFailed: Its wheels keep turning.
     """
     try:
         robot = SerialDriver(port, connect_timeout=PROBE_TIMEOUT_S)
     except PortUnavailable:
         raise
     except WheelwireError:
-        return  # an empty chip, or another release
+        return  # an empty chip or another release
     with robot:
         robot.stop()
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
         sample = robot.read()
         while sample.left_mps or sample.right_mps:
             if time.monotonic() > end:
-                raise FlashFailed(f"the wheels at {port} still turn: lift or switch the robot off")
+                raise FlashFailed(
+                    f"the wheels of the robot at {port} keep turning: switch off its motor supply, "
+                    "then flash again"
+                )
             sample = robot.read()
 
 
 def identify_chip(port: str) -> Board:
-    """Ask the chip's boot ROM what it is. Resets the chip.
+    """Ask the boot ROM which chip this is. Resets the chip.
 
     Raises:
-        FlashFailed: No chip answers, or one that Wheelwire does not run on.
+        FlashFailed: No chip answers, or Wheelwire does not support it.
     """
     output = "\n".join(_esptool("--port", port, "chip-id"))
     connected = _CONNECTED.search(output)
     if not connected:
-        raise FlashFailed(f"esptool did not tell which chip is at {port}")
+        raise FlashFailed(
+            f"esptool could not identify the chip at {port}: hold the board's BOOT button and retry"
+        )
     name = connected[1]
     try:
         return Board[name.replace("-", "")]
     except KeyError:
         raise FlashFailed(
-            f"the chip at {port} is an {name}; Wheelwire runs on ESP32, ESP32-S3 and ESP32-C6"
+            f"the chip at {port} is an {name}, which is not supported: use an ESP32, ESP32-S3 or "
+            "ESP32-C6"
         ) from None
 
 
 def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
-    """The partition table that is on the chip; empty when it has none. The chip stays stopped.
+    """The chip's partition table; empty if it has none. Leaves the chip in its boot loader.
 
     Raises:
         FlashFailed: esptool failed.
@@ -117,10 +123,10 @@ def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
 
 
 def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], None]) -> None:
-    """Carry a plan out and reset the chip. `report` is told the part written, 0 to 1.
+    """Carry out a plan and reset the chip. `report` receives the fraction written, 0 to 1.
 
     Raises:
-        FlashFailed: Another chip answers than the image is for, or esptool failed.
+        FlashFailed: The chip is not the one that the image is for, or esptool failed.
     """
     with tempfile.TemporaryDirectory() as folder:
         arguments = ["write-flash", *(["--erase-all"] if plan.erase_all else [])]
@@ -134,7 +140,7 @@ def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], No
 
 
 def _written(parts: Sequence[Part], address: int) -> float:
-    """How much of the parts lies before an address, 0 to 1."""
+    """The fraction of the parts that lies before an address, 0 to 1."""
     sizes = [len(part.content) for part in parts]
     before = [min(max(address - part.offset, 0), len(part.content)) for part in parts]
     return sum(before) / max(1, sum(sizes))
@@ -145,11 +151,11 @@ def _chip_at(port: str, board: Board) -> tuple[str, ...]:
 
 
 def verify(port: str, board: Board) -> DeviceInfo:
-    """Shake hands with the new firmware.
+    """Connect to the new firmware.
 
     Raises:
-        FlashFailed: It says that it runs on another board.
-        WheelwireError: It does not answer, as `SerialDriver` says.
+        FlashFailed: It reports another board.
+        WheelwireError: It does not answer; see `SerialDriver`.
     """
     end = time.monotonic() + RETURN_TIMEOUT_S
     while True:
@@ -162,14 +168,17 @@ def verify(port: str, board: Board) -> DeviceInfo:
                 raise
             time.sleep(REOPEN_PERIOD_S)
     if device.board is not board:
-        raise FlashFailed(f"written, but the firmware says that it runs on {device.board.name}")
+        raise FlashFailed(
+            f"the firmware was written, but reports the board {device.board.name} in place of "
+            f"{board.name}: flash the release's image for the {board.name}"
+        )
     return device
 
 
 def _esptool(*arguments: str) -> Iterator[str]:
-    """Run esptool; yields what it prints, progress included, as it comes."""
+    """Run esptool; yields its output line by line, progress included, as it is printed."""
     if importlib.util.find_spec("esptool") is None:
-        raise FlashFailed("esptool is not installed: pip install 'wheelwire[tools]'")
+        raise FlashFailed("esptool is not installed: run pip install 'wheelwire[tools]'")
     process = subprocess.Popen(
         [sys.executable, "-m", "esptool", *arguments],
         stdin=subprocess.DEVNULL,
@@ -182,20 +191,20 @@ def _esptool(*arguments: str) -> Iterator[str]:
     with process:
         if process.stdout:
             for line in _lines(process.stdout):
-                lines = [*lines, line][-_LAST_LINES:]
+                lines = [*lines, line][-_KEPT_LINES:]
                 yield line
     if process.returncode:
         raise FlashFailed(_reason(lines))
 
 
 def _lines(stream: IO[str]) -> Iterator[str]:
-    """Text mode makes line ends of the carriage returns of a progress bar, too."""
+    """Lines without blank ones. Text mode also splits a progress bar at its carriage returns."""
     return (line.strip() for line in stream if line.strip())
 
 
 def _reason(lines: list[str]) -> str:
-    """What esptool gives as its reason, else its last line."""
+    """The error that esptool printed, else its last line."""
     for line in lines:
         if "error occurred" in line.lower():
-            return f"esptool: {line}; hold the board's BOOT button if it does not connect"
+            return f"esptool: {line}; if it does not connect, hold the board's BOOT button"
     return f"esptool: {lines[-1] if lines else 'exited with no output'}"

@@ -1,4 +1,4 @@
-"""What lies where in a chip's flash: partition tables, an image's parts, what writing it does.
+"""The layout of a chip's flash: partition tables, the parts of an image, what to write.
 
 Formats: "Partition Tables" and "App Image Format" in ESP-IDF's documentation.
 """
@@ -23,7 +23,7 @@ ERASED = b"\xff"
 _IMAGE_MAGIC = 0xE9
 _CHIP_ID_OFFSET = 12
 _BOOTLOADERS = {0x1000: {0: Board.ESP32}, 0: {9: Board.ESP32S3, 13: Board.ESP32C6}}
-"""Where a chip's bootloader begins, and the chip ids that its header may hold there."""
+"""Offset of the boot loader, and the chip ids that its header may contain there."""
 _ENTRY = struct.Struct("<2sBBII16sI")
 _ENTRY_MAGIC = b"\xaa\x50"
 _DIGEST_MAGIC = b"\xeb\xeb"
@@ -33,7 +33,7 @@ _OTADATA = (1, 0)
 
 @dataclass(frozen=True)
 class Partition:
-    """One line of a partition table; offset and size in bytes."""
+    """One entry of a partition table; offset and size in bytes."""
 
     name: str
     kind: int
@@ -43,18 +43,18 @@ class Partition:
 
     @property
     def end(self) -> int:
-        """The first byte behind it."""
+        """Offset of the first byte after it."""
         return self.offset + self.size
 
     @property
     def holds_data(self) -> bool:
-        """Whether it belongs to the firmware or its user, and not to the image."""
+        """Whether it holds data of the user or the firmware, rather than a part of the image."""
         return self.kind != _APPLICATION and (self.kind, self.subtype) != _OTADATA
 
 
 @dataclass(frozen=True)
 class Part:
-    """Bytes that have their place in flash."""
+    """Bytes and their offset in flash."""
 
     name: str
     offset: int
@@ -62,13 +62,13 @@ class Part:
 
     @property
     def end(self) -> int:
-        """The first byte behind it."""
+        """Offset of the first byte after it."""
         return self.offset + len(self.content)
 
 
 @dataclass(frozen=True)
 class Image:
-    """A merged image, taken apart: what is written, and the table that says what is not."""
+    """A merged image, split into the parts to write, and its partition table."""
 
     path: Path
     board: Board
@@ -81,10 +81,10 @@ class Plan:
     """What flashing does to a chip.
 
     Attributes:
-        writes: In the order of their places. A region that is erased is written with 0xff.
-        kept: Names of the data partitions of which the chip keeps what it has.
-        erased: The regions of data partitions that held something else, as parts of 0xff.
-        reason: Why they are erased; empty when none is.
+        writes: In order of their offsets. A region is erased by writing 0xff.
+        kept: Names of the data partitions whose content stays on the chip.
+        erased: The regions of data partitions with foreign content, as parts of 0xff.
+        reason: Why they are erased; empty if none is.
         erase_all: The whole flash is erased first.
     """
 
@@ -96,7 +96,7 @@ class Plan:
 
 
 def parse_table(raw: bytes) -> tuple[Partition, ...]:
-    """The partitions of a table; none when it is no table, or a damaged one."""
+    """The partitions of a table; none if it is not a table or is damaged."""
     found: list[Partition] = []
     for at in range(0, min(len(raw), TABLE_BYTES) - _ENTRY.size + 1, _ENTRY.size):
         magic, kind, subtype, offset, size, name, _ = _ENTRY.unpack_from(raw, at)
@@ -113,10 +113,10 @@ def parse_table(raw: bytes) -> tuple[Partition, ...]:
 
 
 def read_image(path: Path) -> Image:
-    """Take a merged image apart.
+    """Split a merged image into its parts.
 
     Raises:
-        FlashFailed: There is no such file, or it is no image for a chip that Wheelwire runs on.
+        FlashFailed: The file does not exist, or is not an image for a supported chip.
     """
     try:
         content = path.read_bytes()
@@ -149,15 +149,15 @@ def read_image(path: Path) -> Image:
 
 
 def plan_flash(image: Image, chip_table: Sequence[Partition], *, erase_all: bool = False) -> Plan:
-    """What writing an image does to a chip with that partition table.
+    """Plan what writing an image changes on a chip with that partition table.
 
-    A data partition stays as it is where the chip has one of its kind at its place. The rest of it
-    held something else, such as another firmware's code, which must not be taken for data.
+    A data partition is kept where the chip has one of the same kind at the same offset. The rest of
+    it held something else, such as another firmware's code, which must not be read as data.
     """
     if erase_all:
         return Plan(_ordered(image.parts), erase_all=True)
     data = [partition for partition in image.table if partition.holds_data]
-    kept = {partition.name: _kept_until(partition, chip_table) for partition in data}
+    kept = {partition.name: _valid_until(partition, chip_table) for partition in data}
     erased = [
         Part(p.name, kept[p.name], ERASED * (p.end - kept[p.name]))
         for p in data
@@ -172,8 +172,8 @@ def plan_flash(image: Image, chip_table: Sequence[Partition], *, erase_all: bool
     )
 
 
-def _kept_until(partition: Partition, chip_table: Sequence[Partition]) -> int:
-    """Up to where the chip's flash holds what belongs into a partition."""
+def _valid_until(partition: Partition, chip_table: Sequence[Partition]) -> int:
+    """Up to which offset the chip holds valid content of a partition."""
     for on_chip in chip_table:
         same_kind = (on_chip.kind, on_chip.subtype) == (partition.kind, partition.subtype)
         if same_kind and on_chip.offset == partition.offset:
@@ -186,7 +186,7 @@ def _ordered(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 
 def _bootloader_of(content: bytes) -> tuple[Board, int] | None:
-    """For which chip an image is, and where its bootloader begins."""
+    """The board that an image is for, and the offset of its boot loader."""
     for offset, boards in _BOOTLOADERS.items():
         header = content[offset : offset + _CHIP_ID_OFFSET + 2]
         chip_id = int.from_bytes(header[_CHIP_ID_OFFSET:], "little")
@@ -196,7 +196,7 @@ def _bootloader_of(content: bytes) -> tuple[Board, int] | None:
 
 
 def _application(content: bytes, partition: Partition) -> Part | None:
-    """What an image holds for an application's partition."""
+    """The content of an application partition in an image; None if there is none."""
     code = content[partition.offset : partition.end]
     if partition.kind != _APPLICATION or code[:1] != bytes([_IMAGE_MAGIC]):
         return None

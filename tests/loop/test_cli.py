@@ -94,7 +94,7 @@ def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
     finally:
         simulator.set("left.encoder_dead", 0)
     assert "LEFT_NOT_COUNTING: The left wheel" in check_error(result, errors.DeviceRefused)
-    assert run("clear", simulator.port).stdout == "FAULT ended\n"
+    assert run("clear", simulator.port).stdout == "FAULT cleared\n"
 
 
 def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator) -> None:
@@ -105,9 +105,9 @@ def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator
         quiet.set("left.encoder_dead", 0)
     run("estop", quiet.port)
     text = run("clear", quiet.port).stdout
-    assert text.startswith("ESTOPPED ended\nFAULT remains. LEFT_NOT_COUNTING: ")
+    assert text.startswith("ESTOPPED cleared\nFAULT remains. LEFT_NOT_COUNTING: ")
     assert f"`wheelwire clear {quiet.port}` again" in text
-    assert run("clear", quiet.port).stdout == "FAULT ended\n"
+    assert run("clear", quiet.port).stdout == "FAULT cleared\n"
 
 
 def test_an_open_contact_says_what_to_do_where_none_is_fitted(quiet: Simulator) -> None:
@@ -117,15 +117,15 @@ def test_an_open_contact_says_what_to_do_where_none_is_fitted(quiet: Simulator) 
     finally:
         quiet.set("estop_open", 0)
         run("clear", quiet.port)
-    assert "join its pin to ground" in line
+    assert "connect its pin to ground" in line
 
 
 def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(quiet: Simulator) -> None:
     text = run("drive", quiet.port, "--linear", "5", "--seconds", "0.3").stdout
-    assert "drove at 0.4 m/s and 0 rad/s: no wheel turns faster than 0.4 m/s" in text
+    assert "limited to 0.4 m/s and 0 rad/s: no wheel may exceed 0.4 m/s" in text
     text = run("drive", quiet.port, "--linear", "0.2", "--seconds", "1").stdout
     assert "no wheel" not in text
-    assert "m of it coming to a stop; stopped" in text
+    assert "m of it while stopping" in text
     told = run_json("drive", quiet.port, "--linear", "-5", "--seconds", "0.3")
     assert told["linear_mps"] == pytest.approx(-0.4)
     assert 0 < told["rolled_out_m"] < -told["x_m"]
@@ -173,7 +173,7 @@ def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
     run("params", "set", port, "path_gain", "1")
     assert run("params", "save", port, "path_gain").stdout == "saved: path_gain = 1\n"
     assert run("params", "save", port).stdout == (
-        "all values saved; other than their defaults: "
+        "all values saved; different from their defaults: "
         "proportional_gain = 1.5, integral_gain = 12, path_gain = 1\n"
     )
     saved = run_json("params", "save", port, "path_gain", "max_duty")
@@ -184,9 +184,9 @@ def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
 
 def test_a_value_that_acts_after_a_reset_says_so(quiet: Simulator) -> None:
     text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000").stdout
-    assert "without effect: it acts after a reset, which forgets it; give --save" in text
+    assert "no effect: it acts only after a reset, and is lost then; use --save" in text
     text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000", "--save").stdout
-    assert text == "pwm_frequency_hz = 18000, saved; in force after the next reset\n"
+    assert text == "pwm_frequency_hz = 18000, saved; takes effect after the next reset\n"
     run("params", "reset", quiet.port)
 
 
@@ -240,7 +240,7 @@ def test_the_environment_names_the_robot(quiet: Simulator) -> None:
     robot = {"WHEELWIRE_ROBOT": quiet.port}
     result = run("drive", "--linear", "0.2", "--seconds", "0.3", **robot)
     assert result.returncode == 0
-    assert result.stderr == f"wheelwire: WHEELWIRE_ROBOT names {quiet.port}\n"
+    assert result.stderr == f"wheelwire: using {quiet.port}, named by WHEELWIRE_ROBOT\n"
     assert run("params", "set", "path_gain", "1", **robot).stdout.startswith("path_gain = 1, until")
     assert run("params", "get", "path_gain", **robot).stdout == "1\n"
     assert run("params", "save", "path_gain", **robot).stdout == "saved: path_gain = 1\n"
@@ -253,7 +253,7 @@ def test_an_estop_of_the_only_candidate_asks_nothing(quiet: Simulator, tmp_path:
     assert result.returncode == 0, result.stderr
     assert f"{quiet.port} is the only candidate" in result.stderr
     assert run_json("info", quiet.port)["state"] == "ESTOPPED"
-    assert run("clear", "--yes", WHEELWIRE_ROBOT="", **ports).stdout == "ESTOPPED ended\n"
+    assert run("clear", "--yes", WHEELWIRE_ROBOT="", **ports).stdout == "ESTOPPED cleared\n"
 
 
 @pytest.mark.parametrize(("answer", "drives"), [("y", True), ("n", False), ("", False)])
@@ -292,7 +292,7 @@ def test_ports_is_json_without_a_robot() -> None:
     [
         (("drive", "{port}", "--linear", "nan"), errors.InvalidCommand, "finite"),
         (("drive", "{port}", "--angular", "inf"), errors.InvalidCommand, "finite"),
-        (("drive", "{port}"), errors.InvalidCommand, "give --linear, --angular or both"),
+        (("drive", "{port}"), errors.InvalidCommand, "use --linear, --angular or both"),
         (
             ("params", "set", "{port}", "wheel_radius", "33"),
             errors.ParameterOutOfRange,
@@ -355,7 +355,10 @@ BAD_LINE = [(), ("--faults", "noisy")]
 def test_sim_is_there_until_it_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
     link = tmp_path / "robot"
     with sim(link, *options) as (process, line):
-        assert line == f"A simulated robot is at {link}, until Ctrl-C. In another terminal:\n"
+        assert (
+            line
+            == f"A simulated robot is running at {link}; Ctrl-C stops it. In another terminal:\n"
+        )
         assert run("info", str(link)).returncode == 0
     assert process.returncode == 0
     assert list(tmp_path.iterdir()) == []

@@ -120,7 +120,7 @@ def test_what_is_saved_outlives_the_host(address: str) -> None:
 @pytest.mark.parametrize(
     ("content", "listen", "told"),
     [
-        ("driver: mock", "unix:x", "it must be l298n or pigpio"),
+        ("driver: mock", "unix:x", "a service needs l298n or pigpio"),
         ("driver: pigpio", "/run/x", "it must be unix:PATH"),
     ],
 )

@@ -100,7 +100,7 @@ def test_what_the_chip_saved_is_there_afterwards(chip: EspChip, port: str, image
     assert chip.application() == 0x280000
     result = run(port, "--image", str(image))
     assert result.returncode == 0, result.stderr
-    assert "keeps of the data on the chip: nvs, recorder, coredump" in result.stdout
+    assert "keeps the data in: nvs, recorder, coredump" in result.stdout
     assert "erases" not in result.stdout
     assert "ESP32 240ac4123456" in result.stdout
     for name, _, _, offset, size in our_layout():
@@ -156,7 +156,7 @@ def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
 def test_another_chip_than_the_images_is_refused(chip: EspChip, port: str, tmp_path: Path) -> None:
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
-    check_refusal(run(port, "--image", str(image)), "is for the ESP32S3, the chip at")
+    check_refusal(run(port, "--image", str(image)), "is for the ESP32S3, but the chip at")
     assert chip.erased == []
 
 
@@ -176,7 +176,7 @@ def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) ->
 
 def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
     chip.device.wheel_mps = 0.2
-    check_refusal(run("--port", port, "--image", str(image)), "still turn")
+    check_refusal(run("--port", port, "--image", str(image)), "keep turning")
     assert chip.erased == []
 
 

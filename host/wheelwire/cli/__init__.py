@@ -1,4 +1,4 @@
-"""The command `wheelwire`: human by default, `--json` for machines, one line for an error."""
+"""The command `wheelwire`: text for people, `--json` for programs, each error on one line."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ INTERRUPTED = 130
 def main() -> None:
     """Entry point of the console script."""
     default = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if default:  # the imports take a while; nothing is open yet
-        signal.signal(signal.SIGINT, _leave)
+    if default:
+        # The imports below take some 0.2 s. Ctrl-C meanwhile must not print a traceback from the
+        # middle of an import; nothing is open yet, so the process may simply exit.
+        signal.signal(signal.SIGINT, _exit_interrupted)
     from .app import run
 
     if default:
@@ -21,5 +23,5 @@ def main() -> None:
     run()
 
 
-def _leave(_signal: int, _frame: FrameType | None) -> None:
+def _exit_interrupted(_signal: int, _frame: FrameType | None) -> None:
     os._exit(INTERRUPTED)

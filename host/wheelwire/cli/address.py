@@ -1,4 +1,4 @@
-"""ROBOT: the one address of a robot, the same in every command that talks to one."""
+"""ROBOT: the address of a robot, written the same way in every command."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 ENVIRONMENT = "WHEELWIRE_ROBOT"
 MOCK = "mock"
-KINDS = "a port, socket://HOST:PORT, unix:PATH, a robot's YAML file or mock"
+ADDRESS_KINDS = "a port, socket://HOST:PORT, unix:PATH, a robot's YAML file or mock"
 _FILES = (".yaml", ".yml")
-_LEFT_OUT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
+_DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
 
 
 def complete_robot(incomplete: str) -> Iterator[tuple[str, str]]:
-    """The addresses that a shell can offer, with what each may be. Nothing is opened."""
+    """The addresses that the shell suggests, each with a description. Opens nothing."""
     found = [(port.device, port.note) for port in likely_boards()]
     for address, meaning in (*found, (MOCK, "a simulated robot")):
         if address.startswith(incomplete):
@@ -35,7 +35,7 @@ def complete_robot(incomplete: str) -> Iterator[tuple[str, str]]:
 
 
 def complete_robot_or_name(incomplete: str) -> Iterator[tuple[str, str]]:
-    """For an argument that may be ROBOT or the name of a parameter."""
+    """The suggestions for an argument that may be ROBOT or the name of a parameter."""
     yield from complete_robot(incomplete)
     for name, parameter in PARAMETER_BY_NAME.items():
         if name.startswith(incomplete):
@@ -46,27 +46,27 @@ RobotArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="ROBOT",
-        help=f"{KINDS[0].upper()}{KINDS[1:]}; {_LEFT_OUT}.",
+        help=f"{ADDRESS_KINDS[0].upper()}{ADDRESS_KINDS[1:]}; {_DEFAULT}.",
         show_default=False,
         autocompletion=complete_robot,
     ),
 ]
 BaudOption = Annotated[
-    int | None, typer.Option(help="Of a port: tried first; then the usual rates.")
+    int | None, typer.Option(help="Baud rate to try first at a port; then the usual ones.")
 ]
 YesFlag = Annotated[
-    bool, typer.Option("--yes", "-y", help="Do not ask, though the robot was not named.")
+    bool, typer.Option("--yes", "-y", help="Do not ask for confirmation when ROBOT is left out.")
 ]
-LEFT_OUT_HELP = f"ROBOT is {KINDS}; {_LEFT_OUT}."
+ROBOT_HELP = f"ROBOT is {ADDRESS_KINDS}; {_DEFAULT}."
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a robot is.
+    """Where a robot can be reached.
 
     Attributes:
-        text: As the user writes it.
-        candidate: The port that was chosen because nobody named a robot; else None.
+        text: As the user wrote it.
+        candidate: The port that was chosen because no robot was named; else None.
     """
 
     text: str
@@ -76,12 +76,12 @@ class Address:
         """Open the robot.
 
         Args:
-            baud_rate: Of a port; None: the usual one.
-            bare: Leave a serial robot's parameters as they are, whatever its file says: for
-                commands that look at it or stop it.
+            baud_rate: Of a port; None: the default.
+            bare: Do not send a serial robot the parameters in its file: for commands that only
+                look at the robot or stop it.
 
         Raises:
-            InvalidArgument: A baud rate for what has none, or has it in its file.
+            InvalidArgument: A baud rate was given, but the address is not a port.
             WheelwireError: As `open_driver` and `open_robot`.
         """
         from wheelwire.drivers.factory import open_driver
@@ -91,18 +91,18 @@ class Address:
             return open_driver("serial", port=self.text, baud_rate=baud_rate or DEFAULT_BAUD_RATE)
         if baud_rate is not None:
             raise InvalidArgument(
-                f"--baud belongs to a port, not to {self.text}: leave it out; "
-                "a robot's file has serial.baud_rate"
+                f"--baud is only for ports, not for {self.text}: leave it out; "
+                "in a robot's file, set serial.baud_rate"
             )
         if self.text == MOCK:
             return open_driver("mock")
         return _open_file(self.text, bare=bare)
 
     def serial_port(self) -> str:
-        """The serial port, where the firmware of a chip can be written.
+        """The serial port to write firmware to.
 
         Raises:
-            InvalidArgument: It is no serial port.
+            InvalidArgument: The address is not a serial port.
             ConfigurationError: The robot's file is invalid.
         """
         port = self.text
@@ -111,21 +111,22 @@ class Address:
             port = robot.serial.port if robot.driver == "serial" else robot.driver
         if port == MOCK or port.startswith(("socket:", "unix:")) or port in ("l298n", "pigpio"):
             raise InvalidArgument(
-                f"{self.text} is no serial port: give the one that the board is plugged in at"
+                f"{self.text} is not a serial port: give the port that the board is plugged in to "
+                "(`wheelwire ports` lists them)"
             )
         return port
 
     def check_parameters(self, names: Collection[str], *, save: bool) -> None:
-        """Look whether a change of parameters would hold.
+        """Check that a change of parameters would last.
 
         Raises:
-            InvalidArgument: Nothing would keep it, or the robot's file would undo it.
+            InvalidArgument: It would not be saved anywhere, or the robot's file would undo it.
             ConfigurationError: The robot's file is invalid.
         """
         if self.text == MOCK and save:
             raise InvalidArgument(
-                "mock ends with this command, and nothing keeps its parameters: leave out --save, "
-                "or run `wheelwire sim` and name its port"
+                "mock exists only while this command runs and cannot save parameters: leave out "
+                "--save, or start `wheelwire sim` and give its port"
             )
         if not self.text.endswith(_FILES):
             return
@@ -133,26 +134,26 @@ class Address:
         if robot.driver != "serial":
             if save and robot.store is None:
                 raise InvalidArgument(
-                    f"{self.text} names no file in which this robot keeps parameters: "
-                    "add `store:` to it"
+                    f"{self.text} does not say where this robot saves its parameters: "
+                    "add `store: FILE` to it"
                 )
             return
         for name in names:
             if name in robot.parameters:
                 raise InvalidArgument(
-                    f"{self.text} sets {name} whenever the robot is opened: change it there"
+                    f"{self.text} sets {name} each time the robot is opened: change it in that file"
                 )
 
 
 def outlives_commands(driver: BaseDriver) -> bool:
-    """Whether the robot's core, its latch and its values are still there after `close`."""
+    """Whether the robot's core keeps running after `close`, with its e-stop and parameters."""
     from wheelwire.drivers.serial import SerialDriver
 
     return isinstance(driver, SerialDriver)
 
 
 def _load(file: str) -> RobotConfig:
-    from wheelwire.config import load_config  # here, for what it imports is slow
+    from wheelwire.config import load_config  # here, because its imports are slow
 
     return load_config(file)
 
@@ -169,32 +170,32 @@ def _open_file(file: str, *, bare: bool) -> BaseDriver:
 def resolve(
     given: str | None, *, moves: bool = False, yes: bool = False, as_json: bool = False
 ) -> Address:
-    """Which robot is meant: the one given, else $WHEELWIRE_ROBOT, else the only likely board.
+    """The robot to use: the one given, else $WHEELWIRE_ROBOT, else the only likely board.
 
     Args:
         given: The argument ROBOT.
-        moves: The command moves wheels or lets them move: for a robot that nobody named it asks.
+        moves: The command moves the wheels or allows it: ask first if no robot was named.
         yes: Do not ask.
-        as_json: Errors are for a machine: say nothing else on stderr but a question.
+        as_json: stderr carries JSON errors: print nothing else there except the question.
 
     Raises:
-        InvalidArgument: ROBOT is an empty text.
-        RobotNotNamed: There is no such board, or several; or it was not confirmed.
+        InvalidArgument: ROBOT is empty.
+        RobotNotNamed: There is no likely board, or several; or the user did not confirm.
     """
-    if given == "":  # not the same as left out: it would mean another robot
-        raise InvalidArgument(f"ROBOT is empty (a variable that is not set?): give {KINDS}")
+    if given == "":  # an unset shell variable; taking the default would move another robot
+        raise InvalidArgument(f"ROBOT is empty (an unset variable?): give {ADDRESS_KINDS}")
     if given:
         return Address(given)
     if named := os.environ.get(ENVIRONMENT):
         if moves and not as_json:
-            _say(f"{ENVIRONMENT} names {named}")
+            _print_note(f"using {named}, named by {ENVIRONMENT}")
         return Address(named)
     port = _only_candidate()
-    chosen = f"no robot is named; {port.device} is the only candidate ({port.note})"
+    chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
     if moves and not yes:
         _confirm(port.device, chosen)
     elif not as_json:
-        _say(chosen)
+        _print_note(chosen)
     return Address(port.device, port)
 
 
@@ -202,14 +203,14 @@ def _only_candidate() -> SerialPort:
     found = likely_boards()
     if not found:
         raise RobotNotNamed(
-            "no robot is named, and no board is found: plug it in with a cable that carries data "
-            "(many only charge) and look whether `wheelwire ports` lists it; or name the robot: "
-            f"{KINDS}, as the first argument or in {ENVIRONMENT}"
+            "no robot was named, and no board was found: plug it in with a data cable (many cables "
+            "only charge) and check that `wheelwire ports` lists it; or name the robot: "
+            f"{ADDRESS_KINDS}, as the first argument or in {ENVIRONMENT}"
         )
     if len(found) > 1:
         listed = ", ".join(f"{port.device} ({port.note})" for port in found)
         raise RobotNotNamed(
-            f"no robot is named, and several ports may be it: {listed}; name one, "
+            f"no robot was named, and several ports may be one: {listed}; name one, "
             f"as the first argument or in {ENVIRONMENT}"
         )
     return found[0]
@@ -221,16 +222,16 @@ def _confirm(device: str, chosen: str) -> None:
             f"{chosen}, and there is no terminal to ask on: name the robot, "
             f"as the first argument or in {ENVIRONMENT}, or give --yes"
         )
-    if not typer.confirm(f"{chosen}. Its wheels may move. Go on?", err=True):
-        raise RobotNotNamed(f"nothing was done at {device}: name the robot that is meant")
+    if not typer.confirm(f"{chosen}. Its wheels may move. Continue?", err=True):
+        raise RobotNotNamed(f"{device} was not used: name the robot")
 
 
-def _say(text: str) -> None:
+def _print_note(text: str) -> None:
     typer.echo(f"wheelwire: {text}", err=True)
 
 
 def looks_like_address(text: str) -> bool:
-    """Whether it can only be ROBOT, where the name of a parameter may stand as well."""
+    """Whether `text` must be ROBOT, in a place where a parameter's name is possible too."""
     return text not in PARAMETER_BY_NAME and (
         text == MOCK or any(sign in text for sign in "/:.") or Path(text).exists()
     )

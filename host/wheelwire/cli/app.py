@@ -1,6 +1,6 @@
-"""All commands in one application, and how each of them ends.
+"""The application with all commands, and its exit codes.
 
-Exit codes: 0 done; 2 wrong usage; 130 interrupted; else the error's, see `wheelwire.errors`.
+0 done; 2 wrong usage; 130 interrupted; else the error's `exit_code`, see `wheelwire.errors`.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ def wheelwire(
 
 
 def run() -> None:
-    """Carry out the command line, and exit."""
+    """Run the command line, and exit."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # an ASCII terminal is no reason to fail
+            stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail
     sys.exit(_result(sys.argv[1:]))
 
 
 def _result(arguments: list[str]) -> int:
     as_json = "--json" in arguments
     try:
-        return _carry_out(arguments)
+        return _run_app(arguments)
     except WheelwireError as error:
         print_error(str(error), type(error).__name__, error.exit_code, as_json=as_json)
         return error.exit_code
@@ -71,23 +71,25 @@ def _result(arguments: list[str]) -> int:
         return INTERRUPTED
 
 
-def _carry_out(arguments: list[str]) -> int:
+def _run_app(arguments: list[str]) -> int:
     try:
         code = app(arguments, prog_name="wheelwire", standalone_mode=False)
-        sys.stdout.flush()  # now, while a failure can still be told
+        sys.stdout.flush()  # here, where a full disk can still be reported
     except BrokenPipeError:
         _discard_output()
-        return 0  # `wheelwire monitor | head` is no failure
+        return 0  # `wheelwire monitor | head` is not an error
     except OSError as error:
         if error.errno not in _FULL:
             raise
         _discard_output()
-        raise OutputFailed(f"cannot write the output: {error.strerror}") from error
+        raise OutputFailed(
+            f"cannot write the output: {error.strerror}; free some space, or write it elsewhere"
+        ) from error
     return code if isinstance(code, int) else 0
 
 
 def _usage(error: Exception) -> str:
-    """What is wrong, and where it is explained. `error` is a UsageError, of whichever Click."""
+    """What is wrong, and which help explains it. `error` is a UsageError of either Click."""
     message = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "wheelwire"
@@ -95,5 +97,5 @@ def _usage(error: Exception) -> str:
 
 
 def _discard_output() -> None:
-    """What is left in the buffer would fail once more at the interpreter's exit."""
+    """Redirect stdout: flushing the rest of its buffer at exit would fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -17,9 +17,10 @@ from .output import JsonFlag, console, print_json
 if TYPE_CHECKING:
     from wheelwire.flash_layout import Plan
 
-PortOption = Annotated[str | None, typer.Option(hidden=True, help="As ROBOT.")]
+PortOption = Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")]
 ImageOption = Annotated[
-    Path | None, typer.Option(help="A release's image; default: this checkout's build.")
+    Path | None,
+    typer.Option(help="Image from a release; default: this checkout's build."),
 ]
 EraseFlag = Annotated[
     bool, typer.Option("--erase", help="Erase the whole flash first, saved parameters included.")
@@ -34,7 +35,7 @@ def flash(
     as_json: JsonFlag = False,
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters are kept."""
-    from wheelwire import flash as flasher  # here, so that other commands start without it
+    from wheelwire import flash as flasher  # here, so that other commands start faster
     from wheelwire.flash_layout import plan_flash, read_image
 
     wanted = read_image(image) if image else None
@@ -44,7 +45,8 @@ def flash(
     chosen = wanted or flasher.built_image(board)
     if chosen.board is not board:
         raise FlashFailed(
-            f"{chosen.path} is for the {chosen.board.name}, the chip at {port} is an {board.name}"
+            f"{chosen.path} is for the {chosen.board.name}, but the chip at {port} is an "
+            f"{board.name}: use --image with the release's wheelwire-{board.name.lower()}.bin"
         )
     plan = plan_flash(chosen, flasher.read_chip_table(port, board), erase_all=erase)
     if not as_json:
@@ -74,11 +76,11 @@ def flash(
 
 
 def _describe(plan: Plan) -> list[str]:
-    """What a person is told before anything is written."""
+    """What is printed before anything is written."""
     if plan.erase_all:
         return ["erases the whole flash, saved parameters included"]
     kept = ", ".join(plan.kept) or "nothing"
-    lines = [f"keeps of the data on the chip: {kept}"]
+    lines = [f"keeps the data in: {kept}"]
     if plan.erased:
         regions = ", ".join(f"{p.name} {p.offset:#x} to {p.end:#x}" for p in plan.erased)
         lines.append(f"erases {regions}: {plan.reason}")

@@ -23,29 +23,31 @@ DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can t
 
 
 def sim(
-    link: Annotated[Path, typer.Option(help="Where the robot's port is to appear.")] = DEFAULT_LINK,
+    link: Annotated[Path, typer.Option(help="Path of the simulated port.")] = DEFAULT_LINK,
     faults: Annotated[
         str | None,
         typer.Option(help="Simulate a bad serial line: a built-in profile's name or a YAML file."),
     ] = None,
     arguments: Annotated[
-        list[str] | None, typer.Argument(help="For wheelwire-fwsim; see `wheelwire sim -- --help`.")
+        list[str] | None,
+        typer.Argument(help="For wheelwire-fwsim: see `wheelwire sim -- --help`."),
     ] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Run a simulated robot, with the real firmware's core, until Ctrl-C."""
+    """Run a simulated robot with the firmware's real core until Ctrl-C."""
     if faults is not None:
         _sim_on_a_bad_line(link, load_profile(faults), arguments or [], as_json=as_json)
         return
     program = str(find_simulator())
     announce = [] if as_json else ["--announce", _announcement(link)]
-    # In our place: whatever signal ends this command ends the simulator, and takes its port away.
+    # exec, not a child: any signal that ends this command then ends the simulator, which removes
+    # its port.
     os.execv(program, [program, "--link", str(link), *announce, *(arguments or [])])  # noqa: S606
 
 
 def _announcement(port: str | Path) -> str:
     return (
-        f"A simulated robot is at {port}, until Ctrl-C. In another terminal:\n"
+        f"A simulated robot is running at {port}; Ctrl-C stops it. In another terminal:\n"
         f"    wheelwire drive {port} --linear 0.2 --seconds 2"
     )
 
@@ -53,7 +55,7 @@ def _announcement(port: str | Path) -> str:
 def _sim_on_a_bad_line(
     link: Path, profile: LineProfile, arguments: list[str], *, as_json: bool
 ) -> None:
-    # SIGTERM as Ctrl-C: the block's end takes the port away.
+    # Like Ctrl-C, SIGTERM must leave the `with` block, which removes the port.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ImpairedSimulator(profile, link=link, arguments=arguments) as simulator:
         if as_json:
@@ -65,13 +67,13 @@ def _sim_on_a_bad_line(
 
 
 def ports(as_json: JsonFlag = False) -> None:
-    """List serial ports, likely robots first. None is opened."""
+    """List serial ports, likely robots first. Opens none of them."""
     found = list_serial_ports()
     if as_json:
         print_json(found)
         return
     if not found:
-        console.print("no serial port: plug the board in, or run `wheelwire sim`")
+        console.print("no serial ports: plug the board in, or run `wheelwire sim`")
         return
     used = {True: "yes", False: "no", None: "unknown"}
     print_table(
@@ -86,12 +88,12 @@ def demo(
     as_json: JsonFlag = False,
 ) -> None:
     """Drive a simulated robot through a figure eight, then hang on purpose."""
-    from wheelwire.demo import run  # here, for the live display and the plot are slow to import
+    from wheelwire.demo import run  # here, because the display and the plot are slow to import
 
     report = run(output, Console(stderr=True) if as_json else console)
     if as_json:
         print_json(report)
     else:
-        print_facts("What was measured", report.rows())
+        print_facts("Measured", report.rows())
     if report.picture_error:
-        raise OutputFailed(f"no picture was written: {report.picture_error}")
+        raise OutputFailed(f"the picture was not written: {report.picture_error}")

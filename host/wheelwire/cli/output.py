@@ -1,4 +1,4 @@
-"""How results are shown: a table or a line for a person, JSON for a machine."""
+"""How results are printed: as text or a table for people, as JSON for programs."""
 
 from __future__ import annotations
 
@@ -17,37 +17,37 @@ from rich.table import Table
 console = Console(highlight=False, markup=False)
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Click's, or that of the copy of Click inside Typer: releases differ."""
+"""Click's class, or the one of the copy of Click inside Typer: releases of Typer differ."""
 
-JsonFlag = Annotated[bool, typer.Option("--json", help="JSON on stdout, for machines.")]
+JsonFlag = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON can hold it: names for enumerations, null for NaN."""
+def to_json_value(value: Any) -> Any:
+    """Convert a value for JSON: enumerations to names, NaN to null."""
     if isinstance(value, enum.Flag):
         return [member.name for member in type(value) if member in value]
     if isinstance(value, enum.Enum):
         return value.name
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: to_json_value(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if hasattr(value, "_asdict"):
-        return {key: plain(item) for key, item in value._asdict().items()}
+        return {key: to_json_value(item) for key, item in value._asdict().items()}
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_json_value(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
+        return [to_json_value(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
 def print_json(value: Any) -> None:
-    """One line of JSON, written at once."""
-    print(json.dumps(plain(value)), flush=True)  # noqa: T201 - stdout is this module's task
+    """Print one line of JSON and flush it."""
+    print(json.dumps(to_json_value(value)), flush=True)  # noqa: T201 - stdout is this module's task
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """A table; the first column names, the others are values."""
+    """Print a table; the first column has the names."""
     table = Table(title=title, title_justify="left", title_style="bold")
     for index, column in enumerate(columns):
         table.add_column(column, style="cyan" if index == 0 else "", no_wrap=index == 0)
@@ -57,7 +57,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
 
 
 def print_facts(title: str, facts: Sequence[tuple[str, object]]) -> None:
-    """Names and values, without headings."""
+    """Print names and values, without headings."""
     table = Table(title=title, title_justify="left", title_style="bold", show_header=False)
     table.add_column(style="cyan", no_wrap=True)
     table.add_column()
@@ -67,13 +67,13 @@ def print_facts(title: str, facts: Sequence[tuple[str, object]]) -> None:
 
 
 def show_help_alone(context: typer.Context) -> None:
-    """Without a subcommand: which there are."""
+    """Print the help and exit if no subcommand was given."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
         raise typer.Exit(2)
 
 
 def print_error(message: str, kind: str, exit_code: int, *, as_json: bool) -> None:
-    """One line on stderr: what happened and what to do."""
+    """Print one line on stderr: what happened and what to do."""
     error = {"error": kind, "message": message, "exit_code": exit_code}
     print(json.dumps(error) if as_json else f"wheelwire: {message}", file=sys.stderr)  # noqa: T201

@@ -13,7 +13,7 @@ from wheelwire.parameters import ParameterInfo
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .address import (
-    LEFT_OUT_HELP,
+    ROBOT_HELP,
     BaudOption,
     RobotArgument,
     complete_robot_or_name,
@@ -24,25 +24,25 @@ from .address import (
 from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
 
 TABLE_COLUMNS = 100
-"""A table has room for the meanings where the terminal is as wide as this."""
+"""Narrower terminals get a list in place of a table."""
 
 app = typer.Typer()
 
 
 class RobotCommand(typer.core.TyperCommand):
-    """A command whose usage line has its arguments' metavars as they are."""
+    """A command whose usage line shows the metavars of its arguments unchanged."""
 
-    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ARG002 - it is Click's
-        """Releases of Typer differ in the brackets and dots that they put around them."""
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:  # noqa: ARG002 - Click's signature
+        """Without the brackets and dots that some releases of Typer add."""
         arguments = (p for p in self.params if p.param_type_name == "argument")
         return [self.options_metavar or "", *(str(argument.metavar) for argument in arguments)]
 
 
 def _arguments(names: str) -> Any:
-    """ROBOT, which may be left out, and what follows it: Click takes that as one list."""
+    """ROBOT, which may be left out, and the arguments after it, as one list for Click."""
     return typer.Argument(
         metavar=f"[ROBOT] {names}",
-        help=f"{LEFT_OUT_HELP} NAME is as `wheelwire params list` shows it.",
+        help=f"{ROBOT_HELP} `wheelwire params list` shows the names.",
         show_default=False,
         autocompletion=complete_robot_or_name,
     )
@@ -51,13 +51,13 @@ def _arguments(names: str) -> Any:
 def _split(
     context: typer.Context, arguments: Sequence[str], *names: str
 ) -> tuple[str | None, list[str]]:
-    """ROBOT, if it is there, and the values of all `names`."""
+    """Split into ROBOT, if given, and the values of all `names`."""
     for argument in arguments:
         if argument.startswith("--"):
             raise UsageError(f"No such option: {argument}", context)
     missing = len(names) - len(arguments)
     if missing == 0 and looks_like_address(arguments[0]):
-        missing = 1  # it is ROBOT, and the last one was forgotten
+        missing = 1  # it is ROBOT, and the last argument is missing
     if missing > 0:
         raise UsageError(f"Missing argument '{names[-missing]}'", context)
     if missing < -1:
@@ -95,7 +95,7 @@ def list_all(
 
 
 def _value(parameter: ParameterInfo) -> str:
-    """The value with its unit, and the default where it differs."""
+    """The value with its unit, and the default if it differs."""
     text = f"{parameter.value:g} {parameter.unit}".rstrip()
     if parameter.value == parameter.default:
         return text
@@ -119,16 +119,17 @@ def get(
         console.print(f"{value:g}")
 
 
-# A negative number is no option, though it begins like one.
+# Unknown options are ignored, so that a negative VALUE is not mistaken for one; `_split` rejects
+# what really is an option.
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
     context: typer.Context,
     arguments: Annotated[list[str] | None, _arguments("NAME VALUE")] = None,
-    save: Annotated[bool, typer.Option("--save", help="Keep this value across resets.")] = False,
+    save: Annotated[bool, typer.Option("--save", help="Save this value, too.")] = False,
     baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Change one value until the next reset, or for good with --save. No other value is saved."""
+    """Change one value until the next reset; with --save also after it. Saves no other value."""
     robot, (name, value) = _split(context, arguments or (), "NAME", "VALUE")
     address = resolve(robot, as_json=as_json)
     address.check_parameters([name], save=save)
@@ -149,18 +150,18 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return cast("float", text)  # the parameter's own check says what it takes
+        return cast("float", text)  # the parameter's own check then says what is allowed
 
 
 def _duration(name: str, *, saved: bool, lasting: bool) -> str:
-    """From when and until when a value holds. `lasting`: the robot's core outlives this command."""
+    """How long a value applies. `lasting`: the robot's core keeps running after this command."""
     if not lasting:
         return "saved" if saved else "for this command only: the robot's process ended with it"
     if not PARAMETER_BY_NAME[name].after_reset:
         return "saved" if saved else "until the next reset; --save keeps it"
     if saved:
-        return "saved; in force after the next reset"
-    return "without effect: it acts after a reset, which forgets it; give --save, then reset"
+        return "saved; takes effect after the next reset"
+    return "no effect: it acts only after a reset, and is lost then; use --save, then reset"
 
 
 @app.command("save", cls=RobotCommand)
@@ -169,10 +170,10 @@ def save_values(
     baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Keep values across resets: those named, or all, also those that were only tried.
+    """Save parameters: those named, or all, including those only changed for a try.
 
-    The first argument is ROBOT if it is `mock`, an existing file or has one of / : . in it; else it
-    is a parameter's name.
+    The first argument is taken as ROBOT if it is `mock`, an existing file or contains / : or a
+    dot; otherwise it is a parameter's name.
     """
     names = list(arguments or ())
     robot = names.pop(0) if names and looks_like_address(names[0]) else None
@@ -180,11 +181,11 @@ def save_values(
     address.check_parameters(names, save=True)
     with address.open(baud) as driver:
         for name in names:
-            driver.parameters[name]  # all names are known, or none is saved
+            driver.parameters[name]  # raises for an unknown name before anything is saved
         for wanted in names or (None,):
             driver.parameters.save(wanted)
-        told = {p.name: p for p in driver.parameters.list()}
-    kept = {name: told[name] for name in names} if names else told
+        listed = {p.name: p for p in driver.parameters.list()}
+    kept = {name: listed[name] for name in names} if names else listed
     if as_json:
         print_json({"saved": {name: p.value for name, p in kept.items()}})
         return
@@ -194,7 +195,7 @@ def save_values(
         console.print(f"saved: {values}", soft_wrap=True)
     else:
         console.print(
-            f"all values saved; other than their defaults: {values or 'none'}", soft_wrap=True
+            f"all values saved; different from their defaults: {values or 'none'}", soft_wrap=True
         )
 
 
@@ -202,7 +203,7 @@ def save_values(
 def reset_all(
     robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Reset all parameters to their defaults, and forget what was saved."""
+    """Reset all parameters to their defaults, the saved ones included."""
     with resolve(robot, as_json=as_json).open(baud) as driver:
         driver.parameters.reset()
     if as_json:

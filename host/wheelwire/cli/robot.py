@@ -17,13 +17,13 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
-from .output import JsonFlag, console, plain, print_facts, print_json
+from .output import JsonFlag, console, print_facts, print_json, to_json_value
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
 CLEAR_TIMEOUT_S = 1.0
-"""Until a state frame shows what came of a request; they come at 10 Hz at least."""
+"""For a state frame that shows the result of a request; they come at 10 Hz or faster."""
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
@@ -35,8 +35,8 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
     with address.open(baud, bare=True) as driver:
         if not isinstance(driver, DeviceDriver):
             raise DriverUnavailable(
-                f"the driver of {address.text} does not tell what it is connected to; "
-                f"`wheelwire monitor {address.text}` shows its wheels"
+                f"the driver of {address.text} has no information about its device; "
+                f"`wheelwire monitor {address.text}` shows the wheels"
             )
         sample = driver.read()
         link, statistics = driver.info, driver.statistics
@@ -54,7 +54,7 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
         )
         return
     device = link.device
-    latency = {True: "yes", False: "no: the kernel may hold bytes back", None: "not applicable"}
+    latency = {True: "yes", False: "no: the kernel may delay bytes", None: "not applicable"}
     print_facts(
         f"Robot at {link.port}",
         [
@@ -63,7 +63,7 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
             ("state", _state(sample.state, address.text)),
-            ("faults", ", ".join(plain(sample.faults)) or "none"),
+            ("faults", ", ".join(to_json_value(sample.faults)) or "none"),
             ("battery", "not measured" if sample.battery_v is None else f"{sample.battery_v} V"),
             ("baud rate", link.baud_rate or "not applicable"),
             ("low latency", latency[link.low_latency]),
@@ -78,7 +78,7 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
 
 
 def _state(state: SupervisorState, address: str) -> str:
-    """The state, and what ends it where something has to be done."""
+    """The state, and for a latched one the command that ends it."""
     text = f"{state.name}: {state.doc}"
     return f"{text} `wheelwire clear {address}` ends it" if state in _LATCHED else text
 
@@ -96,7 +96,7 @@ def drive(
 ) -> None:
     """Drive at a constant velocity for a set time, stop, and report the distance."""
     if linear is None and angular is None:
-        raise InvalidCommand("say how fast: give --linear, --angular or both")
+        raise InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     with address.open(baud) as driver:
@@ -117,20 +117,20 @@ def drive(
         driven.angular_radps, asked.angular_radps
     ):
         console.print(
-            f"drove at {driven.linear_mps:.3g} m/s and {driven.angular_radps:.3g} rad/s: no wheel "
-            f"turns faster than {geometry.max_velocity_mps:g} m/s, the robot's max_velocity_mps",
+            f"limited to {driven.linear_mps:.3g} m/s and {driven.angular_radps:.3g} rad/s: no "
+            f"wheel may exceed {geometry.max_velocity_mps:g} m/s, the robot's max_velocity_mps",
             soft_wrap=True,
         )
     console.print(
         f"drove to x {pose.x_m:+.3f} m, y {pose.y_m:+.3f} m, "
         f"heading {math.degrees(pose.heading_rad):+.1f} deg, the last {rolled_m:.3f} m of it "
-        f"coming to a stop; stopped",
+        f"while stopping",
         soft_wrap=True,
     )
 
 
 def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]:
-    """Drive and stop; returns where the command ended, and where the robot stands."""
+    """Drive and stop; returns the pose at the stop and the one at standstill."""
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
     end = time.monotonic() + seconds
@@ -146,13 +146,13 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]
 
 def _without_contact(address: str) -> str:
     return (
-        "Where no e-stop contact is fitted, join its pin to ground, clear, and run "
+        "If no e-stop contact is fitted, connect its pin to ground, clear, and run "
         f"`wheelwire params set {address} estop_input_enabled 0 --save`."
     )
 
 
 def _standstill(robot: BaseDriver, timeout_s: float = 3.0) -> WheelSample:
-    """The first sample of standing wheels, or the newest after `timeout_s`."""
+    """The first sample of wheels at rest, or the newest after `timeout_s`."""
     end = time.monotonic() + timeout_s
     sample = robot.read()
     while (sample.left_mps or sample.right_mps) and time.monotonic() < end:
@@ -166,7 +166,7 @@ def monitor(
     baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Show what the wheels do. Sends no setpoint."""
+    """Show wheel speeds, ticks and state. Sends no setpoint."""
     with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         end = time.monotonic() + (seconds or math.inf)
         while time.monotonic() < end:
@@ -193,7 +193,8 @@ def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFla
     else:
         console.print(
             "stopped, but not latched: the process that moves this robot's wheels was started by "
-            "this command and has ended with it. A service (`wheelwire mcu`) outlives its programs",
+            "this command and ended with it. To keep an e-stop latched, run it as a service "
+            "(`wheelwire mcu`)",
             soft_wrap=True,
         )
 
@@ -204,7 +205,7 @@ def clear(
     yes: YesFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """End an e-stop or a fault; refused while its cause lasts."""
+    """Clear an e-stop or a fault; refused while its cause lasts."""
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     with address.open(baud, bare=True) as driver:
         before = after = driver.read()
@@ -222,12 +223,12 @@ def clear(
     if ended is None:
         console.print("nothing was latched")
         return
-    console.print(f"{ended.name} ended")
+    console.print(f"{ended.name} cleared")
     if after.state in _LATCHED:
         faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
         console.print(
             f"{after.state.name} remains. {faults} "
-            f"Mend it, then `wheelwire clear {address.text}` again",
+            f"Fix the cause, then run `wheelwire clear {address.text}` again",
             soft_wrap=True,
         )
 
