@@ -21,10 +21,11 @@ from wheelwire_protocol.types import (
 
 from ..arguments import timeout_s, whole
 from ..errors import LinkLost, WheelwireError
-from ..link.connection import Link, LinkInfo, OpenPort
+from ..link.connection import Link, LinkInfo
 from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
+from ..link.served_port import OpenPort
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..parameters import Parameters, checked_values, decimal_of_float32
 from .base import BaseDriver

@@ -33,13 +33,13 @@ from .clock import host_clock_us
 from .discovery import open_board
 from .info import DeviceInfo, LinkStatistics
 from .latest_sample import LatestSample
-from .port_loop import PortLoop, Task
+from .port_loop import PortLoop
 from .requests import Answer, RequestMessage
+from .served_port import OpenPort, Task
 from .session import Phase, Session
 from .transports import Transport, open_transport
 from .waiting import Notifier
 
-OpenPort = Callable[[int], Transport]
 Heard = Callable[[Answer | WheelwireError], None]
 
 JOIN_S = 10.0
@@ -147,13 +147,13 @@ class Link:
         device, loop = self._session.device, self._loop
         if device is None:
             raise self._session.error
-        return LinkInfo(loop.port, loop.search.rate, loop.low_latency, device)
+        return LinkInfo(loop.port, loop.policy.search.rate, loop.low_latency, device)
 
     @property
     def statistics(self) -> LinkStatistics:
         """What was counted since the link was opened."""
         counted = self._session.statistics(host_clock_us())
-        return replace(counted, reconnects=self._loop.reconnects)
+        return replace(counted, reconnects=self._loop.policy.reconnects)
 
     @property
     def sessions(self) -> int:
@@ -293,14 +293,14 @@ class Link:
         self.check()
 
     def _why_not_open(self, timeout_s: float) -> WheelwireError:
-        session, tried = self._session, self._loop.search.tried
+        session, tried = self._session, self._loop.policy.search.tried
         if session.answers:
             return RequestTimeout(
                 f"{self._port} answers, but no session could be opened in {timeout_s:g} s "
                 f"({session.error}): allow more time, look at the cable"
             )
-        if not session.bytes_received and self._loop.lost is not None:
-            return PortUnavailable(self._port, str(self._loop.lost))
+        if not session.bytes_received and self._loop.policy.lost is not None:
+            return PortUnavailable(self._port, str(self._loop.policy.lost))
         if session.bytes_received:
             return ForeignDevice(self._port, tried, session.bytes_received)
         return DeviceSilent(self._port, tried)

@@ -1,6 +1,16 @@
-"""Looking for the baud rate of a device that does not answer. Sans-IO."""
+"""The policy of a port: baud rates, giving up and reopening, resting, the last stop. Sans-IO.
+
+Whoever serves a port, a thread or an asyncio loop, asks at the times given here and does what it is
+told.
+"""
 
 from __future__ import annotations
+
+from wheelwire_protocol.codes import StopMode
+
+from ..errors import LinkLost, PortUnavailable, WheelwireError, WrongBoard
+from .requests import Answer
+from .session import Phase, Session
 
 USUAL_RATES = (921_600, 115_200, 460_800, 230_400, 1_000_000, 2_000_000)
 FIRST_US = 1_000_000
@@ -8,6 +18,18 @@ FIRST_US = 1_000_000
 NEXT_US = 500_000
 ROUND_US = FIRST_US + (len(USUAL_RATES) - 1) * NEXT_US
 """A round where there is no rate to change: nothing but opening the port anew can help."""
+UNANSWERED_US = 1_000_000
+"""Reopen the port when a device that used to answer is silent for this long: it may be at fault."""
+CHECK_US = 1_000_000
+"""Between two checks of the port's settings."""
+FIRST_PAUSE_S = 0.05
+"""Between two attempts to open the port; doubled after each attempt."""
+WRONG_BOARD_PAUSE_S = 1.0
+"""Before trying again: opening may reset that board, and another program may want the port."""
+STOP_ACK_TIMEOUT_US = 500_000
+"""How long the device has to acknowledge the last stop."""
+REST_US = 10_000
+"""How long. At 5000 frames a second 2500 bytes come meanwhile; a terminal's buffer holds 4095."""
 
 
 class BaudSearch:
@@ -61,8 +83,148 @@ class BaudSearch:
             self.tried.append(rate)
 
 
-REST_US = 10_000
-"""How long. At 5000 frames a second 2500 bytes come meanwhile; a terminal's buffer holds 4095."""
+class Unanswered(LinkLost):
+    """The port exists, but is reopened because nothing answers."""
+
+
+class PortPolicy:
+    """When a port is given up, and when it is opened again.
+
+    Args:
+        now_us: The host's clock.
+
+    Attributes:
+        search: For the baud rate.
+        reconnects: How often the port was opened again.
+        lost: Why the port itself was last lost, if it was.
+    """
+
+    def __init__(self, now_us: int) -> None:
+        self.search = BaudSearch(None, now_us)
+        self.reconnects = 0
+        self.lost: LinkLost | None = None
+        self._was_open = False
+        self._pause_s = 0.0
+        """Before the next attempt to open the port; grows until a session opens."""
+        self._longest_pause_s = FIRST_PAUSE_S
+        self._answers_before = 0
+        self._check_due_us = 0
+        self._wrong_board = ""
+
+    # --- opening -------------------------------------------------------------------------------
+
+    @property
+    def rate(self) -> int:
+        """To open the port again at; 0 where there is none."""
+        return self.search.rate or 0
+
+    def take_pause_s(self) -> float:
+        """How long to wait before the attempt to open the port that is now due. Each is longer."""
+        pause_s = self._pause_s
+        self._pause_s = min(max(2 * pause_s, FIRST_PAUSE_S), self._longest_pause_s)
+        return pause_s
+
+    def begin(
+        self, rate: int | None, longest_pause_s: float, session: Session, now_us: int
+    ) -> None:
+        """The port was opened, at `rate`."""
+        if self._was_open:
+            self.reconnects += 1
+            self.search.begin(now_us)
+        else:
+            self.search = BaudSearch(rate, now_us)
+        self._was_open = True
+        self._longest_pause_s = longest_pause_s
+        self._answers_before = session.answers
+        self._check_due_us = now_us + CHECK_US
+
+    @staticmethod
+    def news_of_failure(error: WheelwireError) -> LinkLost | None:
+        """Why the port, once lost, could not be opened again; None while it is just not there."""
+        if isinstance(error, PortUnavailable):
+            return None
+        return LinkLost(f"{error}; trying again")
+
+    # --- while it is open ----------------------------------------------------------------------
+
+    def session_opened(self) -> None:
+        """All is well: the next loss is followed by an attempt without a pause."""
+        self._pause_s = 0.0
+
+    def takes_check(self, now_us: int) -> bool:
+        """Whether the port's settings are to be checked now; asking is taking it."""
+        if now_us < self._check_due_us:
+            return False
+        self._check_due_us = now_us + CHECK_US
+        return True
+
+    def judge(self, session: Session, rate: int | None, now_us: int) -> None:
+        """Raise why the port is to be closed, if it is.
+
+        Args:
+            session: On the port.
+            rate: In force.
+            now_us: The host's clock.
+
+        Raises:
+            Unanswered: A device that used to answer has fallen silent.
+            WrongBoard: Another board is there than the one that the link was opened to.
+        """
+        if session.answers > self._answers_before:
+            self.search.end(rate)
+            since_us = session.unanswered_since_us
+            if since_us is not None and now_us >= since_us + UNANSWERED_US:
+                raise Unanswered("the device no longer answers; reopening the port")
+        if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
+            self._pause_s = WRONG_BOARD_PAUSE_S
+            raise session.error.with_traceback(None)
+
+    def next_rate(self, now_us: int) -> int | None:
+        """The baud rate to change to now, if any; raises `Unanswered` after the last one."""
+        rate = self.search.next(now_us)
+        if self.search.over:
+            raise Unanswered("nothing answers at any usual baud rate; reopening the port")
+        return rate
+
+    def note_lost(self, error: LinkLost) -> bool:
+        """The port was closed because of `error`; returns whether a warning of its own is due."""
+        self.lost = None if isinstance(error, Unanswered) else error
+        if not isinstance(error, WrongBoard) or error.found == self._wrong_board:
+            return False
+        self._wrong_board = error.found
+        return True
+
+
+class LastStop:
+    """The stop that precedes the closing of a port."""
+
+    def __init__(self) -> None:
+        self._until_us: int | None = None
+        self._answered = False
+
+    @property
+    def begun(self) -> bool:
+        """The stop was handed to the session."""
+        return self._until_us is not None
+
+    def begin(self, session: Session, now_us: int) -> None:
+        """Have the session stop the robot."""
+        self._until_us = now_us + STOP_ACK_TIMEOUT_US
+        session.stop(StopMode.CONFIGURED, self._on_answer, now_us)
+
+    def is_over(self, now_us: int, *, all_written: bool) -> bool:
+        """Whether the port may be closed: the device has acknowledged it, or had its time.
+
+        Args:
+            now_us: The host's clock.
+            all_written: Nothing is left to be written to the port.
+        """
+        if self._until_us is None:
+            return False
+        return (self._answered and all_written) or now_us >= self._until_us
+
+    def _on_answer(self, _result: Answer | WheelwireError) -> None:
+        self._answered = True
 
 
 class Coalescing:

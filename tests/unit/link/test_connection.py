@@ -65,8 +65,8 @@ def test_a_device_that_is_not_ours() -> None:
 
 def test_silence_leads_through_the_usual_baud_rates() -> None:
     with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="115200") as told:
-        SerialDriver(port, baud_rate=57_600, connect_timeout=1.8)
-    assert told.value.baud_rates == (57_600, 921_600, 115_200)
+        SerialDriver(port, baud_rate=57_600, connect_timeout=3.0)
+    assert told.value.baud_rates[:3] == (57_600, 921_600, 115_200)
 
 
 def test_the_baud_rate_at_which_the_device_answers_is_kept(

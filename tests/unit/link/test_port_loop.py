@@ -11,7 +11,8 @@ from support.fake_device import FakeDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
+from wheelwire.link.port_loop import PortLoop
+from wheelwire.link.served_port import OUTPUT_LIMIT
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier
@@ -180,7 +181,7 @@ def test_an_unplugged_port_is_opened_again_at_once() -> None:
     rig = Rig(port, iter([second, None]).__next__)
     second.theirs.close()
     rig.loop.run()
-    assert rig.loop.reconnects == 1
+    assert rig.loop.policy.reconnects == 1
     assert len(port.messages()) <= 2  # at once, not after a second of hellos
 
 

@@ -1,0 +1,331 @@
+"""A port and the session on it, served without waiting: what a thread and an asyncio loop share.
+
+Whoever owns the port waits for `_next_wait`, calls `_turn` whenever the port has something or time
+is up, and opens the port again when that raises LinkLost. Requests are queued as calls, which
+are carried out between two reads. Setpoints are written by whoever calls `send`, one frame in one
+system call.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol, TypeAlias
+
+from wheelwire_protocol.framing import MAX_ENCODED
+
+from ..errors import LinkClosed, LinkLost, WheelwireError
+from .clock import SuspendWatch, host_clock_us
+from .forking import abandon_in_child
+from .latest_sample import LatestSample
+from .reconnect import Coalescing, LastStop, PortPolicy
+from .requests import Answer
+from .session import Phase, Session
+from .setpoints import REPEAT_AFTER_US
+from .transports import Transport
+
+IDLE_US = 1_000_000
+"""How long nothing may be done when nothing is due."""
+OUTPUT_LIMIT = 4096
+"""Bytes queued for the port at most: older ones would be out of date for a robot."""
+CLOSED = "the link is closed; open it again"
+MAX_FRAME = MAX_ENCODED + 2
+BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
+
+OpenPort: TypeAlias = Callable[[int], Transport]
+"""Opens the port at a baud rate, or raises a WheelwireError."""
+Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
+Task: TypeAlias = Callable[[Done, int], None]
+"""Given `done` and the time: hands `done` on, calls it itself, or raises."""
+
+_log = logging.getLogger("wheelwire")
+
+
+class Changed(Protocol):
+    """Those who wait for the link to change."""
+
+    def notify_all(self) -> None:
+        """Have everybody look again. Never waits."""
+
+
+class ServedPort(ABC):
+    """A port, opened again after every loss until `finish`, and the session on it.
+
+    Args:
+        open_port: Opens the port; called again whenever it is lost. What it returns is closed here.
+        baud_rate: Tried first.
+        session: Not connected yet. Other threads may read it, but not change it.
+        changed: Notified when the session opens, ends or fails to open.
+        latest_sample: Takes the samples.
+        is_wanted: Whether the link is still referenced by anyone who could use or finish it.
+    """
+
+    def __init__(
+        self,
+        open_port: OpenPort,
+        baud_rate: int,
+        session: Session,
+        changed: Changed,
+        latest_sample: LatestSample,
+        is_wanted: Callable[[], bool],
+    ) -> None:
+        self.end: WheelwireError | None = None
+        """Why the serving ended, once it has."""
+        self.policy = PortPolicy(host_clock_us())
+        self.low_latency: bool | None = None
+        self.baud_rate: int | None = None
+        self.port = ""
+        self._first_baud_rate = baud_rate
+        self._suspend = SuspendWatch()
+        self._open_port = open_port
+        self._session = session
+        self._changed = changed
+        self._latest_sample = latest_sample
+        self._is_wanted = is_wanted
+        self._calls: deque[tuple[Task, Done]] = deque()
+        self._was_open = False
+        self._transport: Transport | None = None
+        """The port while it is served."""
+        self._output = b""
+        self._frames: deque[bytes] = deque()
+        """Setpoints that did not fit into the port's buffer."""
+        self._turned_us = 0
+        """When the last turn began."""
+        self._coalescing = Coalescing()
+        self._due_us = 0
+        self._work_pending = True
+        """The session may have work: somebody called `wake`, or an answer is pending."""
+        self._finishing = False
+        self._last_stop = LastStop()
+        abandon_in_child(self)
+
+    @abstractmethod
+    def wake(self) -> None:
+        """Have a turn soon, in which the session is looked at."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Stop the robot, close the port and end. Never waits."""
+
+    def check_room(self) -> None:
+        """Raise LinkLost if a setpoint would only queue up. The other half is kept for requests."""
+        if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
+            raise LinkLost("the port accepts no data; the setpoint was not sent")
+
+    def send(self, frame: bytes, now_us: int) -> None:
+        """Write a frame, or queue it behind others that wait; from any thread. Never waits.
+
+        A frame that the port took only in part is written again as a whole: each frame begins with
+        a delimiter, so the fragment does not damage the frame after it.
+
+        Raises:
+            LinkLost: The port is gone.
+        """
+        transport = self._transport
+        if transport is None:
+            raise LinkLost("the port is gone; the setpoint was not sent")
+        if self._output or self._frames or transport.write(frame) < len(frame):
+            self._frames.append(frame)
+            self.wake()
+        elif now_us > self._turned_us + REPEAT_AFTER_US:
+            # No state frames cause a turn, and this setpoint may have to be repeated in time.
+            self.wake()
+        # The port may have been closed before the write; then the descriptor led nowhere.
+        if self._transport is not transport:
+            raise LinkLost("the port was closed; whether the setpoint was sent is not known")
+
+    def abandon(self) -> None:
+        """This process was forked: end its copy of the link; the parent's continues."""
+        self._terminate(
+            LinkClosed(
+                f"this process was forked from the one that opened {self.port}, which keeps it: "
+                "close it there and open it here, or fork before it is opened"
+            )
+        )
+
+    # --- one turn ------------------------------------------------------------------------------
+
+    def _next_wait(self, now_us: int) -> tuple[int, bool]:
+        """Until when to wait for the port or a wake-up, and whether the port's data is left."""
+        until_us = min(self._due_us, self._repeat_due_us)
+        if self._may_rest(now_us):
+            return min(until_us, self._coalescing.rest_until_us), True
+        return until_us, False
+
+    def _turn(self, transport: Transport, events: int) -> None:
+        """Read, do what is due, write.
+
+        Args:
+            transport: The port.
+            events: Of the port, as `poll` gives them.
+
+        Raises:
+            LinkLost: The port is to be closed, and opened again.
+        """
+        data = transport.read() if events & select.POLLIN else b""
+        # An unplugged port polls as readable for ever, but gives no data.
+        if events & BROKEN and not data:
+            raise transport.lost()
+        self._turned_us = now_us = host_clock_us()
+        if self._suspend.slept():
+            self._renew(now_us)
+        if data:
+            self._receive(data, now_us)
+        self._do_calls(now_us)
+        if self._has_work(now_us):
+            self._advance(transport, now_us)
+        while self._frames:
+            self._output += self._frames.popleft()
+        if self._output:
+            self._output = self._output[transport.write(self._output) :]
+
+    def _may_rest(self, now_us: int) -> bool:
+        """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
+
+        At high state rates one read then takes several frames, which saves wake-ups.
+        """
+        resting = now_us < self._coalescing.rest_until_us
+        return resting and not self._work_pending and not self._latest_sample.is_read(now_us)
+
+    def _do_calls(self, now_us: int) -> None:
+        while self._calls:
+            task, done = self._calls.popleft()
+            self._work_pending = True
+            try:
+                task(done, now_us)
+            except WheelwireError as error:
+                done(error)
+            except Exception as error:
+                # A bug in one call must not end the loop: others must be able to stop the robot.
+                _log.exception("a call of the link failed")
+                done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
+
+    def _refuse_calls(self, error: WheelwireError) -> None:
+        with suppress(IndexError):
+            while True:
+                self._calls.popleft()[1](error)
+
+    def _receive(self, data: bytes, now_us: int) -> None:
+        self._session.every_state = self._latest_sample.is_iterated
+        measurements = self._session.receive(data, now_us)
+        self._coalescing.note_read(self._session.frames_received, now_us)
+        for measurement in measurements:
+            self._latest_sample.put(measurement)
+
+    def _has_work(self, now_us: int) -> bool:
+        """Whether `_advance` is needed: not for state frames, and most reads bring nothing else."""
+        return (
+            self._work_pending
+            or now_us >= min(self._due_us, self._repeat_due_us)
+            or self._session.phase is not Phase.OPEN
+        )
+
+    @property
+    def _repeat_due_us(self) -> int:
+        """Queried each time, not cached: another thread may have sent a setpoint meanwhile."""
+        due_us = self._session.setpoint_repeat_due_us
+        return self._due_us if due_us is None else due_us
+
+    def _advance(self, transport: Transport, now_us: int) -> None:
+        self._check_port(transport, now_us)
+        self._session.advance(now_us)
+        self._queue_output()
+        due_us = self._session.next_deadline_us
+        self._due_us = now_us + IDLE_US if due_us is None else due_us
+        self._work_pending = self._session.awaits_answer(now_us)
+        self._tell_changes()
+
+    def _queue_output(self) -> None:
+        """Queue the session's output, or drop it if the port has accepted nothing for long.
+
+        Queued setpoints are kept: their caller was told that they are sent. Requests are repeated
+        anyway.
+        """
+        output = self._session.take_output()
+        if len(self._output) + len(output) <= OUTPUT_LIMIT:
+            self._output += output
+
+    # --- the port ------------------------------------------------------------------------------
+
+    def _check_port(self, transport: Transport, now_us: int) -> None:
+        """Check that the port still has its settings, leads to the same board, and is answered."""
+        policy = self.policy
+        if policy.takes_check(now_us):
+            transport.check()
+        policy.judge(self._session, self.baud_rate, now_us)
+        rate = policy.next_rate(now_us)
+        if rate is not None:
+            transport.set_baud_rate(rate)
+            self.baud_rate = transport.baud_rate
+
+    def _connect(self, transport: Transport) -> None:
+        """The port was opened: say hello."""
+        now_us = host_clock_us()
+        self.port = transport.port
+        self.low_latency = transport.low_latency
+        self.baud_rate = transport.baud_rate
+        self.policy.begin(transport.baud_rate, transport.longest_pause_s, self._session, now_us)
+        self._session.connect(now_us)
+        self._work_pending, self._due_us = True, 0
+
+    def _renew(self, now_us: int) -> None:
+        """The computer slept, so the estimate of the device's clock is wrong."""
+        error = LinkLost("the computer was suspended; a new session is being opened")
+        self._session.renew(error, now_us)
+        self._work_pending, self._due_us = True, 0
+
+    def _lose(self, error: LinkLost) -> None:
+        """The port is given up because of `error`."""
+        for kept in (error, error.__cause__):
+            if kept is not None:  # its traceback would keep the port's descriptors
+                kept.__traceback__ = None
+        if self.policy.note_lost(error):
+            _log.warning("%s: %s", self.port, error)
+        self._session.disconnect(error)
+        self._tell_changes()
+        self._output = b""
+        self._frames.clear()
+
+    def _note_failure(self, error: WheelwireError) -> None:
+        """The lost port could not be opened again."""
+        news = self.policy.news_of_failure(error)
+        if news is not None:
+            self._session.disconnect(news)
+
+    # --- changes and the end -------------------------------------------------------------------
+
+    def _tell_changes(self) -> None:
+        """Log a change of the session's state, and notify all who wait."""
+        is_open = self._session.phase is Phase.OPEN
+        if is_open != self._was_open:
+            self._was_open = is_open
+            if is_open:
+                self.policy.session_opened()
+                _log.info("%s: link open", self.port)
+            else:
+                self._latest_sample.interrupt()
+                _log.warning("%s: %s", self.port, self._session.error)
+        self._changed.notify_all()
+
+    def _is_ending(self) -> bool:
+        return self._finishing or not self._is_wanted()
+
+    def _last_stop_over(self) -> bool:
+        """Stop the robot before the port is closed; True once acknowledged or timed out."""
+        now_us = host_clock_us()
+        if not self._last_stop.begun:
+            self._last_stop.begin(self._session, now_us)
+            self.wake()  # one more turn, to write it
+            return False
+        return self._last_stop.is_over(now_us, all_written=not self._output)
+
+    def _terminate(self, end: WheelwireError) -> None:
+        self.end = end
+        self._session.disconnect(end)
+        self._refuse_calls(end)
+        self._latest_sample.fail(end)
+        self._changed.notify_all()
