@@ -76,13 +76,13 @@ def run(program: str) -> str:
 def cost() -> Cost:
     """Run the benchmark and measure the library."""
     counted = json.loads(run("cost"))
-    robot_bytes = counted.pop("robot_bytes")
+    device_bytes = counted.pop("device_bytes")
     totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / "libwheelwire_core.a"))
     code, data, bss = (int(column) for column in totals.splitlines()[-1].split()[:3])
     return Cost(
         {name: Instructions(**counts) for name, counts in counted.items()},
         code_bytes=code,
-        ram_bytes=data + bss + robot_bytes,
+        ram_bytes=data + bss + device_bytes,
     )
 
 

@@ -4,11 +4,10 @@
 #include <new>
 #include <optional>
 
+#include "device.hpp"
 #include "l298n.hpp"
 #include "ports.hpp"
-#include "robot.hpp"
 
-using wheelwire::Robot;
 using namespace wheelwire::capi;
 
 /// What a C++ runtime has for a pure virtual function that is called all the same.
@@ -52,11 +51,11 @@ struct wheelwire_core {
     outputs = {};
     outputs.left = left_pins.levels();
     outputs.right = right_pins.levels();
-    if (!robot) return;
-    outputs.deadline_us = robot->deadline_us();
-    outputs.period_us = robot->control_period_us();
-    outputs.faults = robot->faults();
-    outputs.state = static_cast<uint8_t>(robot->state());
+    if (!device) return;
+    outputs.deadline_us = device->deadline_us();
+    outputs.period_us = device->control_period_us();
+    outputs.faults = device->faults();
+    outputs.state = static_cast<uint8_t>(device->state());
   }
 
   wheelwire::Identity identity;
@@ -71,7 +70,7 @@ struct wheelwire_core {
   Contact contact;
   Battery battery;
   bool failed = false;
-  std::optional<Robot> robot;  // from the start on
+  std::optional<wheelwire::Device> device;  // from the start on
 };
 
 uint32_t wheelwire_abi(void) { return WHEELWIRE_ABI; }
@@ -99,39 +98,39 @@ void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
   core->encoders.left.start(inputs->left_ticks);
   core->encoders.right.start(inputs->right_ticks);
   core->take(*inputs);
-  core->robot.emplace(core->hal(), core->identity, core->specs);
-  if (core->failed) core->robot->report_driver_failure();
-  core->robot->start(inputs->now_us);
+  core->device.emplace(core->hal(), core->identity, core->specs);
+  if (core->failed) core->device->report_driver_failure();
+  core->device->start(inputs->now_us);
   core->give(*outputs);
 }
 
 void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
                          wheelwire_outputs* outputs) {
   core->take(*inputs);
-  if (core->robot) core->robot->step(inputs->now_us);
+  if (core->device) core->device->step(inputs->now_us);
   core->give(*outputs);
 }
 
 void wheelwire_core_service(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
-  if (core->robot) core->robot->service_link(now_us);
+  if (core->device) core->device->service_link(now_us);
   core->give(*outputs);
 }
 
 void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
   core->line.received.clear();
   core->line.to_send.clear();
-  if (core->robot) core->robot->hang_up(now_us);
+  if (core->device) core->device->hang_up(now_us);
   core->give(*outputs);
 }
 
 float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter) {
   const auto id = static_cast<wheelwire::ParameterId>(parameter);
-  return core->robot && wheelwire::Parameters::exists(id) ? core->robot->parameter(id) : 0.0f;
+  return core->device && wheelwire::Parameters::exists(id) ? core->device->parameter(id) : 0.0f;
 }
 
 void wheelwire_core_fail(wheelwire_core* core) {
   core->failed = true;
-  if (core->robot) core->robot->report_driver_failure();
+  if (core->device) core->device->report_driver_failure();
 }
 
 size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t* data, size_t size) {

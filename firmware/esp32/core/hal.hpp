@@ -97,4 +97,15 @@ class BatterySense {
   ~BatterySense() = default;
 };
 
+/// All that a device drives and listens to. Owned by the caller, outlives the device.
+struct Hal {
+  MotorPort& left_motor;
+  MotorPort& right_motor;
+  EncoderPort& encoders;
+  ByteStream& line;
+  ParameterStore& store;
+  EstopInput& estop;
+  BatterySense& battery;
+};
+
 }  // namespace wheelwire

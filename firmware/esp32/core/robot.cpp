@@ -2,12 +2,11 @@
 
 namespace wheelwire {
 
-Robot::Robot(const Hal& hal, const Identity& identity, const ParameterSpec* specs)
+Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs)
     : hal_(hal),
-      identity_(identity),
+      observer_(observer),
       parameters_(specs),
       config_(make_config(parameters_)),
-      link_(hal.line),
       drive_(hal.left_motor, hal.right_motor) {}
 
 void Robot::start(uint64_t now_us) {
@@ -19,37 +18,27 @@ void Robot::start(uint64_t now_us) {
   apply(SupervisorEvent::kStarted, now_us);
 }
 
-void Robot::step(uint64_t now_us) {
+// --- the control step ----------------------------------------------------------------------------
+
+void Robot::begin_step(uint64_t now_us) {
   if (parameters_changed_) apply_parameters();
-  const EncoderCounts counts = hal_.encoders.latch();
-  encoder_us_ = counts.t_us;
-  left_illegal_ = counts.left_illegal;
-  right_illegal_ = counts.right_illegal;
+  counts_ = hal_.encoders.latch();
   drive_.note_battery(hal_.battery.millivolts(), config_);
-  // Before the link is read: what it says may clear a fault only once that has been told.
-  trip(drive_.latch(counts, config_) | check_timing(now_us), now_us);
-  service_link(now_us);
+  trip(drive_.latch(counts_, config_) | check_timing(now_us), now_us);
+}
+
+void Robot::finish_step(uint64_t now_us) {
   check_contact(now_us);
   check_deadline(now_us);
   actuate(now_us);
-  stream_state(now_us);
 }
-
-void Robot::hang_up(uint64_t now_us) {
-  session_.close();
-  setpoint_ = {};
-  state_interval_us_ = 0;
-  apply(SupervisorEvent::kStop, now_us);
-}
-
-void Robot::report_driver_failure() { driver_failed_ = true; }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
   const uint64_t elapsed_us = now_us - last_step_us_;
   last_step_us_ = now_us;
-  if (elapsed_us > config_.period_us + config_.period_us / 2) ++overruns_;
-  if (elapsed_us > latest_step_us_) latest_step_us_ = static_cast<uint32_t>(elapsed_us);
-  // Standing still, a late step (a flash write, say) hurts nobody.
+  if (elapsed_us > config_.period_us + config_.period_us / 2) ++late_steps_;
+  if (elapsed_us > longest_interval_us_) longest_interval_us_ = static_cast<uint32_t>(elapsed_us);
+  // At rest a late step (during a flash write, say) does no harm.
   const bool fails = supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us;
   return fails ? fault::kControlOverrun : 0;
 }
@@ -61,101 +50,144 @@ void Robot::trip(uint32_t faults, uint64_t now_us) {
   if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
 }
 
+bool Robot::contact_is_open() { return config_.estop_input_enabled && hal_.estop.is_open(); }
+
 void Robot::check_contact(uint64_t now_us) {
-  if (config_.estop_input_enabled && hal_.estop.is_open()) apply(SupervisorEvent::kEstop, now_us);
+  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
 }
 
 void Robot::check_deadline(uint64_t now_us) {
-  if (supervisor_.may_drive() && now_us >= setpoint_.deadline_us)
+  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
     apply(SupervisorEvent::kDeadline, now_us);
 }
 
-/// Those that cannot be cleared yet. Where saved parameters exist that could not be read, the robot
-/// would drive as nobody set it up: so it does not.
+/// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
+/// robot would drive in a way that nobody set up.
 uint32_t Robot::lasting_faults() const {
   return store_faults_ | (driver_failed_ ? fault::kDriverFailed : 0);
 }
 
 void Robot::actuate(uint64_t now_us) {
   if (supervisor_.may_drive()) {
-    drive_.follow(setpoint_.mode, setpoint_.target, config_);
+    drive_.follow(setpoint_.mode, target_, config_);
   } else {
     drive_.keep_stopped(now_us);
   }
 }
 
-/// The one place where the supervisor's state changes, and where leaving DRIVING removes the drive.
+/// The only place where the supervisor's state changes, so that leaving DRIVING always removes the
+/// drive.
 void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
-  if (!session_.is_open()) return;
-  link_.send(Event{
-      .boot_id = identity_.boot_id,
-      .t_us = static_cast<uint32_t>(now_us),
-      .code = EventCode::kSupervisor,
-      .cause = event,
-      .before = before,
-      .after = supervisor_.state(),
-      .faults = static_cast<uint16_t>(faults_),
-  });
+  observer_.on_transition({event, before, supervisor_.state()}, now_us);
 }
 
-void Robot::stream_state(uint64_t now_us) {
-  if (state_interval_us_ == 0 || now_us < next_state_us_) return;
-  next_state_us_ += state_interval_us_;
-  // After a gap the missed frames are not sent in a burst.
-  if (next_state_us_ <= now_us) next_state_us_ = now_us + state_interval_us_;
-  const Wheel& left = drive_.left();
-  const Wheel& right = drive_.right();
-  link_.send(WheelState{
-      .boot_id = identity_.boot_id,
-      .t_us = static_cast<uint32_t>(encoder_us_),
-      .left_ticks = left.ticks(),
-      .right_ticks = right.ticks(),
-      .left_mps = to_mps(left.velocity_umps()),
-      .right_mps = to_mps(right.velocity_umps()),
-      .left_duty_q15 = static_cast<int16_t>(left.duty_q15()),
-      .right_duty_q15 = static_cast<int16_t>(right.duty_q15()),
-      .command_seq = setpoint_.command_seq,
-      .supervisor = supervisor_.state(),
-      .faults = static_cast<uint16_t>(faults_),
-      .overruns = static_cast<uint16_t>(overruns_),
-      .battery_mv = hal_.battery.millivolts(),
-  });
+// --- setpoints -----------------------------------------------------------------------------------
+
+RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
+  if (setpoint.expiry_us <= now_us) return RefusalCode::kExpired;
+  const RefusalCode refusal = setpoint_refusal(supervisor_.state());
+  if (refusal != RefusalCode::kNone) return refusal;
+  const uint64_t latest_us = now_us + config_.ttl_max_us;
+  setpoint_ = {
+      .mode = setpoint.mode,
+      .wheels = setpoint.wheels,
+      .expiry_us = setpoint.expiry_us < latest_us ? setpoint.expiry_us : latest_us,
+      .command_seq = setpoint.command_seq,
+  };
+  target_ = limited(setpoint);
+  apply(SupervisorEvent::kSetpoint, now_us);
+  return RefusalCode::kNone;
 }
 
-void Robot::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
-  state_interval_us_ = rate_hz == 0 ? 0 : 1'000'000 / rate_hz;
-  next_state_us_ = now_us;
+void Robot::void_setpoint(SupervisorEvent cause, uint64_t now_us) {
+  setpoint_ = {};
+  apply(cause, now_us);
 }
 
-/// While driving only at the beginning of a control step, so that each works with one
+WheelPair Robot::limited(const Setpoint& setpoint) const {
+  return scale_to_limit(setpoint.wheels, setpoint.mode == ControlMode::kVelocity
+                                             ? config_.max_velocity_umps
+                                             : config_.gains.limit_q15);
+}
+
+// --- clearing ------------------------------------------------------------------------------------
+
+RefusalCode Robot::clear_estop(uint64_t now_us) {
+  if (contact_is_open()) return RefusalCode::kCausePresent;
+  apply(SupervisorEvent::kClearEstop, now_us);
+  trip(0, now_us);  // A fault that the e-stop hid is in force again.
+  return RefusalCode::kNone;
+}
+
+RefusalCode Robot::clear_fault(uint64_t now_us) {
+  if (lasting_faults() != 0) return RefusalCode::kCausePresent;
+  faults_ = 0;
+  apply(SupervisorEvent::kClearFault, now_us);
+  return RefusalCode::kNone;
+}
+
+// --- parameters ----------------------------------------------------------------------------------
+
+/// While driving only at the beginning of a control step, so that a whole step works with the same
 /// configuration.
 void Robot::apply_parameters() {
   parameters_changed_ = false;
   config_ = make_config(parameters_);
   drive_.note_parameters();
-  setpoint_.target = limited(setpoint_.mode, setpoint_.asked);
+  target_ = limited(setpoint_);
 }
 
-WheelPair Robot::limited(ControlMode mode, WheelPair asked) const {
-  return scale_to_limit(
-      asked, mode == ControlMode::kVelocity ? config_.max_velocity_umps : config_.gains.limit_q15);
+RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
+  RefusalCode refusal = parameters_.check(id, value);
+  if (refusal != RefusalCode::kNone || value == parameters_.get(id)) return refusal;
+  check_contact(now_us);  // It may have opened since the last control step.
+  refusal = change_refusal(supervisor_.state(), parameters_.spec(id).changes);
+  if (refusal != RefusalCode::kNone) return refusal;
+  parameters_.set(id, value);
+  parameters_changed_ = true;
+  if (!supervisor_.may_drive()) apply_parameters();
+  return RefusalCode::kNone;
 }
 
-/// A host that connects is told once a session what became of its saved parameters.
-void Robot::announce_store() {
-  if (store_state_ == Parameters::Load::kLoaded || store_faults_ != 0) return;
-  link_.send(Event{
-      .boot_id = identity_.boot_id,
-      .t_us = static_cast<uint32_t>(last_step_us_),
-      .code = store_state_ == Parameters::Load::kEmpty ? EventCode::kStoreEmpty
-                                                       : EventCode::kStoreDefaulted,
-      .before = supervisor_.state(),
-      .after = supervisor_.state(),
-      .faults = static_cast<uint16_t>(faults_),
-  });
+RefusalCode Robot::save_parameter(ParameterId id) {
+  if (!Parameters::exists(id)) return RefusalCode::kUnknownParameter;
+  const RefusalCode refusal = check_save();
+  if (refusal != RefusalCode::kNone) return refusal;
+  return conclude_save(parameters_.save_one(hal_.store, id));
+}
+
+RefusalCode Robot::save_all_parameters() {
+  const RefusalCode refusal = check_save();
+  if (refusal != RefusalCode::kNone) return refusal;
+  return conclude_save(parameters_.save(hal_.store));
+}
+
+/// A block that cannot be read is not overwritten: resetting the parameters is the way out.
+RefusalCode Robot::check_save() const {
+  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
+  if (refusal != RefusalCode::kNone) return refusal;
+  return store_faults_ != 0 ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+}
+
+RefusalCode Robot::conclude_save(bool saved) {
+  if (!saved) return RefusalCode::kStoreFailed;
+  store_state_ = Parameters::Load::kLoaded;
+  return RefusalCode::kNone;
+}
+
+RefusalCode Robot::reset_parameters(uint64_t now_us) {
+  check_contact(now_us);  // As above: the defaults may switch the contact off.
+  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kReleased);
+  if (refusal != RefusalCode::kNone) return refusal;
+  parameters_.set_defaults();
+  apply_parameters();
+  if (!hal_.store.erase()) return RefusalCode::kStoreFailed;
+  store_state_ = Parameters::Load::kEmpty;
+  store_faults_ = hal_.store.faults();
+  return RefusalCode::kNone;
 }
 
 }  // namespace wheelwire

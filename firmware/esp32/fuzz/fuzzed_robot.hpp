@@ -5,9 +5,9 @@
 // - its deadline moves only when a setpoint was taken, or ends with its session.
 #pragma once
 
+#include "device.hpp"
 #include "fake_hal.hpp"
 #include "memory_store.hpp"
-#include "robot.hpp"
 
 namespace wheelwire::fuzz {
 
@@ -16,8 +16,8 @@ class FuzzedRobot {
   FuzzedRobot(uint32_t boot_id, MemoryStore& store)
       : oracle_(boot_id),
         line_(oracle_),
-        robot_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
-    robot_.start(0);
+        device_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
+    device_.start(0);
   }
 
   uint64_t now_us() const { return now_us_; }
@@ -26,23 +26,23 @@ class FuzzedRobot {
   FakeEncoders& encoders() { return encoders_; }
   FakeEstop& estop() { return estop_; }
 
-  void step() { step_after(robot_.control_period_us()); }
+  void step() { step_after(device_.control_period_us()); }
 
   void step_after(uint32_t elapsed_us) {
     const Before before = now();
     now_us_ += elapsed_us;
     line_.now_us = encoders_.now_us = now_us_;
-    robot_.step(now_us_);
+    device_.step(now_us_);
     check(before);
     if (!driven()) return;
     REQUIRE(oracle_.valid(now_us_));
-    REQUIRE(now_us_ < robot_.deadline_us());
-    REQUIRE(robot_.faults() == 0);
+    REQUIRE(now_us_ < device_.deadline_us());
+    REQUIRE(device_.faults() == 0);
   }
 
   void service_link() {
     const Before before = now();
-    robot_.service_link(now_us_);
+    device_.service_link(now_us_);
     check(before);
   }
 
@@ -58,12 +58,12 @@ class FuzzedRobot {
     return identity;
   }
 
-  Before now() const { return {robot_.deadline_us(), oracle_.granted()}; }
+  Before now() const { return {device_.deadline_us(), oracle_.granted()}; }
   bool driven() const { return left_.driven() || right_.driven(); }
 
   void check(const Before& before) const {
-    REQUIRE(!driven() || robot_.state() == SupervisorState::kDriving);
-    const uint64_t deadline_us = robot_.deadline_us();
+    REQUIRE(!driven() || device_.state() == SupervisorState::kDriving);
+    const uint64_t deadline_us = device_.deadline_us();
     if (deadline_us == before.deadline_us || deadline_us == 0) return;
     REQUIRE(oracle_.granted() > before.granted);
     REQUIRE(deadline_us <= oracle_.furthest_us());
@@ -76,7 +76,7 @@ class FuzzedRobot {
   FakeLine line_;
   FakeEstop estop_;
   FakeBattery battery_;
-  Robot robot_;
+  Device device_;
   uint64_t now_us_ = 0;
 };
 

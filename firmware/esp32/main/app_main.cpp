@@ -2,6 +2,7 @@
 // as the tasks begin.
 #include "battery.hpp"
 #include "control_task.hpp"
+#include "device.hpp"
 #include "drive_watchdog.hpp"
 #include "enable_pins.hpp"
 #include "esp_core_dump.h"
@@ -61,18 +62,18 @@ void start() {
   prepare_drive_watchdog();
   const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
 
-  static Robot robot{{.left_motor = machine.left_motor,
-                      .right_motor = machine.right_motor,
-                      .encoders = machine.encoders,
-                      .line = line,
-                      .store = store,
-                      .estop = machine.estop,
-                      .battery = latest_battery},
-                     identity};
+  static Device device{{.left_motor = machine.left_motor,
+                        .right_motor = machine.right_motor,
+                        .encoders = machine.encoders,
+                        .line = line,
+                        .store = store,
+                        .estop = machine.estop,
+                        .battery = latest_battery},
+                       identity};
   // A robot that cannot drive safely still tells why.
-  if (!(has_line && has_machine && is_watched)) robot.report_driver_failure();
+  if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
 
-  static ControlTask control{robot, line, dead_man, board_state};
+  static ControlTask control{device, line, dead_man, board_state};
   housekeeping.start(has_battery);
   control.start();
 }

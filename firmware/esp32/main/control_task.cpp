@@ -36,7 +36,7 @@ void ControlTask::start() {
 
 void ControlTask::run(void* self) {
   auto& task = *static_cast<ControlTask*>(self);
-  if (!task.prepare()) task.robot_.report_driver_failure();
+  if (!task.prepare()) task.device_.report_driver_failure();
   task.serve();
 }
 
@@ -61,7 +61,7 @@ bool ControlTask::prepare() {
 bool ControlTask::start_robot() {
   const SlowOperation flash_read;
   const bool is_watched = watch_this_task();
-  robot_.start(now_us());
+  device_.start(now_us());
   trial_.start();
   return is_watched;
 }
@@ -79,25 +79,26 @@ void ControlTask::serve() {
     if (!woken || events & kStepDue) {
       step();
     } else {
-      robot_.service_link(now_us());  // A ping is answered at once, not at the next step.
+      device_.service_link(now_us());  // A ping is answered at once, not at the next step.
     }
   }
 }
 
 void ControlTask::step() {
-  robot_.step(now_us());
-  trial_.step(robot_, now_us());
+  device_.step(now_us());
+  trial_.step(device_, now_us());
   line_.push();
   dead_man_.feed();
   watch_drive();
   feed_task_watchdog();
-  state_.supervisor.store(robot_.state(), std::memory_order_relaxed);
-  if (robot_.control_period_us() != period_us_ && !follow_period()) robot_.report_driver_failure();
+  state_.supervisor.store(device_.state(), std::memory_order_relaxed);
+  if (device_.control_period_us() != period_us_ && !follow_period())
+    device_.report_driver_failure();
 }
 
 /// Timer and dead-man to the period that the parameters ask for.
 bool ControlTask::follow_period() {
-  period_us_ = robot_.control_period_us();
+  period_us_ = device_.control_period_us();
   const esp_err_t result = esp_timer_is_active(timer_)
                                ? esp_timer_restart(timer_, period_us_)
                                : esp_timer_start_periodic(timer_, period_us_);
@@ -106,7 +107,7 @@ bool ControlTask::follow_period() {
 }
 
 void ControlTask::watch_drive() {
-  const bool drives = robot_.state() == SupervisorState::kDriving;
+  const bool drives = device_.state() == SupervisorState::kDriving;
   if (drives) feed_drive_watchdog();
   if (drove_ && !drives) disarm_drive_watchdog();
   drove_ = drives;

@@ -3,17 +3,17 @@
 
 #include "board_state.hpp"
 #include "dead_man.hpp"
+#include "device.hpp"
 #include "esp_timer.h"
 #include "line.hpp"
 #include "ota_trial.hpp"
-#include "robot.hpp"
 
 namespace wheelwire {
 
 class ControlTask {
  public:
-  ControlTask(Robot& robot, Line& line, DeadMan& dead_man, BoardState& state)
-      : robot_(robot), line_(line), dead_man_(dead_man), state_(state) {}
+  ControlTask(Device& device, Line& line, DeadMan& dead_man, BoardState& state)
+      : device_(device), line_(line), dead_man_(dead_man), state_(state) {}
 
   /// Creates the task. Robot, line and every port that the robot uses are its own from here on.
   void start();
@@ -29,7 +29,7 @@ class ControlTask {
   bool follow_period();
   void watch_drive();
 
-  Robot& robot_;
+  Device& device_;
   Line& line_;
   DeadMan& dead_man_;
   BoardState& state_;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "robot.hpp"
+#include "message_server.hpp"
 
 namespace wheelwire {
 

@@ -5,8 +5,8 @@
 
 #include "bench_hal.hpp"
 #include "counter.hpp"
+#include "device.hpp"
 #include "l298n.hpp"
-#include "robot.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::rv32;
@@ -37,29 +37,29 @@ struct Bench {
   EmptyStore store;
   ReleasedEstop estop;
   BenchBattery battery;
-  Robot robot{{left_motor, right_motor, encoders, line, store, estop, battery},
-              {.boot_id = kBootId,
-               .reset_reason = ResetReason::kPowerOn,
-               .board = Board::kEsp32c6,
-               .board_id = 0x0123456789ab,
-               .capabilities = capability::kBattery | capability::kEstopInput,
-               .version_major = 0,
-               .version_minor = 1,
-               .version_patch = 0,
-               .git_hash = 0}};
+  Device device{{left_motor, right_motor, encoders, line, store, estop, battery},
+                {.boot_id = kBootId,
+                 .reset_reason = ResetReason::kPowerOn,
+                 .board = Board::kEsp32c6,
+                 .board_id = 0x0123456789ab,
+                 .capabilities = capability::kBattery | capability::kEstopInput,
+                 .version_major = 0,
+                 .version_minor = 1,
+                 .version_patch = 0,
+                 .git_hash = 0}};
   uint64_t now_us = 0;
 
   /// One period of the world, then one control step. Returns what the step took.
   uint32_t step() {
-    now_us += robot.control_period_us();
+    now_us += device.control_period_us();
     left.turn();
     right.turn();
     encoders.sample(now_us);
-    return instructions([this] { robot.step(now_us); });
+    return instructions([this] { device.step(now_us); });
   }
 
   void connect() {
-    robot.start(now_us);
+    device.start(now_us);
     line.arrive(Hello{kNonce, schema::kVersion, schema::kHash});
     step();
     line.arrive(Ping{kSessionId, 1, now_us});
@@ -127,7 +127,7 @@ bool run() {
     WheelState state;
     const bool streamed = bench.line.take(state);
     if (streamed) result.send_state.add(link_bench.send(state));
-    if (bench.robot.state() != SupervisorState::kDriving) return false;
+    if (bench.device.state() != SupervisorState::kDriving) return false;
     result.of_step(commanded, streamed).add(count);
   }
   return true;
@@ -153,7 +153,7 @@ int main() {
   print("step_with_both", result.step_with_both);
   print("receive_setpoint", result.receive_setpoint);
   print("send_state", result.send_state);
-  printf(" \"robot_bytes\": %lu\n}\n",
-         static_cast<unsigned long>(sizeof(Robot) + 2 * sizeof(L298n)));
+  printf(" \"device_bytes\": %lu\n}\n",
+         static_cast<unsigned long>(sizeof(Device) + 2 * sizeof(L298n)));
   return 0;
 }

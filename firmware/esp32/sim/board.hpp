@@ -8,11 +8,11 @@
 #include "bridge_port.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
+#include "hal.hpp"
 #include "l298n.hpp"
 #include "line.hpp"
 #include "plant.hpp"
 #include "quadrature.hpp"
-#include "robot.hpp"
 #include "store.hpp"
 
 namespace wheelwire::sim {

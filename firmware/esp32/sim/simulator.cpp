@@ -42,7 +42,7 @@ void Simulator::advance(Nanoseconds duration) {
     const Nanoseconds step = next_step();
     if (step > end) break;
     run_until(step);
-    if (robot_) {
+    if (device_) {
       control_step();
     } else {
       boot();
@@ -52,7 +52,7 @@ void Simulator::advance(Nanoseconds duration) {
 }
 
 Nanoseconds Simulator::next_step() const {
-  return board.clock.when(robot_ ? next_step_us_ : boot_time_us);
+  return board.clock.when(device_ ? next_step_us_ : boot_time_us);
 }
 
 Nanoseconds Simulator::next_event() const {
@@ -64,35 +64,35 @@ Nanoseconds Simulator::next_event() const {
 
 void Simulator::run_until(Nanoseconds end) {
   if (end <= board.now()) return;
-  board.run_until(end, robot_.has_value());
+  board.run_until(end, device_.has_value());
   observe();
 }
 
 void Simulator::boot() {
-  robot_.emplace(board.hal(), identity_, specs_);
+  device_.emplace(board.hal(), identity_, specs_);
   const uint64_t now_us = board.device_us();
-  if (driver_failed_) robot_->report_driver_failure();
-  robot_->start(now_us);
-  next_step_us_ = now_us + robot_->control_period_us();
+  if (driver_failed_) device_->report_driver_failure();
+  device_->start(now_us);
+  next_step_us_ = now_us + device_->control_period_us();
   observe();
 }
 
 void Simulator::control_step() {
-  robot_->step(board.device_us());
-  next_step_us_ += robot_->control_period_us();
+  device_->step(board.device_us());
+  next_step_us_ += device_->control_period_us();
   observe();
 }
 
 void Simulator::service_link() {
-  if (!robot_) return;
+  if (!device_) return;
   board.line.carry(0.0, true);
-  robot_->service_link(board.device_us());
+  device_->service_link(board.device_us());
   board.line.carry(0.0, true);
   observe();
 }
 
 void Simulator::reset(ResetReason reason) {
-  robot_.reset();
+  device_.reset();
   board.reset();
   identity_.boot_id = static_cast<uint32_t>(random_.next());
   identity_.reset_reason = reason;
@@ -113,7 +113,7 @@ bool Simulator::preset(int parameter, float value) {
 
 void Simulator::set_driver_failed(bool failed) {
   driver_failed_ = failed;
-  if (failed && robot_) robot_->report_driver_failure();
+  if (failed && device_) device_->report_driver_failure();
 }
 
 void Simulator::set_core_dump(bool present) {
@@ -123,7 +123,7 @@ void Simulator::set_core_dump(bool present) {
 
 void Simulator::observe() {
   const uint64_t now_us = board.device_us();
-  if (robot_ && robot_->deadline_us() != 0) record_.deadline_us = robot_->deadline_us();
+  if (device_ && device_->deadline_us() != 0) record_.deadline_us = device_->deadline_us();
   if (board.drives() != record_.drive_on) {
     record_.drive_on = !record_.drive_on;
     ++record_.drive_changes;

@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "board.hpp"
+#include "device.hpp"
 #include "random.hpp"
-#include "robot.hpp"
 
 namespace wheelwire::sim {
 
@@ -49,8 +49,8 @@ class Simulator {
   void set_board_id(uint64_t board_id) { identity_.board_id = board_id; }
 
   uint32_t boot_id() const { return identity_.boot_id; }
-  SupervisorState state() const { return robot_ ? robot_->state() : SupervisorState::kBoot; }
-  uint32_t faults() const { return robot_ ? robot_->faults() : 0; }
+  SupervisorState state() const { return device_ ? device_->state() : SupervisorState::kBoot; }
+  uint32_t faults() const { return device_ ? device_->faults() : 0; }
   const Record& record() const { return record_; }
 
   SimulatedBoard board;
@@ -68,7 +68,7 @@ class Simulator {
   Random random_;
   Identity identity_;
   ParameterSpec specs_[kParameterCount];
-  std::optional<Robot> robot_;  // None while the chip boots.
+  std::optional<Device> device_;  // None while the chip boots.
   uint64_t next_step_us_ = 0;
   bool driver_failed_ = false;
   Record record_;

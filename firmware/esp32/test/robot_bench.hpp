@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "check.hpp"
+#include "device.hpp"
 #include "l298n.hpp"
 #include "memory_store.hpp"
-#include "robot.hpp"
 
 namespace wheelwire::test {
 
@@ -101,7 +101,7 @@ class RobotBench {
     return *this;
   }
   void start() {
-    robot.start(now_us);
+    device.start(now_us);
     step();
   }
 
@@ -162,7 +162,7 @@ class RobotBench {
   void step(uint64_t elapsed_us = kPeriodUs) {
     now_us += elapsed_us;
     encoders.counts.t_us = now_us;
-    robot.step(now_us);
+    device.step(now_us);
     collect();
   }
   void run(int steps) {
@@ -170,7 +170,7 @@ class RobotBench {
   }
   /// The device reads its line between two steps.
   void service() {
-    robot.service_link(now_us);
+    device.service_link(now_us);
     collect();
   }
   /// Both wheels count on.
@@ -188,7 +188,7 @@ class RobotBench {
     return found;
   }
   bool driven() const { return left.duty() != 0 || right.duty() != 0; }
-  SupervisorState state() const { return robot.state(); }
+  SupervisorState state() const { return device.state(); }
 
   uint64_t now_us;
   BenchBridge left{now_us};
@@ -200,16 +200,16 @@ class RobotBench {
   BenchBattery battery;
   L298n left_motor{left};
   L298n right_motor{right};
-  Robot robot{{left_motor, right_motor, encoders, line, store, contact, battery},
-              {.boot_id = kBootId,
-               .reset_reason = ResetReason::kPowerOn,
-               .board = Board::kSimulated,
-               .board_id = 7,
-               .capabilities = 0,
-               .version_major = 0,
-               .version_minor = 1,
-               .version_patch = 0,
-               .git_hash = 0}};
+  Device device{{left_motor, right_motor, encoders, line, store, contact, battery},
+                {.boot_id = kBootId,
+                 .reset_reason = ResetReason::kPowerOn,
+                 .board = Board::kSimulated,
+                 .board_id = 7,
+                 .capabilities = 0,
+                 .version_major = 0,
+                 .version_minor = 1,
+                 .version_patch = 0,
+                 .git_hash = 0}};
   std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
   uint16_t request_id = 0;
   uint32_t command_seq = 0;

@@ -20,8 +20,7 @@ void for_each_parameter(Visit&& visit) {
 
 }  // namespace
 
-// --- a stop that slews
-// -----------------------------------------------------------------------------
+// --- a stop that slews ---------------------------------------------------------------------------
 
 TEST(a_stop_in_a_step_leaves_enable_low_for_a_whole_period) {
   RobotBench bench;
@@ -88,8 +87,7 @@ TEST(a_deadline_brakes_as_configured_after_a_period_with_enable_low) {
   CHECK(!bench.left.brakes() && bench.left.enable == 0);
 }
 
-// --- parameters
-// ------------------------------------------------------------------------------------
+// --- parameters ----------------------------------------------------------------------------------
 
 TEST(every_parameter_says_when_it_may_change_and_is_refused_otherwise) {
   for_each_parameter([](const ParameterSpec& spec) {
@@ -249,8 +247,7 @@ TEST(a_limit_and_a_setpoint_in_one_read_are_taken_in_their_order) {
   }
 }
 
-// --- faults
-// ----------------------------------------------------------------------------------------
+// --- faults --------------------------------------------------------------------------------------
 
 TEST(a_fault_of_one_step_is_told_and_counted_though_clears_are_waiting) {
   RobotBench bench;
@@ -271,7 +268,7 @@ TEST(a_fault_of_one_step_is_told_and_counted_though_clears_are_waiting) {
 TEST(a_fault_is_counted_once_however_long_it_lasts) {
   RobotBench bench;
   bench.open();
-  bench.robot.report_driver_failure();
+  bench.device.report_driver_failure();
   bench.run(10);
   CHECK(bench.state() == SupervisorState::kFault);
   CHECK(bench.clear_fault() == RefusalCode::kCausePresent);

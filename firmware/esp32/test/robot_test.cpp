@@ -24,8 +24,7 @@ WheelState newest_state(RobotBench& bench) {
 
 }  // namespace
 
-// --- sessions
-// --------------------------------------------------------------------------------------
+// --- sessions ------------------------------------------------------------------------------------
 
 TEST(a_repeated_hello_changes_nothing) {
   RobotBench bench;
@@ -44,7 +43,7 @@ TEST(a_new_session_stops_and_voids_the_setpoint) {
   bench.send(RobotBench::hello(RobotBench::kNonce + 1));
   bench.step();
   CHECK(!bench.driven() && bench.state() == SupervisorState::kIdle);
-  CHECK(bench.robot.deadline_us() == 0);
+  CHECK(bench.device.deadline_us() == 0);
   CHECK(newest_state(bench).command_seq == 0);
   bench.send(bench.velocity(0.2f, 0.2f));  // of the former session
   bench.step();
@@ -98,8 +97,7 @@ TEST(a_session_is_another_after_a_reset) {
   CHECK(before.id() != after.id());
 }
 
-// --- stops
-// -----------------------------------------------------------------------------------------
+// --- stops ---------------------------------------------------------------------------------------
 
 TEST(stop_and_estop_act_in_any_session) {
   for (const bool latched : {false, true}) {
@@ -198,8 +196,7 @@ TEST(a_setpoint_that_an_estop_refused_does_not_drive_after_the_clear) {
   CHECK(!bench.driven());
 }
 
-// --- setpoints
-// -------------------------------------------------------------------------------------
+// --- setpoints -----------------------------------------------------------------------------------
 
 TEST(a_deadline_is_kept_beyond_32_bits_of_microseconds) {
   for (const uint64_t start_us : {k32Bits - 20'000, 3 * k32Bits - 20'000, k32Bits * 5}) {
@@ -376,8 +373,7 @@ TEST(each_encoder_has_an_inversion_of_its_own) {
   }
 }
 
-// --- requests
-// --------------------------------------------------------------------------------------
+// --- requests ------------------------------------------------------------------------------------
 
 TEST(a_repeated_request_is_answered_and_not_done_again) {
   RobotBench bench;
@@ -450,8 +446,7 @@ TEST(a_stream_faster_than_the_loop_or_the_line_is_refused) {
         RefusalCode::kRateTooHigh);
 }
 
-// --- faults
-// ----------------------------------------------------------------------------------------
+// --- faults --------------------------------------------------------------------------------------
 
 TEST(a_late_step_is_a_fault_while_driving_only) {
   RobotBench bench;
@@ -497,15 +492,14 @@ TEST(a_wheel_that_does_not_count_trips_its_own_fault) {
 TEST(a_driver_that_failed_cannot_be_cleared) {
   RobotBench bench;
   bench.open();
-  bench.robot.report_driver_failure();
+  bench.device.report_driver_failure();
   bench.step();
   CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
   bench.drive(0.2f, 0.2f);
   CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
 }
 
-// --- the line
-// --------------------------------------------------------------------------------------
+// --- the line ------------------------------------------------------------------------------------
 
 TEST(a_babbling_line_does_not_hold_up_a_step) {
   RobotBench bench;

@@ -3,13 +3,13 @@
 
 #include <string>
 
-#include "device.hpp"
+#include "simulated_device.hpp"
 
 namespace wheelwire::sim {
 
 class Commands {
  public:
-  explicit Commands(Device& device) : device_(device) {}
+  explicit Commands(SimulatedDevice& device) : device_(device) {}
 
   /// Carries one line out, or changes nothing and says why; returns the answer.
   std::string run(const std::string& line);
@@ -22,7 +22,7 @@ class Commands {
   std::string plug();
   std::string unplug();
 
-  Device& device_;
+  SimulatedDevice& device_;
   bool quit_ = false;
 };
 

@@ -14,11 +14,11 @@
 
 #include "commands.hpp"
 #include "console.hpp"
-#include "device.hpp"
 #include "json.hpp"
 #include "options.hpp"
 #include "pacer.hpp"
 #include "parent.hpp"
+#include "simulated_device.hpp"
 #include "truth.hpp"
 
 namespace wheelwire::sim {
@@ -144,7 +144,7 @@ class Program {
   sigset_t while_waiting_;
   bool exit_with_stdin_;
   Parent parent_;
-  Device device_;
+  SimulatedDevice device_;
   TruthStream truth_;
   Console console_;
   Commands commands_{device_};

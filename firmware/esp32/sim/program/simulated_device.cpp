@@ -1,4 +1,4 @@
-#include "device.hpp"
+#include "simulated_device.hpp"
 
 #include <filesystem>
 #include <stdexcept>
@@ -32,7 +32,7 @@ uint64_t board_of(const std::string& link) {
 
 }  // namespace
 
-Device::Device(const Options& options)
+SimulatedDevice::SimulatedDevice(const Options& options)
     : link_(options.link), socket_(options.socket), simulator_(options.seed) {
   const std::string& owned = options.lock.empty() ? link_ : options.lock;
   if (!owned.empty()) lock_.emplace(owned);
@@ -55,7 +55,7 @@ Device::Device(const Options& options)
   plug();
 }
 
-void Device::plug() {
+void SimulatedDevice::plug() {
   port_.reset();
   if (socket_ == kAddressedByName) {
     port_ = std::make_unique<PtyPort>(link_);
@@ -66,7 +66,7 @@ void Device::plug() {
   }
 }
 
-void Device::receive() {
+void SimulatedDevice::receive() {
   if (!port_) return;
   Bytes data = port_->read();
   Line& line = simulator_.board.line;
@@ -74,7 +74,7 @@ void Device::receive() {
   line.host_write(data.data(), data.size());
 }
 
-void Device::send() {
+void SimulatedDevice::send() {
   Line& line = simulator_.board.line;
   if (line.host_waiting() == 0) return;
   Bytes data(line.host_waiting());

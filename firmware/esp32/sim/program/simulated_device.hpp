@@ -12,11 +12,11 @@
 
 namespace wheelwire::sim {
 
-class Device {
+class SimulatedDevice {
  public:
   /// Throws std::invalid_argument for a setting that cannot be, std::runtime_error for a port that
   /// cannot be opened.
-  explicit Device(const Options& options);
+  explicit SimulatedDevice(const Options& options);
 
   Simulator& simulator() { return simulator_; }
   const Simulator& simulator() const { return simulator_; }

@@ -1,0 +1,16 @@
+#include "device.hpp"
+
+namespace wheelwire {
+
+/// The order matters. Faults are latched before the link is read: a message may clear a fault, or
+/// stop the wheels, only after the fault has been reported. Contact and deadline are checked after
+/// it, and just before the outputs are written: a setpoint that has just arrived counts, but drives
+/// nothing while the contact is open.
+void Device::step(uint64_t now_us) {
+  robot_.begin_step(now_us);
+  server_.service_link(now_us);
+  robot_.finish_step(now_us);
+  server_.stream_state(now_us);
+}
+
+}  // namespace wheelwire

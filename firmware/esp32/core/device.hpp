@@ -1,0 +1,43 @@
+// The whole firmware: a robot and the server of its messages. Call step() every control period and
+// service_link() when bytes have arrived, both from one task.
+#pragma once
+
+#include "message_server.hpp"
+#include "robot.hpp"
+
+namespace wheelwire {
+
+class Device {
+ public:
+  /// `specs`: see Parameters.
+  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters)
+      : server_(robot_, hal.line, identity), robot_(hal, server_, specs) {}
+  Device(const Device&) = delete;  // The two halves refer to each other.
+  Device& operator=(const Device&) = delete;
+
+  /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
+  void start(uint64_t now_us) { robot_.start(now_us); }
+  /// One control step: encoders, link, supervision, outputs, state stream.
+  void step(uint64_t now_us);
+  /// Reads and answers what the host sent, without waiting for the next step.
+  void service_link(uint64_t now_us) { server_.service_link(now_us); }
+  /// Call when the line reports that the host is gone, as a socket does: ends the session and stops
+  /// the wheels. A UART reports no such thing; there the setpoint's deadline stops them.
+  void hang_up(uint64_t now_us) { server_.hang_up(now_us); }
+  /// A motor or encoder peripheral did not start: FAULT until the next reset.
+  void report_driver_failure() { robot_.report_driver_failure(); }
+
+  uint32_t control_period_us() const { return robot_.control_period_us(); }
+  float parameter(ParameterId id) const { return robot_.parameters().get(id); }
+  SupervisorState state() const { return robot_.state(); }
+  uint32_t faults() const { return robot_.faults(); }
+  bool has_session() const { return server_.has_session(); }
+  /// When the setpoint in force expires, device clock; 0: there is none.
+  uint64_t deadline_us() const { return robot_.deadline_us(); }
+
+ private:
+  MessageServer server_;
+  Robot robot_;
+};
+
+}  // namespace wheelwire

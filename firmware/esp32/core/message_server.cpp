@@ -1,0 +1,348 @@
+#include "message_server.hpp"
+
+namespace wheelwire {
+
+void MessageServer::service_link(uint64_t now_us) {
+  link_.new_turn();
+  Frame frame;
+  while (link_.receive(frame)) dispatch(frame, now_us);
+}
+
+void MessageServer::hang_up(uint64_t now_us) {
+  session_.close();
+  state_interval_us_ = 0;
+  robot_.void_setpoint(SupervisorEvent::kStop, now_us);
+}
+
+void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
+  switch (frame.id) {
+    case Hello::kId:
+      return on(Hello::decode(frame.body), now_us);
+    case Stop::kId:
+      return on(Stop::decode(frame.body), now_us);
+    case Estop::kId:
+      return on(Estop::decode(frame.body), now_us);
+    case SetWheelVelocity::kId:
+      return on(SetWheelVelocity::decode(frame.body), now_us);
+    case SetDuty::kId:
+      return on(SetDuty::decode(frame.body), now_us);
+    case Ping::kId:
+      return on(Ping::decode(frame.body), now_us);
+    case ClearEstop::kId:
+      return once(ClearEstop::decode(frame.body), now_us);
+    case ClearFault::kId:
+      return once(ClearFault::decode(frame.body), now_us);
+    case SetStreamRate::kId:
+      return once(SetStreamRate::decode(frame.body), now_us);
+    case ParameterGet::kId:
+      return once(ParameterGet::decode(frame.body), now_us);
+    case ParameterSet::kId:
+      return once(ParameterSet::decode(frame.body), now_us);
+    case ParameterSave::kId:
+      return once(ParameterSave::decode(frame.body), now_us);
+    case ParameterReset::kId:
+      return once(ParameterReset::decode(frame.body), now_us);
+    case ParameterList::kId:
+      return once(ParameterList::decode(frame.body), now_us);
+    case LinkCountersGet::kId:
+      return once(LinkCountersGet::decode(frame.body), now_us);
+    case ControlCountersGet::kId:
+      return once(ControlCountersGet::decode(frame.body), now_us);
+  }
+}
+
+// --- sessions ------------------------------------------------------------------------------------
+
+void MessageServer::on(const Hello& hello, uint64_t now_us) {
+  RefusalCode refusal = RefusalCode::kNone;
+  if (hello.protocol_version != schema::kVersion) {
+    refusal = RefusalCode::kProtocolVersion;
+  } else if (hello.schema_hash != schema::kHash) {
+    refusal = RefusalCode::kSchema;
+  }
+  const bool opens = refusal == RefusalCode::kNone && !session_.is_open_with(hello.nonce);
+  if (opens) {
+    session_.open(hello.nonce, identity_.boot_id);
+    link_.restart_sequence();
+    robot_.void_setpoint(SupervisorEvent::kSession, now_us);
+  }
+  link_.send(DeviceHello{
+      .nonce = hello.nonce,
+      .protocol_version = schema::kVersion,
+      .schema_hash = schema::kHash,
+      .refusal = refusal,
+      .boot_id = identity_.boot_id,
+      .device_us = now_us,
+      .reset_reason = identity_.reset_reason,
+      .board = identity_.board,
+      .board_id = identity_.board_id,
+      .capabilities = identity_.capabilities,
+      .version_major = identity_.version_major,
+      .version_minor = identity_.version_minor,
+      .version_patch = identity_.version_patch,
+      .git_hash = identity_.git_hash,
+  });
+  if (!opens) return;
+  const auto rate_hz = static_cast<uint32_t>(robot_.parameters().get(ParameterId::kStreamRateHz));
+  if (link_.carries(rate_hz, WheelState::kSize)) set_stream_rate(rate_hz, now_us);
+  report_store();
+}
+
+/// Where the saved parameters were not loaded, a host learns of it once, when its session opens.
+/// Not where they cannot be read at all: that is a fault, which every state carries.
+void MessageServer::report_store() {
+  if (robot_.store_state() == Parameters::Load::kLoaded || robot_.store_faults() != 0) return;
+  const EventCode code = robot_.store_state() == Parameters::Load::kEmpty
+                             ? EventCode::kStoreEmpty
+                             : EventCode::kStoreDefaulted;
+  send_event(code, {{}, robot_.state(), robot_.state()}, robot_.last_step_us());
+}
+
+// --- stops, with or without a session ------------------------------------------------------------
+
+void MessageServer::on(const Stop& stop, uint64_t now_us) {
+  if (session_.names(stop.session_id)) session_.take_command(stop.command_seq);
+  const bool known_mode = stop.mode == StopMode::kCoast || stop.mode == StopMode::kBrake;
+  robot_.stop(known_mode ? stop.mode : StopMode::kConfigured, now_us);
+  link_.send(Ack{stop.session_id, stop.request_id, Stop::kId});
+}
+
+void MessageServer::on(const Estop& estop, uint64_t now_us) {
+  robot_.estop(now_us);
+  link_.send(Ack{estop.session_id, estop.request_id, Estop::kId});
+}
+
+// --- setpoints -----------------------------------------------------------------------------------
+
+void MessageServer::on(const SetWheelVelocity& message, uint64_t now_us) {
+  if (!is_newest(message)) return;
+  if (!__builtin_isfinite(message.left_mps) || !__builtin_isfinite(message.right_mps))
+    return refuse(message.kId, message.session_id, message.command_seq, RefusalCode::kNotFinite);
+  obey(message, ControlMode::kVelocity, {to_umps(message.left_mps), to_umps(message.right_mps)},
+       now_us);
+}
+
+void MessageServer::on(const SetDuty& message, uint64_t now_us) {
+  if (!is_newest(message)) return;
+  obey(message, ControlMode::kDuty, {message.left_duty_q15, message.right_duty_q15}, now_us);
+}
+
+/// True for a setpoint of this session that is newer than all before it. Its number is used up even
+/// if it is refused afterwards: a repeat of it that comes after a ClearEstop, say, must not drive.
+template <typename Message>
+bool MessageServer::is_newest(const Message& message) {
+  if (session_.names(message.session_id)) return session_.take_command(message.command_seq);
+  refuse(message.kId, message.session_id, message.command_seq, RefusalCode::kNoSession);
+  return false;
+}
+
+template <typename Message>
+void MessageServer::obey(const Message& message, ControlMode mode, WheelPair wheels,
+                         uint64_t now_us) {
+  const RefusalCode refusal =
+      session_.clock_synchronised()
+          ? robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us)
+          : RefusalCode::kClockUnsynchronised;
+  if (refusal != RefusalCode::kNone)
+    refuse(message.kId, message.session_id, message.command_seq, refusal);
+}
+
+// --- the clock -----------------------------------------------------------------------------------
+
+void MessageServer::on(const Ping& ping, uint64_t now_us) {
+  if (!session_.names(ping.session_id))
+    return refuse(ping.kId, ping.session_id, ping.request_id, RefusalCode::kNoSession);
+  session_.note_ping();
+  link_.send(Pong{session_.id(), ping.request_id, ping.host_us, now_us, now_us});
+}
+
+// --- requests, each carried out once -------------------------------------------------------------
+
+template <typename Request>
+void MessageServer::once(const Request& request, uint64_t now_us) {
+  if (is_new(request.kId, request.session_id, request.request_id)) on(request, now_us);
+}
+
+/// True for a request that this session has not seen. A repeat is given its answer again.
+bool MessageServer::is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id) {
+  if (!session_.names(session_id)) {
+    refuse(message_id, session_id, request_id, RefusalCode::kNoSession);
+    return false;
+  }
+  const Answer* given = nullptr;
+  const Session::Request kind = session_.classify(request_id, given);
+  if (kind == Session::Request::kRepeat) link_.send_body(given->id, given->body, given->size);
+  return kind == Session::Request::kNew;
+}
+
+void MessageServer::on(const ClearEstop& request, uint64_t now_us) {
+  conclude(request.kId, request.request_id, robot_.clear_estop(now_us));
+}
+
+void MessageServer::on(const ClearFault& request, uint64_t now_us) {
+  conclude(request.kId, request.request_id, robot_.clear_fault(now_us));
+}
+
+void MessageServer::on(const SetStreamRate& request, uint64_t now_us) {
+  const auto control_rate_hz =
+      static_cast<uint32_t>(robot_.parameters().get(ParameterId::kControlRateHz));
+  const bool possible =
+      request.rate_hz <= control_rate_hz && link_.carries(request.rate_hz, WheelState::kSize);
+  if (possible) set_stream_rate(request.rate_hz, now_us);
+  conclude(request.kId, request.request_id,
+           possible ? RefusalCode::kNone : RefusalCode::kRateTooHigh);
+}
+
+void MessageServer::on(const ParameterGet& request, uint64_t) {
+  if (!Parameters::exists(static_cast<ParameterId>(request.parameter)))
+    return conclude(request.kId, request.request_id, RefusalCode::kUnknownParameter);
+  answer_value(request.request_id, request.parameter);
+}
+
+void MessageServer::on(const ParameterSet& request, uint64_t now_us) {
+  const RefusalCode refusal =
+      robot_.set_parameter(static_cast<ParameterId>(request.parameter), request.value, now_us);
+  if (refusal != RefusalCode::kNone) return conclude(request.kId, request.request_id, refusal);
+  answer_value(request.request_id, request.parameter);
+}
+
+void MessageServer::on(const ParameterSave& request, uint64_t) {
+  conclude(request.kId, request.request_id,
+           request.parameter == 0
+               ? robot_.save_all_parameters()
+               : robot_.save_parameter(static_cast<ParameterId>(request.parameter)));
+}
+
+void MessageServer::on(const ParameterReset& request, uint64_t now_us) {
+  conclude(request.kId, request.request_id, robot_.reset_parameters(now_us));
+}
+
+void MessageServer::on(const ParameterList& request, uint64_t) {
+  if (request.parameter_index >= kParameterCount)
+    return conclude(request.kId, request.request_id, RefusalCode::kOutOfRange);
+  const Parameters& parameters = robot_.parameters();
+  const ParameterSpec& spec =
+      parameters.spec(static_cast<ParameterId>(request.parameter_index + 1));
+  answer(request.request_id, ParameterEntry{
+                                 .session_id = session_.id(),
+                                 .request_id = request.request_id,
+                                 .parameter_index = request.parameter_index,
+                                 .parameter_count = kParameterCount,
+                                 .parameter = static_cast<uint8_t>(spec.id),
+                                 .value = parameters.get(spec.id),
+                                 .default_value = spec.default_value,
+                                 .minimum = spec.minimum,
+                                 .maximum = spec.maximum,
+                             });
+}
+
+void MessageServer::on(const LinkCountersGet& request, uint64_t) {
+  const ReceiveCounters& received = link_.received();
+  answer(request.request_id, LinkCounters{
+                                 .session_id = session_.id(),
+                                 .request_id = request.request_id,
+                                 .frames_received = received.frames,
+                                 .frames_sent = link_.frames_sent(),
+                                 .bad_crc = received.bad_crc,
+                                 .bad_cobs = received.bad_cobs,
+                                 .unknown_id = received.unknown_id,
+                                 .wrong_length = received.wrong_length,
+                                 .seq_lost = received.seq_lost,
+                                 .send_dropped = link_.send_dropped(),
+                                 .refused = refused_,
+                                 .faults_tripped = robot_.faults_tripped(),
+                             });
+}
+
+void MessageServer::on(const ControlCountersGet& request, uint64_t) {
+  const EncoderCounts& counts = robot_.encoder_counts();
+  answer(request.request_id,
+         ControlCounters{
+             .session_id = session_.id(),
+             .request_id = request.request_id,
+             .late_steps = robot_.late_steps(),
+             .latest_step_us = robot_.longest_interval_us(),
+             .saturated_steps = robot_.left().saturated_steps() + robot_.right().saturated_steps(),
+             .left_illegal = counts.left_illegal,
+             .right_illegal = counts.right_illegal,
+         });
+}
+
+// --- answers -------------------------------------------------------------------------------------
+
+/// Answers a request, and keeps the answer for a repeat of it.
+template <typename Message>
+void MessageServer::answer(uint16_t request_id, const Message& message) {
+  Answer& record = session_.record(request_id);
+  record.id = Message::kId;
+  record.size = Message::kSize;
+  message.encode(record.body);
+  link_.send_body(record.id, record.body, record.size);
+}
+
+void MessageServer::answer_value(uint16_t request_id, uint8_t parameter) {
+  answer(request_id, ParameterValue{session_.id(), request_id, parameter,
+                                    robot_.parameters().get(static_cast<ParameterId>(parameter))});
+}
+
+void MessageServer::conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal) {
+  if (refusal == RefusalCode::kNone)
+    return answer(request_id, Ack{session_.id(), request_id, message_id});
+  ++refused_;
+  answer(request_id, Refuse{session_.id(), message_id, refusal, request_id});
+}
+
+void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t reference,
+                           RefusalCode code) {
+  ++refused_;
+  link_.send(Refuse{session_id, message_id, code, reference});
+}
+
+// --- what is sent unasked ------------------------------------------------------------------------
+
+void MessageServer::on_transition(Transition transition, uint64_t now_us) {
+  if (session_.is_open()) send_event(EventCode::kSupervisor, transition, now_us);
+}
+
+void MessageServer::send_event(EventCode code, Transition transition, uint64_t t_us) {
+  link_.send(Event{
+      .boot_id = identity_.boot_id,
+      .t_us = static_cast<uint32_t>(t_us),
+      .code = code,
+      .cause = transition.cause,
+      .before = transition.before,
+      .after = transition.after,
+      .faults = static_cast<uint16_t>(robot_.faults()),
+  });
+}
+
+void MessageServer::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
+  state_interval_us_ = rate_hz == 0 ? 0 : 1'000'000 / rate_hz;
+  next_state_us_ = now_us;
+}
+
+void MessageServer::stream_state(uint64_t now_us) {
+  if (state_interval_us_ == 0 || now_us < next_state_us_) return;
+  next_state_us_ += state_interval_us_;
+  // After a gap the states that were missed are not sent in a burst.
+  if (next_state_us_ <= now_us) next_state_us_ = now_us + state_interval_us_;
+  const Wheel& left = robot_.left();
+  const Wheel& right = robot_.right();
+  link_.send(WheelState{
+      .boot_id = identity_.boot_id,
+      .t_us = static_cast<uint32_t>(robot_.encoder_counts().t_us),
+      .left_ticks = left.ticks(),
+      .right_ticks = right.ticks(),
+      .left_mps = to_mps(left.velocity_umps()),
+      .right_mps = to_mps(right.velocity_umps()),
+      .left_duty_q15 = static_cast<int16_t>(left.duty_q15()),
+      .right_duty_q15 = static_cast<int16_t>(right.duty_q15()),
+      .command_seq = robot_.command_seq(),
+      .supervisor = robot_.state(),
+      .faults = static_cast<uint16_t>(robot_.faults()),
+      .overruns = static_cast<uint16_t>(robot_.late_steps()),
+      .battery_mv = robot_.battery_mv(),
+  });
+}
+
+}  // namespace wheelwire

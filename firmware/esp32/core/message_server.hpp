@@ -1,0 +1,91 @@
+// What each message from the host does, and what the host is sent: answers, events, the state
+// stream. See protocol/SPEC.md, "Sessions", "Setpoints", "Requests".
+#pragma once
+
+#include "link.hpp"
+#include "protocol.hpp"
+#include "robot.hpp"
+#include "session.hpp"
+
+namespace wheelwire {
+
+/// What DeviceHello reports.
+struct Identity {
+  uint32_t boot_id;
+  ResetReason reset_reason;
+  Board board;
+  uint64_t board_id;
+  uint32_t capabilities;
+  uint8_t version_major;
+  uint8_t version_minor;
+  uint8_t version_patch;
+  uint32_t git_hash;
+};
+
+class MessageServer final : public RobotObserver {
+ public:
+  /// `robot` is not used before the first message: it may be constructed later.
+  MessageServer(Robot& robot, ByteStream& line, const Identity& identity)
+      : robot_(robot), link_(line), identity_(identity) {}
+
+  /// Reads and answers what the host has sent.
+  void service_link(uint64_t now_us);
+  /// Sends the robot's state when it is due. Call at the end of each control step.
+  void stream_state(uint64_t now_us);
+  /// Ends the session, and with it what its host commanded.
+  void hang_up(uint64_t now_us);
+
+  bool has_session() const { return session_.is_open(); }
+
+  void on_transition(Transition transition, uint64_t now_us) override;
+
+ private:
+  void dispatch(const Frame& frame, uint64_t now_us);
+
+  void on(const Hello& hello, uint64_t now_us);
+  void on(const Stop& stop, uint64_t now_us);
+  void on(const Estop& estop, uint64_t now_us);
+  void on(const SetWheelVelocity& message, uint64_t now_us);
+  void on(const SetDuty& message, uint64_t now_us);
+  void on(const Ping& ping, uint64_t now_us);
+
+  /// Hands a request to its `on` below, unless it is a repeat or of another session.
+  template <typename Request>
+  void once(const Request& request, uint64_t now_us);
+  void on(const ClearEstop& request, uint64_t now_us);
+  void on(const ClearFault& request, uint64_t now_us);
+  void on(const SetStreamRate& request, uint64_t now_us);
+  void on(const ParameterGet& request, uint64_t now_us);
+  void on(const ParameterSet& request, uint64_t now_us);
+  void on(const ParameterSave& request, uint64_t now_us);
+  void on(const ParameterReset& request, uint64_t now_us);
+  void on(const ParameterList& request, uint64_t now_us);
+  void on(const LinkCountersGet& request, uint64_t now_us);
+  void on(const ControlCountersGet& request, uint64_t now_us);
+
+  template <typename Message>
+  bool is_newest(const Message& message);
+  template <typename Message>
+  void obey(const Message& message, ControlMode mode, WheelPair wheels, uint64_t now_us);
+  bool is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id);
+
+  template <typename Message>
+  void answer(uint16_t request_id, const Message& message);
+  void answer_value(uint16_t request_id, uint8_t parameter);
+  void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
+  void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
+
+  void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
+  void report_store();
+  void send_event(EventCode code, Transition transition, uint64_t t_us);
+
+  Robot& robot_;
+  Link link_;
+  Session session_;
+  Identity identity_;
+  uint32_t refused_ = 0;
+  uint32_t state_interval_us_ = 0;  // 0: not streaming
+  uint64_t next_state_us_ = 0;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,79 @@
+// The order of a control step: faults, then the link, then contact and deadline, then outputs and
+// state.
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using test::RobotBench;
+
+namespace {
+
+/// What moved the supervisor, in the order in which the host is told.
+std::vector<SupervisorEvent> causes(const RobotBench& bench) {
+  std::vector<SupervisorEvent> found;
+  for (const Event& event : bench.of<Event>()) {
+    if (event.code == EventCode::kSupervisor) found.push_back(event.cause);
+  }
+  return found;
+}
+
+}  // namespace
+
+TEST(a_step_that_comes_too_late_is_a_fault_although_a_stop_is_waiting) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.received.clear();
+  bench.send(bench.stop());
+  bench.step(40'000);
+  CHECK(bench.state() == SupervisorState::kFault);
+  CHECK(bench.device.faults() == fault::kControlOverrun);
+  CHECK(causes(bench) == std::vector{SupervisorEvent::kFault});
+}
+
+TEST(a_setpoint_read_in_the_step_at_which_the_last_one_expires_drives_on) {
+  RobotBench bench;
+  bench.open();
+  bench.send(bench.velocity(0.2f, 0.2f, 20 * RobotBench::kPeriodUs));
+  bench.run(19);
+  bench.received.clear();
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.driven());
+  CHECK(causes(bench).empty());
+}
+
+TEST(a_setpoint_read_in_the_step_at_which_the_contact_opens_drives_nothing) {
+  RobotBench bench;
+  bench.open();
+  bench.contact.open = true;
+  bench.send(bench.duty(20'000, 20'000));
+  bench.step();
+  CHECK(!bench.driven());
+  CHECK(causes(bench) == (std::vector{SupervisorEvent::kSetpoint, SupervisorEvent::kEstop}));
+}
+
+TEST(a_state_reports_what_its_own_step_did) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.ask<Ack>(SetStreamRate{.rate_hz = 1000}));
+  bench.drive(0.2f, 0.2f);
+  bench.received.clear();
+  bench.contact.open = true;
+  bench.step();
+  const std::vector<WheelState> states = bench.of<WheelState>();
+  CHECK(states.size() == 1);
+  CHECK(states.back().supervisor == SupervisorState::kEstopped);
+  CHECK(states.back().left_duty_q15 == 0);
+}
+
+TEST(a_line_that_hangs_up_stops_the_wheels_and_is_told_nothing_more) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.received.clear();
+  bench.device.hang_up(bench.now_us);
+  CHECK(!bench.driven() && bench.device.deadline_us() == 0);
+  bench.run(100);
+  CHECK(!bench.device.has_session());
+  CHECK(bench.state() == SupervisorState::kIdle);
+  CHECK(bench.received.empty());
+}
