@@ -9,7 +9,7 @@ from ..arguments import path, whole
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
-from .pins import PinDriver
+from .pins import PinDriver, PinProcess
 
 PWM_DIRECTORY = Path("/sys/class/pwm")
 MAX_CHIP = 255
@@ -43,12 +43,34 @@ class L298NDriver(PinDriver):
         pwm_directory: Path = PWM_DIRECTORY,
         core_timeout_ms: int = CORE_TIMEOUT_MS,
     ) -> None:
-        settings = McuSettings(
-            backend="l298n",
-            pins=pins or Pins(),
-            parameters=checked_values(parameters),
-            pwm_directory=str(path("pwm_directory", pwm_directory)),
-            pwm_chip=None if pwm_chip is None else whole("pwm_chip", pwm_chip, 0, MAX_CHIP),
-            core_timeout_ms=core_timeout_ms,
+        super().__init__(
+            l298n_process(
+                pins=pins,
+                pwm_chip=pwm_chip,
+                parameters=parameters,
+                store=store,
+                pwm_directory=pwm_directory,
+                core_timeout_ms=core_timeout_ms,
+            )
         )
-        super().__init__(settings, store)
+
+
+def l298n_process(
+    *,
+    pins: Pins | None = None,
+    pwm_chip: int | None = None,
+    parameters: Mapping[str, float] | None = None,
+    store: Path | None = None,
+    pwm_directory: Path = PWM_DIRECTORY,
+    core_timeout_ms: int = CORE_TIMEOUT_MS,
+) -> PinProcess:
+    """The process of a driver with these arguments, checked."""
+    settings = McuSettings(
+        backend="l298n",
+        pins=pins or Pins(),
+        parameters=checked_values(parameters),
+        pwm_directory=str(path("pwm_directory", pwm_directory)),
+        pwm_chip=None if pwm_chip is None else whole("pwm_chip", pwm_chip, 0, MAX_CHIP),
+        core_timeout_ms=core_timeout_ms,
+    )
+    return PinProcess(settings, store)

@@ -10,12 +10,14 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, path, timeout_s
 from ..errors import InvalidCommand, LinkLost, RequestTimeout
+from ..link.base_link import LinkOptions
 from ..link.clock import host_clock_us
 from ..link.connection import Link
 from ..link.latest_sample import LatestSample
@@ -27,7 +29,8 @@ from ..samples import WheelSample
 from ..simulation.library import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
-from .transport_driver import GEOMETRY, DeviceDriver
+from .linked import GEOMETRY
+from .transport_driver import DeviceDriver
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""
@@ -55,14 +58,12 @@ class MockDriver(DeviceDriver):
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
     ) -> None:
-        values = checked_values(parameters)
-        store = converted_store(path("store", store)) if store is not None else None
         self._virtual: VirtualLink | None = None
         if flag("realtime", realtime):
-            self._process = _Process(values, store)
-            super().__init__(self._process.open_link)
+            self._process = MockProcess(parameters, store)
+            super().__init__(partial(Link, self._process.options))
         else:
-            self._sim = _powered_on(values, store)
+            self._sim = _powered_on(checked_values(parameters), _converted(store))
             super().__init__(self._open_virtual_link)
 
     @property
@@ -139,31 +140,28 @@ class _Transport(SocketTransport):
         self._simulator.close()
 
 
-class _Process:
+class MockProcess:
     """The simulator's process, started anew whenever it was lost."""
 
     simulator: Simulator
 
-    def __init__(self, values: dict[str, float], store: Path | None) -> None:
-        self._values = values
-        self._store = store
+    def __init__(self, parameters: Mapping[str, float] | None, store: Path | None) -> None:
+        self._values = checked_values(parameters)
+        self._store = _converted(store)
         self._plugged = True
 
-    def open_link(self, latest_sample: LatestSample) -> Link:
-        return Link(
-            "mock",
-            latest_sample,
-            baud_rate=0,
-            connect_timeout_s=5.0,
-            watched=GEOMETRY,
-            open_port=self._open_transport,
-        )
+    @property
+    def options(self) -> LinkOptions:
+        """Of the link to it."""
+        return LinkOptions("mock", watched=GEOMETRY, open_port=self._open_transport)
 
     def unplug(self) -> None:
+        """It is out of reach from now on."""
         self._plugged = False
         self.simulator.command("unplug")
 
     def plug(self) -> None:
+        """It may be started again."""
         self._plugged = True
 
     def _open_transport(self, _baud_rate: int) -> Transport:
@@ -182,6 +180,10 @@ class _Process:
             transport.close()
             raise
         return transport
+
+
+def _converted(store: Path | None) -> Path | None:
+    return None if store is None else converted_store(path("store", store))
 
 
 def _powered_on(values: dict[str, float], store: Path | None) -> FwSim:

@@ -9,7 +9,7 @@ from ..arguments import text, whole
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..parameters import checked_values
-from .pins import PinDriver
+from .pins import PinDriver, PinProcess
 
 DEFAULT_PORT = 8888
 CORE_TIMEOUT_MS = 1000
@@ -44,15 +44,37 @@ class PigpioDriver(PinDriver):
         store: Path | None = None,
         core_timeout_ms: int = CORE_TIMEOUT_MS,
     ) -> None:
-        wiring = pins or Pins()
-        if isinstance(wiring, Pins):  # else it is refused with the other options
-            wiring.check_hardware_pwm()
-        settings = McuSettings(
-            backend="pigpio",
-            pins=wiring,
-            parameters=checked_values(parameters),
-            host=text("host", host, "localhost"),
-            port=whole("port", port, 1, 65_535),
-            core_timeout_ms=core_timeout_ms,
+        super().__init__(
+            pigpio_process(
+                host,
+                port,
+                pins=pins,
+                parameters=parameters,
+                store=store,
+                core_timeout_ms=core_timeout_ms,
+            )
         )
-        super().__init__(settings, store)
+
+
+def pigpio_process(
+    host: str = "localhost",
+    port: int = DEFAULT_PORT,
+    *,
+    pins: Pins | None = None,
+    parameters: Mapping[str, float] | None = None,
+    store: Path | None = None,
+    core_timeout_ms: int = CORE_TIMEOUT_MS,
+) -> PinProcess:
+    """The process of a driver with these arguments, checked."""
+    wiring = pins or Pins()
+    if isinstance(wiring, Pins):  # else it is refused with the other options
+        wiring.check_hardware_pwm()
+    settings = McuSettings(
+        backend="pigpio",
+        pins=wiring,
+        parameters=checked_values(parameters),
+        host=text("host", host, "localhost"),
+        port=whole("port", port, 1, 65_535),
+        core_timeout_ms=core_timeout_ms,
+    )
+    return PinProcess(settings, store)

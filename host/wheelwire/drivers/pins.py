@@ -4,34 +4,37 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ..arguments import path, whole
 from ..errors import InvalidArgument, shown
+from ..link.base_link import LinkOptions
+from ..link.connection import Link
 from ..link.transports import Transport
 from ..linux_mcu.launch import launch
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..linux_mcu.store import converted_store
-from .transport_driver import TransportDriver
+from .transport_driver import DeviceDriver, link_options
 
 MAX_CORE_TIMEOUT_MS = 60_000
 
-log = logging.getLogger("wheelwire")
+_log = logging.getLogger("wheelwire")
 
 
-class PinDriver(TransportDriver):
-    """A robot whose core runs in a process of this computer.
+class PinProcess:
+    """The process that moves this computer's pins, started again whenever it has ended.
 
     Args:
         settings: Of that process.
         store: A file that keeps parameters which are saved at run time.
 
+    Attributes:
+        limits: What the wiring cannot do, in sentences; logged once as warnings.
+
     Raises:
-        DriverUnavailable: The pins cannot be had, or what they need is not installed.
-        ConfigurationError: The pins or the store do not fit.
-        UnknownParameter: In the settings' parameters.
-        ParameterOutOfRange: In the settings' parameters.
+        InvalidArgument: The settings are of a wrong type or size.
     """
 
     def __init__(self, settings: McuSettings, store: Path | None) -> None:
@@ -45,20 +48,41 @@ class PinDriver(TransportDriver):
             raise InvalidArgument(f"pins = {shown(settings.pins)}: give `wheelwire.Pins`")
         if store is not None:
             settings = replace(settings, store=str(converted_store(path("store", store))))
-        self._limits: tuple[str, ...] = ()
+        self.limits: tuple[str, ...] = ()
+        self._settings = settings
 
-        def open_transport(_baud_rate: int) -> Transport:
-            transport = launch(settings)
-            limits.append(transport.limits)
-            return transport
+    @property
+    def options(self) -> LinkOptions:
+        """Of the link to it."""
+        return link_options(self._settings.backend, self._open)
 
-        limits: list[tuple[str, ...]] = []
-        super().__init__(settings.backend, open_transport)
-        self._limits = limits[0]
-        for limit in self._limits:
-            log.warning("%s: %s", settings.backend, limit)
+    def _open(self, _baud_rate: int) -> Transport:
+        transport = launch(self._settings)
+        if transport.limits != self.limits:
+            self.limits = transport.limits
+            for limit in self.limits:
+                _log.warning("%s: %s", self._settings.backend, limit)
+        return transport
+
+
+class PinDriver(DeviceDriver):
+    """A robot whose core runs in a process of this computer.
+
+    Args:
+        process: That process.
+
+    Raises:
+        DriverUnavailable: The pins cannot be had, or what they need is not installed.
+        ConfigurationError: The pins or the store do not fit.
+        UnknownParameter: In the settings' parameters.
+        ParameterOutOfRange: In the settings' parameters.
+    """
+
+    def __init__(self, process: PinProcess) -> None:
+        self._process = process
+        super().__init__(partial(Link, process.options))
 
     @property
     def limits(self) -> tuple[str, ...]:
         """What this wiring cannot do, in sentences; logged once as warnings."""
-        return self._limits
+        return self._process.limits

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import partial
 
 from ..arguments import flag, text, whole
 from ..errors import InvalidArgument, shown
-from .transport_driver import TransportDriver
+from ..link.base_link import LinkOptions
+from ..link.connection import Link
+from .transport_driver import DeviceDriver, link_options
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000
 """More than any adapter has."""
 
 
-class SerialDriver(TransportDriver):
+class SerialDriver(DeviceDriver):
     """A robot behind a serial port.
 
     Args:
@@ -48,15 +51,38 @@ class SerialDriver(TransportDriver):
         any_board: bool = False,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
-        super().__init__(
-            text("port", port, "/dev/ttyUSB0"),
-            baud_rate=whole("baud_rate", baud_rate, 1, MAX_BAUD_RATE),
+        options = serial_link(
+            port,
+            baud_rate=baud_rate,
             connect_timeout=connect_timeout,
             stream_rate_hz=stream_rate_hz,
-            board_id=None if board_id is None else _board_id(board_id),
-            any_board=flag("any_board", any_board),
+            board_id=board_id,
+            any_board=any_board,
             parameters=parameters,
         )
+        super().__init__(partial(Link, options))
+
+
+def serial_link(
+    port: str,
+    *,
+    baud_rate: int = DEFAULT_BAUD_RATE,
+    connect_timeout: float = 5.0,
+    stream_rate_hz: int | None = None,
+    board_id: str | None = None,
+    any_board: bool = False,
+    parameters: Mapping[str, float] | None = None,
+) -> LinkOptions:
+    """The link of a `SerialDriver` with these arguments, checked."""
+    return link_options(
+        text("port", port, "/dev/ttyUSB0"),
+        baud_rate=whole("baud_rate", baud_rate, 1, MAX_BAUD_RATE),
+        connect_timeout=connect_timeout,
+        stream_rate_hz=stream_rate_hz,
+        board_id=None if board_id is None else _board_id(board_id),
+        any_board=flag("any_board", any_board),
+        parameters=parameters,
+    )
 
 
 def _board_id(value: str) -> str:

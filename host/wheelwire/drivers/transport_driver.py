@@ -21,15 +21,15 @@ from wheelwire_protocol.types import (
 
 from ..arguments import timeout_s, whole
 from ..errors import LinkLost, WheelwireError
-from ..link.connection import Link, LinkInfo
-from ..link.info import LinkStatistics
+from ..link.base_link import LinkOptions
+from ..link.connection import Link
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..link.served_port import OpenPort
-from ..motion.kinematics import DifferentialDrive, WheelVelocities
-from ..parameters import Parameters, checked_values, decimal_of_float32
+from ..parameters import Parameters, checked_values
 from .base import BaseDriver
 from .device_parameters import DeviceParameters
+from .linked import GEOMETRY, LinkedRobot
 
 if TYPE_CHECKING:
     from ..simulation.virtual_link import VirtualLink
@@ -38,14 +38,9 @@ DeviceLink: TypeAlias = "Link | VirtualLink"
 
 MAX_STREAM_RATE_HZ = 65_535
 """The largest value of the field. Each device has a lower limit of its own, set by its line."""
-GEOMETRY = tuple(
-    PARAMETER_BY_NAME[name].id
-    for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
-)
-"""Read from the device in each session, so that a robot's dimensions are stored in one place."""
 
 
-class DeviceDriver(BaseDriver):
+class DeviceDriver(LinkedRobot, BaseDriver):
     """A robot whose device is reached over a link.
 
     Args:
@@ -54,42 +49,17 @@ class DeviceDriver(BaseDriver):
 
     def __init__(self, open_link: Callable[[LatestSample], DeviceLink]) -> None:
         super().__init__()
-        self._link = link = open_link(self._latest_sample)
+        self._link: DeviceLink = open_link(self._latest_sample)
+        link = self._link
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
-        self._geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
-
-    @property
-    def info(self) -> LinkInfo:
-        """Port, baud rate and device."""
-        return self._link.info
-
-    @property
-    def geometry(self) -> DifferentialDrive:
-        """The robot's current dimensions and limits, as the device has them."""
-        values = self._link.values(GEOMETRY)
-        known, geometry = self._geometry  # set_velocity asks each time
-        if geometry is None or values != known:
-            geometry = DifferentialDrive(*map(decimal_of_float32, values))
-            self._geometry = values, geometry
-        return geometry
 
     @property
     def parameters(self) -> Parameters:
         """The device's parameters, by name: a mapping of the values known in this session."""
         return self._parameters
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        """Counters and timing of the link."""
-        return self._link.statistics
-
-    @property
-    def sessions(self) -> int:
-        """Number of sessions opened; cheaper than `statistics`."""
-        return self._link.sessions
 
     def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
@@ -139,19 +109,6 @@ class DeviceDriver(BaseDriver):
         self._link.close()
         self._finalizer.detach()
 
-    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
-        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
-
-    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        self._link.drive_duty(left, right, expiry_us)
-
-    def _check_link(self) -> None:
-        self._link.check()
-
-    @property
-    def _name(self) -> str:
-        return self._link.name
-
 
 class TransportDriver(DeviceDriver):
     """A robot behind a transport: the base of drivers for other kinds of lines.
@@ -194,22 +151,43 @@ class TransportDriver(DeviceDriver):
         any_board: bool = False,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
-        if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
-            stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
-        super().__init__(
-            partial(
-                Link,
-                name,
-                baud_rate=baud_rate,
-                connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
-                stream_rate_hz=stream_rate_hz,
-                watched=GEOMETRY,
-                board_id=board_id,
-                any_board=any_board,
-                settings={
-                    PARAMETER_BY_NAME[name].id: value
-                    for name, value in checked_values(parameters).items()
-                },
-                open_port=open_transport,
-            )
+        options = link_options(
+            name,
+            open_transport,
+            baud_rate=baud_rate,
+            connect_timeout=connect_timeout,
+            stream_rate_hz=stream_rate_hz,
+            board_id=board_id,
+            any_board=any_board,
+            parameters=parameters,
         )
+        super().__init__(partial(Link, options))
+
+
+def link_options(
+    name: str,
+    open_transport: OpenPort | None = None,
+    *,
+    baud_rate: int = 0,
+    connect_timeout: float = 5.0,
+    stream_rate_hz: int | None = None,
+    board_id: str | None = None,
+    any_board: bool = False,
+    parameters: Mapping[str, float] | None = None,
+) -> LinkOptions:
+    """The link of a driver with these arguments, checked; see `TransportDriver`."""
+    if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
+        stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
+    return LinkOptions(
+        name,
+        baud_rate=baud_rate,
+        connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
+        stream_rate_hz=stream_rate_hz,
+        watched=GEOMETRY,
+        board_id=board_id,
+        any_board=any_board,
+        settings={
+            PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
+        },
+        open_port=open_transport,
+    )

@@ -8,79 +8,37 @@ written by the calling thread.
 from __future__ import annotations
 
 import _thread
-import os
 import threading
 import weakref
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import cast
+from typing import TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
 
-from ..errors import (
-    DeviceRefused,
-    DeviceSilent,
-    ForeignDevice,
-    LinkLost,
-    PortUnavailable,
-    ProtocolMismatch,
-    RequestTimeout,
-    WheelwireError,
-)
-from .clock import host_clock_us
-from .discovery import open_board
-from .info import DeviceInfo, LinkStatistics
+from ..errors import LinkLost, RequestTimeout, WheelwireError
+from .base_link import PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .latest_sample import LatestSample
 from .port_loop import PortLoop
 from .requests import Answer, RequestMessage
-from .served_port import OpenPort, Task
-from .session import Phase, Session
-from .transports import Transport, open_transport
+from .served_port import Task
 from .waiting import Notifier
 
-Heard = Callable[[Answer | WheelwireError], None]
+Heard: TypeAlias = Callable[[Answer | WheelwireError], None]
 
 JOIN_S = 10.0
 """Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
 thread is a daemon in any case."""
-PORT_TIMEOUT_S = 60.0
-"""A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
 CALL_TIMEOUT_S = 5.0
 """A request times out after about one second, and others may be queued before it."""
 
 
-@dataclass(frozen=True)
-class LinkInfo:
-    """What a link is at this moment."""
-
-    port: str
-    baud_rate: int | None
-    """The rate at which the device answered; None if the port has none."""
-    low_latency: bool | None
-    """See `transport.Transport`."""
-    device: DeviceInfo
-
-
-class Link:
+class Link(BaseLink):
     """A link to one device.
 
     Args:
-        port: Device path, pyserial URL, `socket://host:port` or `unix:path`; or, beside
-            `open_port`, a name for what that opens.
+        options: What it leads to.
         latest_sample: Takes the samples.
-        baud_rate: Tried first.
-        connect_timeout_s: How long to look for the device.
-        stream_rate_hz: Rate of the samples; None leaves it to the device.
-        watched: Ids of parameters whose values are always available from `values`.
-        board_id: Accept only this board, at whichever free port it answers; `port` may then be
-            glob patterns, separated by commas.
-        any_board: Whether to continue with another board than the first, if the port leads to one.
-        settings: Parameter id -> the value that the device is given whenever a session opens.
-        open_port: Opens the transport in place of `port`, at a baud rate or without one; called
-            again whenever it was lost. The link's thread calls it. It may raise any WheelwireError.
-            It decides which board is the right one: any is.
 
     Raises:
         PortUnavailable: The port cannot be opened, or the board is at none.
@@ -91,106 +49,31 @@ class Link:
         RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
     """
 
-    def __init__(
-        self,
-        port: str,
-        latest_sample: LatestSample,
-        *,
-        baud_rate: int,
-        connect_timeout_s: float,
-        stream_rate_hz: int | None = None,
-        watched: Sequence[int] = (),
-        board_id: str | None = None,
-        any_board: bool = False,
-        settings: Mapping[int, float] | None = None,
-        open_port: OpenPort | None = None,
-    ) -> None:
-        self._port = port
+    def __init__(self, options: LinkOptions, latest_sample: LatestSample) -> None:
         self._changed = Notifier()
-        self._session = Session(
-            _random_nonce,
-            stream_rate_hz,
-            watched,
-            any_board=any_board or open_port is not None,
-            settings=settings,
-        )
+        session = options.session()
         this = weakref.ref(self)
         self._loop = PortLoop(
-            open_port or partial(_open_port, port, board_id),
-            baud_rate,
-            self._session,
+            options.opener,
+            options.baud_rate,
+            session,
             self._changed,
             latest_sample,
             is_wanted=lambda: this() is not None,
         )
+        super().__init__(options, session, self._loop)
         self._thread = threading.Thread(
-            target=self._loop.run, name=f"wheelwire {port}", daemon=True
+            target=self._loop.run, name=f"wheelwire {options.port}", daemon=True
         )
         try:
             # Thread.start() waits for an Event: an exception out of a signal handler in there can
             # leave the new thread waiting for ever. No handler interrupts a thread but the main.
             _thread.start_new_thread(_start, (self._thread, self._loop))
             self._wait_for_port()
-            self._wait_until_open(connect_timeout_s)
+            self._wait_until_open()
         except BaseException:
             self.close()
             raise
-
-    @property
-    def name(self) -> str:
-        """The port, for display; while it is being searched for, the pattern or name given."""
-        return self._loop.port or self._port
-
-    @property
-    def info(self) -> LinkInfo:
-        """Port, baud rate and device."""
-        device, loop = self._session.device, self._loop
-        if device is None:
-            raise self._session.error
-        return LinkInfo(loop.port, loop.policy.search.rate, loop.low_latency, device)
-
-    @property
-    def statistics(self) -> LinkStatistics:
-        """What was counted since the link was opened."""
-        counted = self._session.statistics(host_clock_us())
-        return replace(counted, reconnects=self._loop.policy.reconnects)
-
-    @property
-    def sessions(self) -> int:
-        """Number of sessions since the link was opened."""
-        return self._session.count
-
-    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
-        """The newest values of watched parameters."""
-        self.check()
-        known = self._session.values
-        try:
-            return tuple([known[parameter] for parameter in parameters])
-        except KeyError:  # a new session has just begun
-            raise self._session.error from None
-
-    def known(self, parameter: int) -> float | None:
-        """The newest value of a parameter that was reported in this session, if there is one."""
-        self.check()
-        return self._session.values.get(parameter)
-
-    def check(self) -> None:
-        """Raise why the link is not open, if it is not."""
-        self._check_alive()
-        self._session.check_open()
-
-    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Write one velocity setpoint in this thread; it expires at the host's `expiry_us`."""
-        now_us = host_clock_us()
-        self._loop.check_room()
-        frame = self._session.velocity_frame(left_mps, right_mps, expiry_us, now_us)
-        self._write(frame, now_us)
-
-    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Write one duty setpoint; otherwise as `drive_velocity`."""
-        now_us = host_clock_us()
-        self._loop.check_room()
-        self._write(self._session.duty_frame(left, right, expiry_us, now_us), now_us)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.
@@ -262,48 +145,22 @@ class Link:
             raise result.with_traceback(None)
         return result
 
-    def _check_alive(self) -> None:
-        if self._loop.end is not None:
-            raise self._loop.end.with_traceback(None)
-
     def _wait_for_port(self) -> None:
         """Wait until the link's thread has opened the port; raise the error if it could not."""
         try:
             error = self._loop.opened.get(timeout=PORT_TIMEOUT_S)
         except Empty:
-            raise PortUnavailable(
-                self._port,
-                f"opening it takes longer than {PORT_TIMEOUT_S:g} s: plug it in again, or restart "
-                "the peer",
-            ) from None
+            raise self._port_takes_too_long() from None
         if error is not None:
             try:
                 raise error
             finally:
                 del error  # its traceback holds this frame
 
-    def _wait_until_open(self, timeout_s: float) -> None:
-        def decided() -> bool:
-            session = self._session
-            final = isinstance(session.error, (ProtocolMismatch, DeviceRefused))
-            return session.phase is Phase.OPEN or final or self._loop.end is not None
-
-        if not self._changed.wait_for(decided, timeout_s):
-            raise self._why_not_open(timeout_s)
+    def _wait_until_open(self) -> None:
+        if not self._changed.wait_for(self._opening_is_decided, self._options.connect_timeout_s):
+            raise self._why_not_open()
         self.check()
-
-    def _why_not_open(self, timeout_s: float) -> WheelwireError:
-        session, tried = self._session, self._loop.policy.search.tried
-        if session.answers:
-            return RequestTimeout(
-                f"{self._port} answers, but no session could be opened in {timeout_s:g} s "
-                f"({session.error}): allow more time, look at the cable"
-            )
-        if not session.bytes_received and self._loop.policy.lost is not None:
-            return PortUnavailable(self._port, str(self._loop.policy.lost))
-        if session.bytes_received:
-            return ForeignDevice(self._port, tried, session.bytes_received)
-        return DeviceSilent(self._port, tried)
 
 
 def _start(thread: threading.Thread, loop: PortLoop) -> None:
@@ -311,13 +168,3 @@ def _start(thread: threading.Thread, loop: PortLoop) -> None:
         thread.start()
     except RuntimeError as error:
         loop.fail(error)
-
-
-def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
-    if board_id is None:
-        return open_transport(port, baud_rate)
-    return open_board(port, board_id, baud_rate)
-
-
-def _random_nonce() -> int:
-    return int.from_bytes(os.urandom(4), "little")

@@ -58,11 +58,22 @@ class SampleIterator:
             WheelwireError: The link has ended otherwise.
         """
         while True:
-            over = self._over  # first: what came before the end is still handed out
-            with suppress(IndexError):
-                return self._queue.popleft().sample()
-            if over:
-                if self._failure is not None:
-                    raise self._failure.with_traceback(None)
-                raise StopIteration
-            self._wait(lambda: bool(self._queue) or self._over)
+            sample = self.poll()
+            if sample is not None:
+                return sample
+            self._wait(self.is_ready)
+
+    def poll(self) -> WheelSample | None:
+        """As `next`, without waiting: None when there is no sample yet."""
+        over = self._over  # first: what came before the end is still handed out
+        with suppress(IndexError):
+            return self._queue.popleft().sample()
+        if not over:
+            return None
+        if self._failure is not None:
+            raise self._failure.with_traceback(None)
+        raise StopIteration
+
+    def is_ready(self) -> bool:
+        """Whether `poll` has anything to tell."""
+        return bool(self._queue) or self._over

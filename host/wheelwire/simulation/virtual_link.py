@@ -9,7 +9,8 @@ from dataclasses import replace
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
-from ..link.connection import Heard, LinkInfo
+from ..link.base_link import LinkInfo
+from ..link.connection import Heard
 from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, Done, RequestMessage

@@ -10,6 +10,7 @@ import pytest
 from support.fake_device import FakeDevice
 from support.waiting import wait_until
 from wheelwire import errors
+from wheelwire.link.base_link import LinkOptions
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link
 from wheelwire.link.latest_sample import LatestSample
@@ -62,9 +63,7 @@ def places() -> Places:
 
 
 def open_link(places: Places) -> Link:
-    return Link(
-        "a process", LatestSample(), baud_rate=0, connect_timeout_s=5.0, open_port=places.open
-    )
+    return Link(LinkOptions("a process", open_port=places.open), LatestSample())
 
 
 def is_open(link: Link) -> bool:

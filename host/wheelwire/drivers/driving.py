@@ -1,0 +1,149 @@
+"""Setpoints: checked, limited, and given an expiry. The part of a driver that never waits."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from ..arguments import LONGEST_WAIT_S, is_number
+from ..errors import InvalidCommand, WheelwireError, shown
+from ..link.clock import host_clock_us
+from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
+
+DEFAULT_TTL_S = 0.5
+
+
+class Driving(ABC):
+    """A robot with two driven wheels that takes setpoints."""
+
+    def set_velocity(
+        self,
+        linear: float,
+        angular: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
+        """Drive at a body velocity. Does not wait for the robot.
+
+        Beyond the wheels' limit both are scaled by one factor, so the path keeps its curvature.
+
+        Args:
+            linear: Forward positive. [m/s]
+            angular: Counter-clockwise positive. [rad/s]
+            ttl: For how long, from `stamp`. [s] The robot may stop earlier by the error bound of
+                its clock, never later.
+            stamp: When the command was made, on `time.monotonic()`. [s] None: now.
+
+        Raises:
+            InvalidCommand: NaN, infinity; a ttl that is not above zero, has run out since `stamp`
+                or is below the error bound of the robot's clock; a stamp in the future. Nothing
+                was sent.
+            DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused.
+            LinkLost: The robot is out of reach.
+        """
+        expiry_us = self._expiry_us(ttl, stamp)
+        linear, angular = _finite("linear", linear), _finite("angular", angular)
+        geometry = self.geometry
+        left, right = geometry.wheel_velocities(Twist(linear, angular))
+        wheels = WheelVelocities(_finite("left", left), _finite("right", right))
+        self._drive_velocity(geometry.saturate(wheels), expiry_us)
+
+    def set_wheel_velocity(
+        self,
+        left: float,
+        right: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
+        """Drive each wheel at its own velocity, in m/s at the rim; otherwise as `set_velocity`."""
+        expiry_us = self._expiry_us(ttl, stamp)
+        left, right = _finite("left", left), _finite("right", right)
+        self._drive_velocity(self.geometry.saturate(WheelVelocities(left, right)), expiry_us)
+
+    def set_duty(
+        self,
+        left: float,
+        right: float,
+        ttl: float = DEFAULT_TTL_S,
+        *,
+        stamp: float | None = None,
+    ) -> None:
+        """Drive each wheel at a duty, -1..1, open loop; otherwise as `set_velocity`."""
+        expiry_us = self._expiry_us(ttl, stamp)
+        left, right = _finite("left", left), _finite("right", right)
+        if max(abs(left), abs(right)) > 1:
+            raise InvalidCommand(f"duty ({left:g}, {right:g}): give numbers from -1 to 1")
+        self._drive_duty(left, right, expiry_us)
+
+    @property
+    @abstractmethod
+    def geometry(self) -> DifferentialDrive:
+        """The robot's current dimensions and limits."""
+
+    # --- for drivers ---------------------------------------------------------------------------
+
+    @abstractmethod
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        """Send a finite setpoint within the limits, without waiting.
+
+        It expires at `expiry_us`, on the clock of `_now_us`.
+        """
+
+    @abstractmethod
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Send a setpoint, each -1..1, without waiting; otherwise as `_drive_velocity`."""
+
+    @abstractmethod
+    def _check_link(self) -> None:
+        """Raise `LinkLost` if the robot is out of reach."""
+
+    def _now_us(self) -> int:
+        """The clock of stamps and expiries."""
+        return host_clock_us()
+
+    def _expiry_us(self, ttl: float, stamp: float | None) -> int:
+        """When a command of `stamp` expires. Called first: the call's own time counts too."""
+        now_us = self._now_us()
+        life_us = round(_checked_ttl(ttl) * 1e6)
+        if stamp is None:
+            return now_us + life_us
+        age_us = now_us - _finite("stamp", stamp) * 1e6
+        # Rounding can put a stamp at most 1 us into the future; further means another clock.
+        if age_us < -1:
+            raise InvalidCommand(
+                f"stamp = {stamp:g} is {age_us / -1e6:g} s in the future: "
+                "give the time.monotonic() at which the command was made"
+            )
+        if age_us >= life_us:
+            raise InvalidCommand(
+                f"the command is {age_us / 1e6:.3g} s old and its ttl is {life_us / 1e6:g} s: "
+                "send it sooner after its stamp, or give it a longer ttl"
+            )
+        return now_us - max(0, round(age_us)) + life_us
+
+    def __repr__(self) -> str:
+        try:
+            self._check_link()
+        except WheelwireError as error:
+            state = str(error)
+        else:
+            state = "open"
+        return f"<{type(self).__name__} {self._name}: {state}>"
+
+    @property
+    def _name(self) -> str:
+        """The robot's name, for display."""
+        return "robot"
+
+
+def _finite(name: str, value: float) -> float:
+    if not is_number(value):
+        raise InvalidCommand(f"{name} = {shown(value)}: give a finite number")
+    return float(value)
+
+
+def _checked_ttl(ttl: float) -> float:
+    if not (is_number(ttl) and ttl > 0):
+        raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
+    return min(float(ttl), LONGEST_WAIT_S)

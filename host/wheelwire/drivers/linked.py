@@ -1,0 +1,67 @@
+"""A robot behind a link: what its driver knows and sends without waiting."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from ..link.base_link import BaseLink, LinkInfo
+from ..link.info import LinkStatistics
+from ..motion.kinematics import DifferentialDrive, WheelVelocities
+from ..parameters import decimal_of_float32
+from .driving import Driving
+
+if TYPE_CHECKING:
+    from ..simulation.virtual_link import VirtualLink
+
+GEOMETRY = tuple(
+    PARAMETER_BY_NAME[name].id
+    for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
+)
+"""Read from the device in each session, so that a robot's dimensions are stored in one place."""
+
+
+class LinkedRobot(Driving):
+    """A robot behind `_link`, which watches the parameters of `GEOMETRY`."""
+
+    _link: BaseLink | VirtualLink
+    _geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+        return self._link.info
+
+    @property
+    def geometry(self) -> DifferentialDrive:
+        """The robot's current dimensions and limits, as the device has them."""
+        values = self._link.values(GEOMETRY)
+        known, geometry = self._geometry  # set_velocity asks each time
+        if geometry is None or values != known:
+            geometry = DifferentialDrive(*map(decimal_of_float32, values))
+            self._geometry = values, geometry
+        return geometry
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """Counters and timing of the link."""
+        return self._link.statistics
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions opened; cheaper than `statistics`."""
+        return self._link.sessions
+
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
+
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._link.drive_duty(left, right, expiry_us)
+
+    def _check_link(self) -> None:
+        self._link.check()
+
+    @property
+    def _name(self) -> str:
+        return self._link.name
