@@ -1,6 +1,6 @@
-"""Captures decoded in bulk: every frame of one message, as a numpy structured array.
+"""Bulk decoding of captures: all frames of one message, as a numpy structured array.
 
-The same frames come out as from `decoder.Decoder`, whatever is wrong with the capture.
+The result has the same frames as `decoder.Decoder` finds, however damaged the capture is.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def decode_capture(
     """Decode all good frames of one message in a capture.
 
     Args:
-        data: Bytes as they came from the line, with whatever else was on it.
-        message_type: The class of the message that is wanted.
+        data: Bytes as received from the line, including noise.
+        message_type: Class of the message to decode.
 
     Returns:
-        One row a frame, in order; the columns are the fields of `message_type`, see `dtype`. To
+        One row per frame, in order; the columns are the fields of `message_type`, see `dtype`. To
         count what was lost, feed the capture to a `Decoder`: all messages share one sequence.
     """
     codec = BY_TYPE[message_type]
@@ -47,7 +47,8 @@ def decode_capture(
         return decode_columns(data, codec).view(dtype(message_type)).reshape(-1)
     library = native.load_unlocked()
     stream = np.frombuffer(data, np.uint8)
-    # A frame takes at least its payload, a code byte and a delimiter.
+    # Room for the most frames possible: each takes its payload, a code byte and at least one of
+    # its delimiters, since a delimiter may serve two frames.
     rows = np.empty(len(stream) // (codec.size + 2), dtype(message_type))
     count = library.wheelwire_decode_capture(
         stream.ctypes.data, len(stream), codec.id, rows.ctypes.data
@@ -68,17 +69,17 @@ def iter_capture(
     ```
 
     Args:
-        parts: The capture in order, cut anywhere. A few megabytes each are read fastest.
-        message_type: The class of the message that is wanted.
+        parts: The capture in order, cut anywhere. Parts of a few megabytes are fastest.
+        message_type: Class of the message to decode.
 
     Yields:
-        An array for each part, together the rows of `decode_capture`. Besides it and its part
-        only the beginning of one frame is kept.
+        An array for each part; together they are the rows of `decode_capture`. Only the beginning
+        of one frame is kept between parts.
     """
     partial = b""
     for part in parts:
         data = partial + part
         end = data.rfind(DELIMITER) + 1
         yield decode_capture(memoryview(data)[:end], message_type)
-        # Of what is too long for a frame enough is kept to stay too long.
+        # A tail that is too long for a frame is cut, but not so far that it could become one.
         partial = data[max(end, len(data) - MAX_ENCODED - 1) :]

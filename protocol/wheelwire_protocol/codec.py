@@ -1,7 +1,7 @@
 """The fast path between typed messages and payload bytes, derived from the definitions.
 
 A payload is `id u8, seq u16, body, crc u32`, little-endian. Each message's layout, generated from
-its construct, yields one `struct.Struct`; a property test holds it to construct itself.
+its construct, yields one `struct.Struct`; a property test compares it with construct itself.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Codec(NamedTuple):
     pack_body: Callable[..., bytes]
     """Body fields -> body."""
     formats: str
-    """The body in the letters of `struct`, one a field."""
+    """The body in the format characters of `struct`, one per field."""
 
 
 def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Codec:

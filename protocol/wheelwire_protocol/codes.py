@@ -1,4 +1,4 @@
-"""The coded values on the wire. Each member carries the sentence that a person is shown."""
+"""The enumerations on the wire. Each member has the sentence that users are shown."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class DocumentedEnum(enum.IntEnum):
     doc: str
 
     def __new__(cls, value: int, doc: str = "") -> DocumentedEnum:
-        """A member with its doc."""
+        """Create a member with its doc."""
         member = int.__new__(cls, value)
         member._value_ = value
         member.doc = doc
@@ -24,7 +24,7 @@ class DocumentedFlag(enum.IntFlag):
     doc: str
 
     def __new__(cls, value: int, doc: str = "") -> DocumentedFlag:
-        """A member with its doc."""
+        """Create a member with its doc."""
         member = int.__new__(cls, value)
         member._value_ = value
         member.doc = doc
@@ -46,9 +46,9 @@ class SupervisorEvent(DocumentedEnum):
     """What moves the supervisor from one state to another."""
 
     STARTED = 0, "Start-up is complete."
-    SESSION = 1, "A host opened a session; the setpoint of the former one is void."
+    SESSION = 1, "A host opened a session; the previous session's setpoint is void."
     SETPOINT = 2, "A fresh setpoint was accepted."
-    STOP = 3, "A stop was asked for."
+    STOP = 3, "A stop was requested."
     DEADLINE = 4, "The setpoint's deadline passed."
     ESTOP = 5, "An emergency stop, by message or by the input."
     CLEAR_ESTOP = 6, "The emergency stop was cleared."
@@ -57,29 +57,41 @@ class SupervisorEvent(DocumentedEnum):
 
 
 class RefusalCode(DocumentedEnum):
-    """Why the device refused. The doc says what to do about it."""
+    """Why the device refused, and what to do about it."""
 
     NONE = 0, "Not refused."
-    PROTOCOL_VERSION = 1, "Another protocol version; install matching firmware and host library."
-    SCHEMA = 2, "Another message schema; install firmware and host library of one release."
+    PROTOCOL_VERSION = (
+        1,
+        "Different protocol version; use firmware and host library of one release.",
+    )
+    SCHEMA = 2, "Different message schema; use firmware and host library of one release."
     NO_SESSION = 3, "No session of this host is open (was the device reset?); say hello first."
     CLOCK_UNSYNCHRONISED = 4, "No ping was answered in this session yet; synchronise the clock."
     EXPIRED = 5, "The setpoint had expired on arrival; use a longer time to live."
     NOT_FINITE = 6, "Not a finite number."
-    OUT_OF_RANGE = 7, "Outside the bounds; list the parameters to see them."
+    OUT_OF_RANGE = 7, "Out of bounds; list the parameters to see the bounds."
     UNKNOWN_PARAMETER = 8, "No such parameter in this firmware; list the parameters."
     ESTOPPED = 9, "Emergency stop is latched; remove its cause, then clear it."
     FAULT = 10, "A fault is latched; remove its cause, then clear it."
-    CAUSE_PRESENT = 11, "The cause still lasts; close the e-stop contact or mend the fault first."
-    NOT_STOPPED = 12, "Not while driving, nor with an e-stop latched; stop, or clear it, first."
-    STORE_FAILED = 13, "The parameter store could not be written; the values hold until a reset."
-    RATE_TOO_HIGH = 14, "More than the control rate or the line carries; ask for less or raise it."
+    CAUSE_PRESENT = (
+        11,
+        "The cause is still present; close the e-stop contact or fix the fault.",
+    )
+    NOT_STOPPED = 12, "Not possible while driving or with an e-stop latched; stop or clear first."
+    STORE_FAILED = (
+        13,
+        "The parameter store could not be written; values apply until the next reset.",
+    )
+    RATE_TOO_HIGH = (
+        14,
+        "Above the control rate or the line's capacity; request a lower rate.",
+    )
     NOT_INTEGRAL = 15, "This parameter takes whole numbers only."
     BOOTING = 16, "The device is still starting; try again in a moment."
 
 
 class StopMode(DocumentedEnum):
-    """What the outputs do when the wheels must stop."""
+    """What the outputs do to stop the wheels."""
 
     CONFIGURED = 0, "As the parameter stop_mode says."
     COAST = 1, "Outputs off."
@@ -140,8 +152,14 @@ class Fault(DocumentedFlag):
         "The right wheel's speed grew against its drive: "
         "swap encoder A and B or the motor's wires, or set right_encoder_inverted.",
     )
-    CONTROL_OVERRUN = 16, "The control loop came too late."
-    DRIVER_FAILED = 32, "A motor or encoder peripheral did not start; see the wiring guide."
+    CONTROL_OVERRUN = (
+        16,
+        "The control loop ran too late: reduce the load, or raise overrun_limit_us.",
+    )
+    DRIVER_FAILED = (
+        32,
+        "A motor or encoder peripheral did not start: check the pins in the wiring guide.",
+    )
     LEFT_ENCODER_IMPLAUSIBLE = (
         64,
         "The left wheel was driven harder than its measured speed explains: "
@@ -170,12 +188,12 @@ class Fault(DocumentedFlag):
 
 
 class Capability(DocumentedFlag):
-    """What this device can do, and what it holds for its host."""
+    """What this device can do, and what it has stored."""
 
     BATTERY = 1, "Reports the battery voltage."
     ESTOP_INPUT = 2, "Has an emergency-stop input."
     SIMULATED_PLANT = 4, "Drives a simulated motor and encoder."
-    CORE_DUMP = 8, "Holds the core dump of a crash in its flash."
+    CORE_DUMP = 8, "Has the core dump of a crash in its flash."
 
 
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (

@@ -1,7 +1,7 @@
-"""Captures decoded with numpy alone: `bulk` does so where the firmware's decoder is not.
+"""Bulk decoding with numpy alone, used by `bulk` where the firmware's decoder is missing.
 
-Frames of one message are of one length, so those found between delimiters are the rows of a table,
-and each step of decoding is done to a whole column of it.
+All frames of one message have the same length, so the chunks of that length form a table, and each
+step of the decoding works on a whole column of it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from .framing import CRC_RESIDUE
 from .payload import CRC_SIZE, HEADER_SIZE
 
 _BLOCK_SIZE = 1 << 19
-"""Bytes of a capture worked on at once: enough to outweigh the calls, few enough for the cache."""
+"""Bytes of a capture decoded at once: enough to outweigh the calls, few enough for the cache."""
 
 _REFLECTED_POLYNOMIAL = 0xEDB88320
 """CRC-32's 0x04C11DB7 with its bits in reverse."""
 
 
 def decode_columns(data: bytes | bytearray | memoryview, codec: Codec) -> NDArray[np.uint8]:
-    """The bodies of all good frames of one message in a capture, one a row."""
+    """The bodies of all good frames of one message in a capture, one per row."""
     stream = np.frombuffer(data, np.uint8)
     bodies = [np.empty((0, codec.size - HEADER_SIZE - CRC_SIZE), np.uint8)]
     for starts in _chunk_starts(stream, codec.size + 1):
@@ -37,7 +37,7 @@ def decode_columns(data: bytes | bytearray | memoryview, codec: Codec) -> NDArra
 
 
 def _chunk_starts(stream: NDArray[np.uint8], length: int) -> Iterator[NDArray[np.intp]]:
-    """Where the chunks of `length` bytes between delimiters begin, block by block."""
+    """The offsets of all chunks of `length` bytes between delimiters, block by block."""
     last_delimiter = -1
     for begin in range(0, len(stream), _BLOCK_SIZE):
         delimiters = begin + np.flatnonzero(stream[begin : begin + _BLOCK_SIZE] == 0)

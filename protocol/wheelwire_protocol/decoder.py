@@ -1,6 +1,6 @@
-"""Bytes in, typed messages out: `Decoder` is the firmware's own where its library is there.
+"""`Decoder`: decodes bytes to typed messages with the firmware's own decoder.
 
-Where it is not, it is the one in Python, which gives the same messages and counts, more slowly.
+If the firmware's library is missing it is the one in Python: same messages and counts, but slower.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from .framing import Counters, PythonDecoder
 from .types import AnyMessage
 
 _PART_SIZE = 1 << 12
-"""Bytes decoded at once: enough to outweigh the call."""
+"""The most bytes decoded per call: enough to outweigh the cost of the call."""
 
-_LEAST_FRAME = 9
-"""Bytes that a frame takes at least; as WHEELWIRE_LEAST_FRAME."""
-_ROOM_BESIDE = 64
-"""Bytes of bodies beyond those fed: a frame's beginning was fed before."""
+_MIN_FRAME = 9
+"""The fewest bytes of a frame; as WHEELWIRE_LEAST_FRAME."""
+_SPARE_ROOM = 64
+"""Room for the beginning of a frame that was fed before: its body may exceed the bytes fed."""
 
-_Bodies = ctypes.c_uint8 * (_PART_SIZE + _ROOM_BESIDE)
-_Runs = ctypes.c_uint32 * (2 * (_PART_SIZE // _LEAST_FRAME + 1))
+_Bodies = ctypes.c_uint8 * (_PART_SIZE + _SPARE_ROOM)
+_Runs = ctypes.c_uint32 * (2 * (_PART_SIZE // _MIN_FRAME + 1))
 
 _NEW: Any = tuple.__new__
-"""Makes a message of its class and the tuple of its fields, without their names being checked."""
+"""Creates a message from its class and the tuple of its fields, faster than calling the class."""
 
 _BODIES = {
     codec.id: (codec.type, body.size, body.unpack_from, body.iter_unpack)
@@ -37,13 +37,13 @@ _BODIES = {
 
 
 class NativeDecoder:
-    """Bytes in, typed messages out, in any chunking; by the firmware's decoder.
+    """Decodes bytes, cut anywhere, to typed messages with the firmware's decoder.
 
-    Not to be used by two threads at once.
+    Not thread-safe.
 
     Raises:
-        NativeMissingError: There is no library of this release.
-        MemoryError: There is none left.
+        NativeMissingError: The library is missing or of another release.
+        MemoryError: Out of memory.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,8 @@ class NativeDecoder:
         count = self._feed(self._handle, data, size)
         if count == 0:
             return []
-        # One frame, or many of one message, is what nearly every call finds.
+        # `runs` has pairs (message id, number of frames); the bodies lie one after the other.
+        # Nearly every call finds one frame, or several of one message: these cases come first.
         runs, bodies = self._runs, self._bodies
         message_type, body_size, unpack, iter_unpack = _BODIES[runs[0]]
         frames = runs[1]
@@ -97,16 +98,16 @@ class NativeDecoder:
         return messages
 
     def restart_sequence(self) -> None:
-        """Expect any sequence number next: the sender is known to have started anew."""
+        """Accept any sequence number next, because the sender has restarted."""
         self._library.wheelwire_decoder_restart_sequence(self._handle)
 
     def restart(self) -> None:
-        """The line was opened anew: what it had begun is void. The counters go on."""
+        """Forget a partial frame and the sequence: the line was reopened. Keeps the counters."""
         self._library.wheelwire_decoder_restart(self._handle)
 
     @property
     def counters(self) -> Counters:
-        """What was seen so far."""
+        """What it has seen so far."""
         raw = native.Counters64()
         self._library.wheelwire_decoder_counters(self._handle, ctypes.byref(raw))
         return Counters(*(getattr(raw, field[0]) for field in raw._fields_))

@@ -1,7 +1,7 @@
 """Frames on the wire: a delimiter on both sides, COBS between them, a CRC-32 inside. Sans-IO.
 
-`Encoder.encode` returns the bytes to send. `PythonDecoder` is what `decoder.Decoder` is where the
-firmware's decoder is not, and what the tests hold that one to.
+`Encoder.encode` returns the bytes to send. `PythonDecoder` is used where the firmware's decoder is
+missing, and the tests compare the two.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ CRC_RESIDUE = 0x2144DF1C
 
 MAX_PAYLOAD = max(codec.size for codec in BY_ID.values())
 MAX_ENCODED = MAX_PAYLOAD + 1
-"""Bytes between delimiters at most: COBS adds one byte to payloads below 255."""
+"""The most bytes between delimiters: COBS adds one byte to payloads below 255 bytes."""
 
 SEQ_MODULUS = 1 << 16
 REPEAT_WINDOW = 64
-"""A frame at most this far behind is late or a repeat; further behind, the sender started anew."""
+"""A frame at most this far behind is late or a repeat; further behind, the sender restarted."""
 
 _CODES = [bytes([distance]) for distance in range(1, 0xFF)]
-"""By the number of bytes that are not zero before the next zero."""
+"""COBS codes, indexed by the number of non-zero bytes before the next zero."""
 
 _WINDOW = (1 << REPEAT_WINDOW) - 1
 _HEADER = struct.Struct("<BH")
 _KNOWN = {codec.id: (codec.type, codec.unpack) for codec in BY_ID.values()}
 _NEW: Any = tuple.__new__
-"""Makes a message of its class and the tuple of its fields, without their names being checked."""
+"""Creates a message from its class and the tuple of its fields, faster than calling the class."""
 
 
 @dataclass
 class Counters:
-    """What a decoder has seen. Nothing on the line is dropped without being counted here."""
+    """What a decoder has seen. Every chunk that is dropped is counted here."""
 
     frames: int = 0
     """Good frames of known messages."""
@@ -51,9 +51,9 @@ class Counters:
     unknown_id: int = 0
     wrong_length: int = 0
     seq_lost: int = 0
-    """Frames missing by their sequence numbers. One that comes late is taken off again."""
+    """Frames missing by their sequence numbers, less those that came late."""
     repeated: int = 0
-    """Frames that came again."""
+    """Frames received more than once."""
 
     @property
     def bad(self) -> int:
@@ -62,17 +62,17 @@ class Counters:
 
 
 class PythonDecoder:
-    """Bytes in, typed messages out, in any chunking; at most `MAX_ENCODED` bytes are kept."""
+    """Decodes bytes, cut anywhere, to typed messages. Keeps at most `MAX_ENCODED` bytes."""
 
     def __init__(self) -> None:
         self.counters = Counters()
-        """What was seen so far."""
+        """What it has seen so far."""
         self._partial = b""
         self._overlong = False
         self._expected_seq: int | None = None
         self._missed = 0
-        """Bit n: when `_missed_at` frames had come, the frame n + 1 before the expected one was
-        missing. So frames in order, nearly all, need not touch it."""
+        """Bit n: the frame n + 1 before the one expected when `_missed_at` frames had come was
+        missing. Relative to that count, so that frames in order, nearly all, need not shift it."""
         self._missed_at = 0
 
     def feed(self, data: bytes) -> list[AnyMessage]:
@@ -87,7 +87,7 @@ class PythonDecoder:
         chunks = (self._partial + data).split(DELIMITER)
         self._partial = chunks.pop()
         if self._overlong and chunks:
-            chunks[0] = b""  # the tail of a chunk that was counted when it grew too long
+            chunks[0] = b""  # the tail of an overlong chunk, which was counted already
             self._overlong = False
         if len(self._partial) > MAX_ENCODED:
             self.counters.bad_cobs += not self._overlong
@@ -97,11 +97,11 @@ class PythonDecoder:
         return self._decode(chunks)
 
     def restart_sequence(self) -> None:
-        """Expect any sequence number next: the sender is known to have started anew."""
+        """Accept any sequence number next, because the sender has restarted."""
         self._expected_seq = None
 
     def restart(self) -> None:
-        """The line was opened anew: what it had begun is void. The counters go on."""
+        """Forget a partial frame and the sequence: the line was reopened. Keeps the counters."""
         self._partial = b""
         self._overlong = False
         self._expected_seq = None
@@ -116,6 +116,7 @@ class PythonDecoder:
                 message_type, unpack = _KNOWN[message_id]
                 fields = unpack(payload)
             except (ValueError, KeyError, struct.error):
+                # Only now is it worth finding out why: bad chunks are rare.
                 expected = self._reject(chunk, expected, self.counters.frames + len(frames))
                 continue
             if crc32(payload) != CRC_RESIDUE:
@@ -124,7 +125,7 @@ class PythonDecoder:
             if seq != expected:
                 taken = self.counters.frames + len(frames)
                 seq = self._count_gap(seq, expected, taken, delivered=True)
-            expected = seq + 1  # 65536 too, which `_count_gap` takes for 0
+            expected = seq + 1  # may be 65536: then `_count_gap` counts modulo
             frames.append((message_type, fields))
         self.counters.frames += len(frames)
         self._expected_seq = expected
@@ -150,22 +151,23 @@ class PythonDecoder:
         return self._count_gap(seq, expected, taken, delivered=False) + 1
 
     def _count_gap(self, seq: int, expected: int | None, taken: int, *, delivered: bool) -> int:
-        """Account for a frame that may be out of order; returns the seq to go on from.
+        """Account for a frame that may be out of order; returns the seq to continue from.
 
         Args:
-            seq: The frame's.
-            expected: The one that was expected; None for the first.
-            taken: Frames that were delivered before it.
-            delivered: Whether it is, too.
+            seq: The frame's number.
+            expected: The number expected; None for the first frame.
+            taken: Frames delivered before it.
+            delivered: Whether it is delivered itself.
         """
         in_order, self._missed_at = taken - self._missed_at, taken
-        # What follows leaves the window as it is before this frame moves it by one.
+        # Shift in the frames that came in order since. The window is then relative to `expected`;
+        # this frame, if it is delivered, will shift it by one more.
         self._missed = self._missed << in_order & _WINDOW if in_order < REPEAT_WINDOW else 0
         ahead = 0 if expected is None else (seq - expected) % SEQ_MODULUS
         behind = SEQ_MODULUS - ahead
         if expected is not None and behind <= REPEAT_WINDOW:
-            self._note_behind(1 << behind - 1)
-            self._missed_at += delivered  # it moves nothing
+            self._count_late(1 << behind - 1)
+            self._missed_at += delivered  # a late frame does not move the window
             return expected - 1
         if expected is None or ahead >= SEQ_MODULUS // 2:
             self._missed = 0
@@ -176,7 +178,7 @@ class PythonDecoder:
             self._missed = self._missed << 1 & _WINDOW
         return seq
 
-    def _note_behind(self, bit: int) -> None:
+    def _count_late(self, bit: int) -> None:
         if self._missed & bit:
             self._missed -= bit
             self.counters.seq_lost -= 1
@@ -185,10 +187,9 @@ class PythonDecoder:
 
 
 def _unstuff(chunk: bytes) -> bytes:
-    """The payload of a chunk without zeros. Raises `ValueError` when it is not COBS.
+    """Decode the COBS of a chunk without zeros. Raises `ValueError` if it is not valid.
 
-    Payloads are too short for the code 0xFF, so each code but the first stands where the payload
-    has a zero.
+    Payloads are too short for the code 0xFF, so each code but the first replaces a zero.
     """
     payload = bytearray(chunk)
     at = 0
@@ -202,15 +203,15 @@ def _unstuff(chunk: bytes) -> bytes:
 
 
 def cobs_encode(payload: bytes) -> bytes:
-    """COBS of a payload of at most 253 bytes: each zero becomes the distance to the next one."""
+    """COBS of a payload of at most 253 bytes: each zero becomes the distance to the next."""
     return b"".join([_CODES[len(run)] + run for run in payload.split(DELIMITER)])
 
 
 class Encoder:
-    """Typed messages in, frames out, each with the next sequence number; for any thread.
+    """Encodes typed messages to frames, each with the next sequence number. Thread-safe.
 
     Attributes:
-        encoded: How many frames there were.
+        encoded: Number of frames encoded.
     """
 
     def __init__(self) -> None:
@@ -225,7 +226,7 @@ class Encoder:
         """
         codec = BY_TYPE[type(message)]
         body = codec.pack_body(*message)
-        number = next(self._numbers)  # one step, so that no two threads draw the same
+        number = next(self._numbers)  # atomic: two threads never get the same
         self.encoded = number + 1
         return _frame(codec.id, number % SEQ_MODULUS, body)
 

@@ -1,4 +1,4 @@
-"""Every message of the link: the one place where the wire layout is written down."""
+"""All messages of the link: the only definition of the wire layout."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from .units import Unit
 
 
 def _session() -> Field:
-    return field("session_id", Int32ul, Unit.NONE, "Nonce XOR boot_id of the session this is in.")
+    return field("session_id", Int32ul, Unit.NONE, "Nonce XOR boot_id of the session.")
 
 
 def _request() -> Field:
-    return field("request_id", Int16ul, Unit.NONE, "Counts up in a session; an answer repeats it.")
+    return field("request_id", Int16ul, Unit.NONE, "Counts up in a session; the answer returns it.")
 
 
 def _parameter() -> Field:
@@ -50,7 +50,7 @@ def _command() -> list[Field]:
     return [
         _session(),
         field("command_seq", Int32ul, Unit.NONE, "Counts up; only a newer one is obeyed."),
-        field("expiry_us", Int64ul, Unit.MICROSECOND, "Device clock from which it is void."),
+        field("expiry_us", Int64ul, Unit.MICROSECOND, "Device clock at which it expires."),
     ]
 
 
@@ -70,11 +70,16 @@ HELLO = Message(
 STOP = Message(
     id=0x02,
     name="Stop",
-    doc="Stops both wheels at once, past the slew limit. Needs no session.",
+    doc="Stops both wheels at once, bypassing the slew limit. Needs no session.",
     body=Struct(
         _session(),
         _request(),
-        field("command_seq", Int32ul, Unit.NONE, "Setpoints of this session up to it are void."),
+        field(
+            "command_seq",
+            Int32ul,
+            Unit.NONE,
+            "Setpoints of this session up to this number are void.",
+        ),
         field("mode", Int8ul, Unit.NONE, "How to stop.", StopMode),
     ),
     frozen=True,
@@ -131,7 +136,7 @@ CLEAR_FAULT = Message(
 SET_STREAM_RATE = Message(
     id=0x09,
     name="SetStreamRate",
-    doc="How often WheelState is sent, for this session.",
+    doc="Sets how often WheelState is sent in this session.",
     body=Struct(
         _session(),
         _request(),
@@ -166,7 +171,7 @@ PARAMETER_SAVE = Message(
             "parameter",
             Int8ul,
             Unit.NONE,
-            "Id of the only one to save: all others stay as the store has them. 0: save all.",
+            "Id of the one to save; the others stay as they are in the store. 0: save all.",
         ),
     ),
 )
@@ -232,7 +237,7 @@ DEVICE_HELLO = Message(
 WHEEL_STATE = Message(
     id=0x81,
     name="WheelState",
-    doc="Both encoders, latched at the same instant, and what the firmware makes of them.",
+    doc="Both encoders, latched at the same instant, and the state of the controller.",
     body=Struct(
         _boot(),
         field(
@@ -308,14 +313,14 @@ PARAMETER_ENTRY = Message(
         _parameter(),
         field("value", Float32l, Unit.NONE, "In force."),
         field("default_value", Float32l, Unit.NONE, "After a ParameterReset."),
-        field("minimum", Float32l, Unit.NONE, "Least value taken."),
-        field("maximum", Float32l, Unit.NONE, "Greatest value taken."),
+        field("minimum", Float32l, Unit.NONE, "Smallest value allowed."),
+        field("maximum", Float32l, Unit.NONE, "Largest value allowed."),
     ),
 )
 EVENT = Message(
     id=0x87,
     name="Event",
-    doc="Something happened that a state frame may be too late or too coarse to show.",
+    doc="Reports what a state frame may show too late or not at all.",
     body=Struct(
         _boot(),
         field("t_us", Int32ul, Unit.MICROSECOND, "Device clock when it happened."),
@@ -329,7 +334,7 @@ EVENT = Message(
 LINK_COUNTERS = Message(
     id=0x88,
     name="LinkCounters",
-    doc="What the device's receiver, sender and supervisor have counted since reset. All wrap.",
+    doc="Counts of the device's receiver, sender and supervisor since reset. All wrap.",
     body=Struct(
         _session(),
         _request(),
@@ -337,35 +342,44 @@ LINK_COUNTERS = Message(
         field("frames_sent", Int32ul, Unit.NONE, "Frames handed to the line."),
         field("bad_crc", Int32ul, Unit.NONE, "Frames with a wrong CRC."),
         field("bad_cobs", Int32ul, Unit.NONE, "Frames that are not COBS, or too short or long."),
-        field("unknown_id", Int32ul, Unit.NONE, "Good frames with an id not known here."),
-        field("wrong_length", Int32ul, Unit.NONE, "Good frames of a length that is not the id's."),
-        field("seq_lost", Int32ul, Unit.NONE, "Missing by their sequence numbers, not come late."),
+        field("unknown_id", Int32ul, Unit.NONE, "Good frames with an unknown id."),
+        field(
+            "wrong_length", Int32ul, Unit.NONE, "Good frames with the wrong length for their id."
+        ),
+        field(
+            "seq_lost",
+            Int32ul,
+            Unit.NONE,
+            "Frames missing by their sequence numbers, less those that came late.",
+        ),
         field("send_dropped", Int32ul, Unit.NONE, "Frames not sent because the line was full."),
         field("refused", Int32ul, Unit.NONE, "Requests and setpoints refused."),
-        field("faults_tripped", Int16ul, Unit.NONE, "Faults, also those cleared at once."),
+        field(
+            "faults_tripped", Int16ul, Unit.NONE, "Faults tripped, including those cleared at once."
+        ),
     ),
 )
 
 CONTROL_COUNTERS = Message(
     id=0x89,
     name="ControlCounters",
-    doc="What the control loop and the encoders have counted since reset. All wrap.",
+    doc="Counts of the control loop and the encoders since reset. All wrap.",
     body=Struct(
         _session(),
         _request(),
-        field("late_steps", Int32ul, Unit.NONE, "Steps that came more than half a period late."),
+        field("late_steps", Int32ul, Unit.NONE, "Steps more than half a period late."),
         field("latest_step_us", Int32ul, Unit.MICROSECOND, "Longest time between two steps."),
         field(
             "saturated_steps",
             Int32ul,
             Unit.NONE,
-            "Steps in which a wheel's velocity loop wanted more than its output gives.",
+            "Steps in which a wheel's velocity loop needed more than its output can give.",
         ),
         field(
             "left_illegal",
             Int32ul,
             Unit.NONE,
-            "Transitions of the left encoder that show a lost edge. A chip's counter sees none.",
+            "Impossible transitions of the left encoder: lost edges. A chip's counter sees none.",
         ),
         field("right_illegal", Int32ul, Unit.NONE, "As left_illegal."),
     ),

@@ -1,8 +1,8 @@
-"""The firmware's core as a library, loaded from where it is: an installed wheel or a checkout.
+"""The firmware's core as a library, loaded from an installed wheel or a checkout's build.
 
-`Core` is the robot of `firmware/esp32/capi/wheelwire_core.h`; the decoder of that header is used by
-`decoder` and `bulk`. Importing this module loads nothing; the first use does, and raises
-`NativeMissingError` where there is no library of this release.
+`Core` wraps the robot of `firmware/esp32/capi/wheelwire_core.h`; `decoder` and `bulk` use its
+decoder. Importing this module loads nothing. The first use does, and raises `NativeMissingError` if
+there is no library of this release.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .codes import Board, Capability, Fault, RefusalCode, ResetReason, Superviso
 from .types import SCHEMA_HASH
 
 ABI = 3
-"""Of `wheelwire_core.h`; a library of another one is refused."""
+"""Version of `wheelwire_core.h`; a library with another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
@@ -30,23 +30,23 @@ _TAKE_SIZE = 4096
 
 
 class NativeMissingError(Exception):
-    """The core's library is not there, or is not of this release. The text says what to do."""
+    """The core's library is missing or of another release. The message says what to do."""
 
 
 class Identity(NamedTuple):
-    """What the robot tells of itself in DeviceHello."""
+    """What the robot reports about itself in DeviceHello."""
 
     boot_id: int
     """Random, 32 bits."""
     board: Board
     board_id: int = 0
-    """64 bits that name this robot."""
+    """64 bits that identify this robot."""
     reset_reason: ResetReason = ResetReason.UNKNOWN
     capabilities: Capability = Capability(0)
 
 
 class Bridge(NamedTuple):
-    """The pins of one half of an L298N. EN is to be low while the inputs change."""
+    """The pins of one half of an L298N. EN must be low while the inputs change."""
 
     enable_q15: int
     """Duty of the PWM on EN, 0 to 32767; 0 is low."""
@@ -55,30 +55,30 @@ class Bridge(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What the pins must have now, and what the supervisor has to say."""
+    """The levels of the pins from now on, and the supervisor's state."""
 
     left: Bridge
     right: Bridge
     deadline_us: int
-    """When the setpoint obeyed expires."""
+    """When the current setpoint expires."""
     period_us: int
-    """From this step to the next."""
+    """Time from this step to the next."""
     state: SupervisorState
     faults: Fault
 
 
 class Core:
-    """One robot. Not to be used by two threads at once; times are of one monotonic clock.
+    """One robot. Not thread-safe. All times are of one monotonic clock.
 
     Args:
-        identity: What it tells of itself; the board chooses the parameters' defaults.
-        stored: The block that was saved last; empty for none.
-        save: Keeps a block over a restart, or forgets it when given an empty one. Returns whether
-            it could; it must not raise.
+        identity: What it reports; the board determines the parameters' defaults.
+        stored: The block saved last; empty if there is none.
+        save: Stores a block permanently; an empty block deletes the stored one. Returns whether it
+            succeeded; must not raise.
 
     Raises:
-        NativeMissingError: There is no library, or not that of this release.
-        MemoryError: There is none left.
+        NativeMissingError: The library is missing or of another release.
+        MemoryError: Out of memory.
     """
 
     def __init__(
@@ -95,8 +95,8 @@ class Core:
         def saved(_context: object, block: int | None, size: int) -> int:
             return save(ctypes.string_at(block, size) if block else b"")
 
-        self._save = _SAVE(saved)  # must live as long as the core
-        told = _Identity(
+        self._save = _SAVE(saved)  # ctypes keeps no reference; must live as long as the core
+        reported = _Identity(
             identity.board_id,
             identity.boot_id,
             identity.capabilities,
@@ -104,13 +104,13 @@ class Core:
             identity.reset_reason,
         )
         self._handle = self._library.wheelwire_core_create(
-            ctypes.byref(told), stored, len(stored), self._save, None
+            ctypes.byref(reported), stored, len(stored), self._save, None
         )
         if not self._handle:
             raise MemoryError("no memory for the robot's core")
 
     def preset(self, parameter_id: int, value: float) -> RefusalCode:
-        """Make another default of a parameter, before the start. NONE, or why not."""
+        """Change the default of a parameter, before the start. NONE, or why it was refused."""
         return RefusalCode(self._library.wheelwire_core_preset(self._live, parameter_id, value))
 
     def start(
@@ -124,7 +124,7 @@ class Core:
         left_illegal: int = 0,
         right_illegal: int = 0,
     ) -> Outputs:
-        """Leave BOOT: the pins are ready. Once; for the arguments see `step`."""
+        """Leave BOOT, once, when the pins are ready; for the arguments see `step`."""
         return self._run(
             self._library.wheelwire_core_start,
             _Inputs(
@@ -149,15 +149,15 @@ class Core:
         left_illegal: int = 0,
         right_illegal: int = 0,
     ) -> Outputs:
-        """One control step, every `Outputs.period_us`.
+        """Run one control step; due every `Outputs.period_us`.
 
         Args:
             now_us: When the ticks were read.
-            left_ticks: Cumulative, forward positive; modulo 2^32.
+            left_ticks: Cumulative, forward positive, modulo 2^32.
             right_ticks: As `left_ticks`.
             battery_mv: 0: not measured.
-            contact_open: The e-stop contact, normally closed.
-            left_illegal: Transitions that show a lost edge, cumulative.
+            contact_open: Whether the normally-closed e-stop contact is open.
+            left_illegal: Impossible transitions, each a lost edge; cumulative.
             right_illegal: As `left_illegal`.
         """
         return self._run(
@@ -174,34 +174,34 @@ class Core:
         )
 
     def service(self, now_us: int) -> Outputs:
-        """Read and answer what came, between two steps. A stop acts at once."""
+        """Handle the bytes that were fed, between two steps. A stop acts at once."""
         self._library.wheelwire_core_service(self._live, now_us, ctypes.byref(self._outputs))
         return self._outputs.values()
 
     def hang_up(self, now_us: int) -> Outputs:
-        """The host is gone, and the line tells: what it commanded ends at once."""
+        """Note that the host has disconnected: its setpoint ends at once."""
         self._library.wheelwire_core_hang_up(self._live, now_us, ctypes.byref(self._outputs))
         return self._outputs.values()
 
     def value(self, parameter_id: int) -> float:
-        """The value in force of a parameter; from the start on."""
+        """The value of a parameter; valid after `start`."""
         return float(self._library.wheelwire_core_value(self._live, parameter_id))
 
     def fail(self) -> None:
-        """A pin failed: DRIVER_FAILED from the next step on, for good."""
+        """Note that a pin failed: DRIVER_FAILED from the next step on, until the end."""
         self._library.wheelwire_core_fail(self._live)
 
     def feed(self, data: bytes) -> int:
-        """Bytes from the host; returns how many there was room for."""
+        """Feed bytes from the host; returns how many were accepted."""
         return int(self._library.wheelwire_core_feed(self._live, data, len(data)))
 
     def take(self) -> bytes:
-        """All bytes that are ready for the host."""
+        """Take all bytes for the host."""
         size = self._library.wheelwire_core_take(self._live, self._taken, _TAKE_SIZE)
         return ctypes.string_at(self._taken, size)
 
     def close(self) -> None:
-        """Give the memory back. Harmless when repeated."""
+        """Free the core. Safe to call more than once."""
         handle, self._handle = self._handle, None
         if handle:
             self._library.wheelwire_core_destroy(handle)
@@ -221,30 +221,30 @@ class Core:
 
 
 def locate(name: str, package: Path) -> Path:
-    """Where a native part is looked for: in a checkout's build, else in an installed package.
+    """The path of a native part: in a checkout's build, else in the installed package.
 
-    In a checkout its build only: a copy that was installed there would be out of date unseen.
+    In a checkout only its build counts: an installed copy could silently be outdated.
     """
     return (_CHECKOUT / "build" / "host" if is_checkout() else package) / name
 
 
 def is_checkout() -> bool:
-    """Whether this is a checkout, which builds its native parts itself."""
+    """Whether this is a checkout, which builds its own native parts."""
     return (_CHECKOUT / "firmware").is_dir()
 
 
 def remedy() -> str:
-    """What to do where a native part is missing."""
+    """What to do about a missing native part, for error messages."""
     if is_checkout():
         return "build it with `make sim`"
     return (
-        "install a wheel of wheelwire that is made for this computer, or a C++20 compiler "
-        "and then `pip install --force-reinstall --no-binary wheelwire wheelwire`"
+        "install a wheel of wheelwire for this computer, or install a C++20 compiler and run "
+        "`pip install --force-reinstall --no-binary wheelwire wheelwire`"
     )
 
 
 def library_path() -> Path:
-    """$WHEELWIRE_CORE, or where `locate` has it."""
+    """$WHEELWIRE_CORE if it is set, else what `locate` finds."""
     named = os.environ.get(ENVIRONMENT)
     return Path(named) if named else locate(LIBRARY, _PACKAGE)
 
@@ -260,20 +260,19 @@ def is_present() -> bool:
 
 @cache
 def load() -> ctypes.PyDLL:
-    """The library, loaded once a process.
+    """Load the library, once per process.
 
-    Its calls keep the interpreter's lock: they take microseconds, and to get the lock back from a
-    busy thread takes up to `sys.getswitchinterval()`. For a call that takes long there is
-    `load_unlocked`.
+    Its calls keep the interpreter's lock: they take microseconds, while getting the lock back from
+    a busy thread takes up to `sys.getswitchinterval()`. For long calls use `load_unlocked`.
 
     Raises:
-        NativeMissingError: It is not there, or of another release.
+        NativeMissingError: It is missing or of another release.
     """
     path = library_path()
     try:
         library = ctypes.PyDLL(str(path))
     except OSError as error:
-        reason = error if path.exists() else f"{path} is not there"
+        reason = error if path.exists() else f"{path} does not exist"
         raise NativeMissingError(
             f"the firmware's core cannot be loaded: {reason}; {_remedy()}"
         ) from None
@@ -282,14 +281,14 @@ def load() -> ctypes.PyDLL:
     except AttributeError:
         release = (0, 0)
     if release != (ABI, SCHEMA_HASH):
-        raise NativeMissingError(f"{path} is not of this release; {_remedy()}")
+        raise NativeMissingError(f"{path} is of another release; {_remedy()}")
     _declare(library)
     return library
 
 
 @cache
 def load_unlocked() -> ctypes.CDLL:
-    """As `load`; a call lets other threads run meanwhile."""
+    """As `load`, but other threads run during its calls."""
     library = ctypes.CDLL(load()._name)
     _declare(library)
     return library
@@ -304,7 +303,7 @@ def _declare(library: ctypes.CDLL) -> None:
 
 def _remedy() -> str:
     if os.environ.get(ENVIRONMENT):
-        return f"unset ${ENVIRONMENT}, or let it name the library of this release"
+        return f"unset ${ENVIRONMENT}, or set it to the library of this release"
     return remedy()
 
 
@@ -363,7 +362,7 @@ class _Outputs(ctypes.Structure):
 
 
 class Counters64(ctypes.Structure):
-    """As `framing.Counters`, in its order."""
+    """The fields of `framing.Counters`, in the same order."""
 
     _fields_ = tuple(
         (name, ctypes.c_uint64)

@@ -1,4 +1,4 @@
-"""Every parameter of the firmware: one table for the chip, the host's drivers and the docs."""
+"""All parameters of the firmware: one table for the chip, the host library and the docs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .units import Unit
 
 
 class Kind(enum.Enum):
-    """Which values a parameter takes. On the wire each is a 32-bit float."""
+    """The kind of a parameter's values. On the wire each value is a 32-bit float."""
 
     REAL = "real"
     WHOLE = "whole"
@@ -18,12 +18,12 @@ class Kind(enum.Enum):
 
 
 class Changes(enum.Enum):
-    """When the device takes another value. It takes the value that is in force at any time."""
+    """When a value may change. Setting the value already in force is always allowed."""
 
     ALWAYS = "always"
-    """While driving too, from one control period to the next."""
+    """Also while driving, from one control period to the next."""
     STOPPED = "stopped"
-    """Not while driving: safety rests on it, or the controller would jump."""
+    """Not while driving: safety depends on it, or the controller would jump."""
     RELEASED = "released"
     """Nor while an e-stop is latched: it decides whether that e-stop can be cleared."""
 
@@ -42,7 +42,7 @@ class Parameter:
     maximum: float
     doc: str
     after_reset: bool = False
-    """Another value is in force from the next reset on."""
+    """A new value takes effect at the next reset."""
 
 
 def _real(
@@ -70,7 +70,7 @@ def _whole(
     *,
     after_reset: bool = False,
 ) -> Parameter:
-    doc += " In force after a reset." if after_reset else ""
+    doc += " Takes effect after a reset." if after_reset else ""
     return Parameter(id_, name, changes, unit, Kind.WHOLE, default, low, high, doc, after_reset)
 
 
@@ -80,20 +80,20 @@ def _switch(id_: int, name: str, changes: Changes, default: bool, doc: str) -> P
 
 _ALWAYS, _STOPPED, _RELEASED = Changes.ALWAYS, Changes.STOPPED, Changes.RELEASED
 
-# A table reads best in rows.
+# Formatted by hand: a table is easiest to read in rows.
 # fmt: off
 PARAMETERS: tuple[Parameter, ...] = (
     _real(1, "wheel_radius", _STOPPED, Unit.METRE, 0.033, 0.005, 1, "Radius of the driven wheels."),
     _real(2, "wheel_separation", _STOPPED, Unit.METRE, 0.20, 0.02, 5,
-          "Between the contact points of the wheels. Kept here so that it travels with the robot."),
+          "Between the contact points of the wheels. Stored on the device, with the robot."),
     _whole(3, "counts_per_revolution", _STOPPED, Unit.TICK, 360, 4, 200_000,
            "Ticks per wheel turn, after x4 decoding and the gearbox."),
     _whole(4, "control_rate_hz", _STOPPED, Unit.HERTZ, 1000, 100, 5000,
-           "Rate of the control loop. Beyond 1000 it has been run in simulation only."),
+           "Rate of the control loop. Above 1000 tested in simulation only."),
     _whole(5, "pwm_frequency_hz", _ALWAYS, Unit.HERTZ, 20_000, 100, 40_000,
            "PWM frequency on the bridge's enable inputs.", after_reset=True),
     _real(6, "max_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.4, 0.01, 10,
-          "Limit of either wheel; beyond it both setpoints are scaled by one factor."),
+          "Limit of each wheel; above it both setpoints are scaled by one factor."),
     _real(7, "max_acceleration_mps2", _ALWAYS, Unit.METRE_PER_SECOND_SQUARED, 1.5, 0.05, 100,
           "Slew limit of the velocity setpoints. A stop bypasses it."),
     _real(8, "max_duty", _ALWAYS, Unit.DUTY, 1.0, 0.1, 1, "Limit of either output."),
@@ -108,20 +108,20 @@ PARAMETERS: tuple[Parameter, ...] = (
     _real(14, "static_feedforward", _ALWAYS, Unit.DUTY, 0.055, 0, 0.5,
           "Dead-band compensation: the duty that keeps a slow wheel turning."),
     _whole(15, "velocity_window_us", _ALWAYS, Unit.MICROSECOND, 20_000, 1000, 200_000,
-           "Velocity is measured between ticks about this far apart."),
+           "Velocity is measured between ticks about this long apart."),
     _real(16, "ttl_max_s", _STOPPED, Unit.SECOND, 1.0, 0.02, 5,
-          "No setpoint lives longer than this after its arrival."),
+          "A setpoint expires at the latest this long after its arrival."),
     _whole(17, "stop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
            "1: coast. 2: brake for brake_time_s, then coast."),
     _real(18, "brake_time_s", _STOPPED, Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
     _real(19, "stall_duty", _STOPPED, Unit.DUTY, 0.45, 0.05, 1,
           "At this duty or more a wheel must count, or NOT_COUNTING trips."),
     _real(20, "stall_time_s", _STOPPED, Unit.SECOND, 0.5, 0.05, 10,
-          "For how long it may not count."),
+          "For how long the wheel may fail to count."),
     _real(21, "reversal_duty", _STOPPED, Unit.DUTY, 0.3, 0.05, 1,
           "At this duty or more speed must not grow against the drive, or REVERSED trips."),
     _real(22, "reversal_velocity_mps", _STOPPED, Unit.METRE_PER_SECOND, 0.15, 0.01, 5,
-          "By how much it may grow."),
+          "By how much the speed may grow."),
     _whole(23, "overrun_limit_us", _STOPPED, Unit.MICROSECOND, 20_000, 2000, 1_000_000,
            "A control step this late trips CONTROL_OVERRUN."),
     _switch(24, "left_motor_inverted", _STOPPED, False, "Forward is IN2 high."),
@@ -130,33 +130,33 @@ PARAMETERS: tuple[Parameter, ...] = (
     _switch(27, "right_encoder_inverted", _STOPPED, False, "Forward is B before A."),
     _switch(28, "estop_input_enabled", _RELEASED, True,
             "The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop. "
-            "Where none is fitted, join its pin to ground while you set this to 0."),
+            "If none is fitted, connect its pin to ground while you set this to 0."),
     _whole(29, "glitch_filter_ns", _ALWAYS, Unit.NANOSECOND, 1000, 0, 12_787,
            "Shorter encoder pulses are ignored.", after_reset=True),
     _whole(30, "stream_rate_hz", _ALWAYS, Unit.HERTZ, 100, 0, 5000,
            "Rate of WheelState when a session opens."),
     _real(31, "path_gain", _ALWAYS, Unit.PER_SECOND, 2.0, 0, 20,
-          "Speed that a wheel adds for each metre that it is behind the integral of its setpoint. "
-          "With heading_gain 0 too, the loop follows velocity alone."),
+          "Speed added for each metre that a wheel is behind the integral of its setpoint. "
+          "With this and heading_gain 0 the loop controls velocity alone."),
     _real(32, "heading_gain", _ALWAYS, Unit.PER_SECOND, 10.0, 0, 50,
-          "Speed taken from one wheel and given to the other for each metre that the other is "
-          "more behind, so that the heading holds."),
+          "Speed taken from one wheel and added to the other for each metre that the other is "
+          "further behind, to hold the heading."),
     _real(33, "path_catch_up", _ALWAYS, Unit.NONE, 0.03, 0, 0.5,
-          "By which part of its setpoint a wheel may turn faster to catch up."),
+          "Fraction of its setpoint by which a wheel may turn faster to catch up."),
     _real(34, "path_error_limit_m", _ALWAYS, Unit.METRE, 0.05, 0.001, 1,
-          "A wheel that is further behind forgets the rest."),
+          "A wheel never has more than this to catch up; the rest is dropped."),
     _real(35, "plausibility_margin", _STOPPED, Unit.DUTY, 0.38, 0.05, 1,
-          "Duty beyond the feed-forward that a load may need, at nominal_supply_v. With more than "
-          "that at the measured speed ENCODER_IMPLAUSIBLE trips; 1.25 of it limits the duty of "
+          "Duty beyond the feed-forward that a load may need, at nominal_supply_v. More than that "
+          "at the measured speed trips ENCODER_IMPLAUSIBLE; 1.25 times that limits the duty of "
           "a velocity setpoint."),
     _real(36, "plausibility_time_s", _STOPPED, Unit.SECOND, 0.3, 0.05, 10,
-          "For how long the duty may be more than that."),
+          "For how long the duty may exceed plausibility_margin."),
     _real(37, "nominal_supply_v", _STOPPED, Unit.VOLT, 7.4, 1, 60,
           "Battery voltage at which the feed-forward holds."),
     _real(38, "supply_drop_v", _STOPPED, Unit.VOLT, 1.3, 0, 10,
-          "What the bridge takes of the battery's voltage."),
+          "Voltage drop of the bridge."),
     _real(39, "unmeasured_supply_v", _STOPPED, Unit.VOLT, 6.2, 1, 60,
-          "Battery voltage taken for granted where it is not measured; lower allows more duty."),
+          "Battery voltage assumed if it is not measured; a lower value allows more duty."),
 )
 # fmt: on
 
@@ -171,4 +171,4 @@ PLATFORM_DEFAULTS: dict[Board, dict[str, float]] = {
         "estop_input_enabled": 0,
     },
 }
-"""Where the defaults of one kind of board differ from those of `PARAMETERS`."""
+"""Defaults that differ from those in `PARAMETERS`, by board."""

@@ -1,4 +1,4 @@
-"""What every payload has around its body: `id u8, seq u16` before it, `crc u32` behind."""
+"""What surrounds the body of every payload: `id u8, seq u16` before it, `crc u32` after it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The payload in plain construct, CRC by crcmod: slow, and what the fast path must equal."""
+"""Payloads in plain construct with crcmod's CRC: slow, the reference for the fast path."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ PROTOCOL_VERSION = 1
 
 
 def schema_hash() -> int:
-    """Which layout this is, in 32 bits: what host and device must agree on."""
-    from .types import SCHEMA_HASH  # here, for the generator runs while `types` is out of date
+    """The 32-bit hash of the wire layout; host and device must have the same."""
+    from .types import SCHEMA_HASH  # here, because the generator runs with an outdated `types`
 
     return SCHEMA_HASH

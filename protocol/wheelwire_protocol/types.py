@@ -20,14 +20,14 @@ class Hello(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """Stops both wheels at once, past the slew limit. Needs no session."""
+    """Stops both wheels at once, bypassing the slew limit. Needs no session."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     command_seq: int
-    """Setpoints of this session up to it are void."""
+    """Setpoints of this session up to this number are void."""
     mode: int
     """How to stop. See `codes.StopMode`."""
 
@@ -36,20 +36,20 @@ class Estop(NamedTuple):
     """Stops both wheels and latches until cleared. Needs no session."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class SetWheelVelocity(NamedTuple):
     """Velocity setpoint of both wheels, closed loop. The latest wins."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     command_seq: int
     """Counts up; only a newer one is obeyed."""
     expiry_us: int
-    """Device clock from which it is void. [us]"""
+    """Device clock at which it expires. [us]"""
     left_mps: float
     """At the rim, forward positive. [m/s]"""
     right_mps: float
@@ -60,11 +60,11 @@ class SetDuty(NamedTuple):
     """Duty setpoint of both wheels, open loop. The latest wins."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     command_seq: int
     """Counts up; only a newer one is obeyed."""
     expiry_us: int
-    """Device clock from which it is void. [us]"""
+    """Device clock at which it expires. [us]"""
     left_duty_q15: int
     """Forward positive. [duty x 32767]"""
     right_duty_q15: int
@@ -75,9 +75,9 @@ class Ping(NamedTuple):
     """One exchange of the clock synchronisation. Never repeated: a lost one stays lost."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     host_us: int
     """Host clock at sending. [us]"""
 
@@ -86,27 +86,27 @@ class ClearEstop(NamedTuple):
     """Ends the emergency stop; refused while its cause lasts."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class ClearFault(NamedTuple):
     """Clears all latched faults; refused while their cause lasts."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class SetStreamRate(NamedTuple):
-    """How often WheelState is sent, for this session."""
+    """Sets how often WheelState is sent in this session."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     rate_hz: int
     """0 is off. [Hz]"""
 
@@ -115,9 +115,9 @@ class ParameterGet(NamedTuple):
     """Asks for one parameter; the answer is ParameterValue."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter: int
     """Parameter id, from the table of parameters."""
 
@@ -126,9 +126,9 @@ class ParameterSet(NamedTuple):
     """Sets one parameter until the next reset; the answer is ParameterValue."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter: int
     """Parameter id, from the table of parameters."""
     value: float
@@ -139,29 +139,29 @@ class ParameterSave(NamedTuple):
     """Writes parameters to the store. Only while stopped: flash writes stall the chip."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter: int
-    """Id of the only one to save: all others stay as the store has them. 0: save all."""
+    """Id of the one to save; the others stay as they are in the store. 0: save all."""
 
 
 class ParameterReset(NamedTuple):
     """Sets all parameters to their defaults and empties the store. Only while stopped."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class ParameterList(NamedTuple):
     """Asks for the parameter at an index; the answer is ParameterEntry."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter_index: int
     """0 to parameter_count - 1."""
 
@@ -170,18 +170,18 @@ class LinkCountersGet(NamedTuple):
     """Asks for the device's link counters; the answer is LinkCounters."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class ControlCountersGet(NamedTuple):
     """Asks for the control loop's counters; the answer is ControlCounters."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
 
 
 class DeviceHello(NamedTuple):
@@ -218,7 +218,7 @@ class DeviceHello(NamedTuple):
 
 
 class WheelState(NamedTuple):
-    """Both encoders, latched at the same instant, and what the firmware makes of them."""
+    """Both encoders, latched at the same instant, and the state of the controller."""
 
     boot_id: int
     """Random at reset. A new value voids all earlier ticks."""
@@ -252,7 +252,7 @@ class Refuse(NamedTuple):
     """A request or setpoint was not obeyed. Nothing moved or changed because of it."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     message_id: int
     """Id of the message refused."""
     code: int
@@ -265,9 +265,9 @@ class Ack(NamedTuple):
     """The request was carried out."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     message_id: int
     """Id of the message carried out."""
 
@@ -276,9 +276,9 @@ class Pong(NamedTuple):
     """Answers Ping."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     host_us: int
     """From the Ping. [us]"""
     received_us: int
@@ -291,9 +291,9 @@ class ParameterValue(NamedTuple):
     """The value in force."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter: int
     """Parameter id, from the table of parameters."""
     value: float
@@ -304,9 +304,9 @@ class ParameterEntry(NamedTuple):
     """One parameter with this device's bounds."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     parameter_index: int
     """As asked."""
     parameter_count: int
@@ -318,13 +318,13 @@ class ParameterEntry(NamedTuple):
     default_value: float
     """After a ParameterReset."""
     minimum: float
-    """Least value taken."""
+    """Smallest value allowed."""
     maximum: float
-    """Greatest value taken."""
+    """Largest value allowed."""
 
 
 class Event(NamedTuple):
-    """Something happened that a state frame may be too late or too coarse to show."""
+    """Reports what a state frame may show too late or not at all."""
 
     boot_id: int
     """Random at reset. A new value voids all earlier ticks."""
@@ -343,12 +343,12 @@ class Event(NamedTuple):
 
 
 class LinkCounters(NamedTuple):
-    """What the device's receiver, sender and supervisor have counted since reset. All wrap."""
+    """Counts of the device's receiver, sender and supervisor since reset. All wrap."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     frames_received: int
     """Good frames."""
     frames_sent: int
@@ -358,34 +358,34 @@ class LinkCounters(NamedTuple):
     bad_cobs: int
     """Frames that are not COBS, or too short or long."""
     unknown_id: int
-    """Good frames with an id not known here."""
+    """Good frames with an unknown id."""
     wrong_length: int
-    """Good frames of a length that is not the id's."""
+    """Good frames with the wrong length for their id."""
     seq_lost: int
-    """Missing by their sequence numbers, not come late."""
+    """Frames missing by their sequence numbers, less those that came late."""
     send_dropped: int
     """Frames not sent because the line was full."""
     refused: int
     """Requests and setpoints refused."""
     faults_tripped: int
-    """Faults, also those cleared at once."""
+    """Faults tripped, including those cleared at once."""
 
 
 class ControlCounters(NamedTuple):
-    """What the control loop and the encoders have counted since reset. All wrap."""
+    """Counts of the control loop and the encoders since reset. All wrap."""
 
     session_id: int
-    """Nonce XOR boot_id of the session this is in."""
+    """Nonce XOR boot_id of the session."""
     request_id: int
-    """Counts up in a session; an answer repeats it."""
+    """Counts up in a session; the answer returns it."""
     late_steps: int
-    """Steps that came more than half a period late."""
+    """Steps more than half a period late."""
     latest_step_us: int
     """Longest time between two steps. [us]"""
     saturated_steps: int
-    """Steps in which a wheel's velocity loop wanted more than its output gives."""
+    """Steps in which a wheel's velocity loop needed more than its output can give."""
     left_illegal: int
-    """Transitions of the left encoder that show a lost edge. A chip's counter sees none."""
+    """Impossible transitions of the left encoder: lost edges. A chip's counter sees none."""
     right_illegal: int
     """As left_illegal."""
 
@@ -447,6 +447,6 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x88, LinkCounters, "LHLLLLLLLLLH"),
     (0x89, ControlCounters, "LHLLLLL"),
 )
-"""Id, class, and the body in the letters of `struct`, one a field."""
+"""Id, class, and the body in the format characters of `struct`, one per field."""
 
 SCHEMA_HASH = 0x8481459B

@@ -61,7 +61,7 @@ def test_other_names_are_taken_and_reported(caplog: pytest.LogCaptureFixture) ->
         ({"wheelbase": 0.2}, r"wheelbase = 0.2: unknown key; did you mean wheel_base\?"),
         ({"pins": {"left_pvm": 3}}, r"pins.left_pvm = 3: .* mean pins.left_pwm\?"),
         ({"pins": {"left_pwm": 99}}, "pins.left_pwm = 99: .*0 to 27"),
-        ({"pins": {"left_pwm": 19}}, "pins.right_pwm = 19: .*differ from pins.left_pwm"),
+        ({"pins": {"left_pwm": 19}}, "pins.right_pwm = 19: pins.left_pwm is on this GPIO"),
         ({"pins": {"left_pwm": "x"}}, "pins.left_pwm = 'x': .*integer"),
         ({"pins": 3}, "pins = 3: .*mapping"),
         ({"parameters": {"wheel_radius": 7}}, "parameters.wheel_radius = 7: .*at most 1"),

@@ -182,7 +182,7 @@ def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -
 
 def test_firmware_of_another_board_is_told(chip: EspChip, port: str, image: Path) -> None:
     chip.device.board = Board.ESP32C6
-    check_refusal(run(port, "--image", str(image), "--json"), "runs on ESP32C6")
+    check_refusal(run(port, "--image", str(image), "--json"), "reports the board ESP32C6")
 
 
 def test_esptool_that_is_not_installed_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

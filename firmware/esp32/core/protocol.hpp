@@ -27,9 +27,9 @@ enum class SupervisorState : uint8_t {
 
 enum class SupervisorEvent : uint8_t {
   kStarted = 0,     ///< Start-up is complete.
-  kSession = 1,     ///< A host opened a session; the setpoint of the former one is void.
+  kSession = 1,     ///< A host opened a session; the previous session's setpoint is void.
   kSetpoint = 2,    ///< A fresh setpoint was accepted.
-  kStop = 3,        ///< A stop was asked for.
+  kStop = 3,        ///< A stop was requested.
   kDeadline = 4,    ///< The setpoint's deadline passed.
   kEstop = 5,       ///< An emergency stop, by message or by the input.
   kClearEstop = 6,  ///< The emergency stop was cleared.
@@ -38,21 +38,23 @@ enum class SupervisorEvent : uint8_t {
 };
 
 enum class RefusalCode : uint8_t {
-  kNone = 0,             ///< Not refused.
-  kProtocolVersion = 1,  ///< Another protocol version; install matching firmware and host library.
-  kSchema = 2,     ///< Another message schema; install firmware and host library of one release.
+  kNone = 0,  ///< Not refused.
+  kProtocolVersion =
+      1,           ///< Different protocol version; use firmware and host library of one release.
+  kSchema = 2,     ///< Different message schema; use firmware and host library of one release.
   kNoSession = 3,  ///< No session of this host is open (was the device reset?); say hello first.
   kClockUnsynchronised = 4,  ///< No ping was answered in this session yet; synchronise the clock.
   kExpired = 5,              ///< The setpoint had expired on arrival; use a longer time to live.
   kNotFinite = 6,            ///< Not a finite number.
-  kOutOfRange = 7,           ///< Outside the bounds; list the parameters to see them.
+  kOutOfRange = 7,           ///< Out of bounds; list the parameters to see the bounds.
   kUnknownParameter = 8,     ///< No such parameter in this firmware; list the parameters.
   kEstopped = 9,             ///< Emergency stop is latched; remove its cause, then clear it.
   kFault = 10,               ///< A fault is latched; remove its cause, then clear it.
-  kCausePresent = 11,  ///< The cause still lasts; close the e-stop contact or mend the fault first.
-  kNotStopped = 12,    ///< Not while driving, nor with an e-stop latched; stop, or clear it, first.
-  kStoreFailed = 13,   ///< The parameter store could not be written; the values hold until a reset.
-  kRateTooHigh = 14,  ///< More than the control rate or the line carries; ask for less or raise it.
+  kCausePresent = 11,  ///< The cause is still present; close the e-stop contact or fix the fault.
+  kNotStopped = 12,  ///< Not possible while driving or with an e-stop latched; stop or clear first.
+  kStoreFailed =
+      13,  ///< The parameter store could not be written; values apply until the next reset.
+  kRateTooHigh = 14,  ///< Above the control rate or the line's capacity; request a lower rate.
   kNotIntegral = 15,  ///< This parameter takes whole numbers only.
   kBooting = 16,      ///< The device is still starting; try again in a moment.
 };
@@ -99,9 +101,9 @@ constexpr uint32_t kLeftReversed = 4;
 /// The right wheel's speed grew against its drive: swap encoder A and B or the motor's wires, or
 /// set right_encoder_inverted.
 constexpr uint32_t kRightReversed = 8;
-/// The control loop came too late.
+/// The control loop ran too late: reduce the load, or raise overrun_limit_us.
 constexpr uint32_t kControlOverrun = 16;
-/// A motor or encoder peripheral did not start; see the wiring guide.
+/// A motor or encoder peripheral did not start: check the pins in the wiring guide.
 constexpr uint32_t kDriverFailed = 32;
 /// The left wheel was driven harder than its measured speed explains: encoder edges are lost, or
 /// the load is heavier than plausibility_margin allows.
@@ -127,7 +129,7 @@ constexpr uint32_t kBattery = 1;
 constexpr uint32_t kEstopInput = 2;
 /// Drives a simulated motor and encoder.
 constexpr uint32_t kSimulatedPlant = 4;
-/// Holds the core dump of a crash in its flash.
+/// Has the core dump of a crash in its flash.
 constexpr uint32_t kCoreDump = 8;
 }  // namespace capability
 
@@ -159,14 +161,14 @@ struct Hello {
   }
 };
 
-/// Stops both wheels at once, past the slew limit. Needs no session.
+/// Stops both wheels at once, bypassing the slew limit. Needs no session.
 struct Stop {
   static constexpr uint8_t kId = 0x02;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};   ///< Counts up in a session; an answer repeats it.
-  uint32_t command_seq{};  ///< Setpoints of this session up to it are void.
+  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
+  uint32_t command_seq{};  ///< Setpoints of this session up to this number are void.
   StopMode mode{};         ///< How to stop.
 
   bool operator==(const Stop&) const = default;
@@ -195,8 +197,8 @@ struct Estop {
   static constexpr uint8_t kId = 0x03;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const Estop&) const = default;
 
@@ -220,9 +222,9 @@ struct SetWheelVelocity {
   static constexpr uint8_t kId = 0x04;
   static constexpr size_t kSize = 24;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session this is in.
+  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
   uint32_t command_seq{};  ///< Counts up; only a newer one is obeyed.
-  uint64_t expiry_us{};    ///< Device clock from which it is void. [us]
+  uint64_t expiry_us{};    ///< Device clock at which it expires. [us]
   float left_mps{};        ///< At the rim, forward positive. [m/s]
   float right_mps{};       ///< At the rim, forward positive. [m/s]
 
@@ -254,9 +256,9 @@ struct SetDuty {
   static constexpr uint8_t kId = 0x05;
   static constexpr size_t kSize = 20;
 
-  uint32_t session_id{};     ///< Nonce XOR boot_id of the session this is in.
+  uint32_t session_id{};     ///< Nonce XOR boot_id of the session.
   uint32_t command_seq{};    ///< Counts up; only a newer one is obeyed.
-  uint64_t expiry_us{};      ///< Device clock from which it is void. [us]
+  uint64_t expiry_us{};      ///< Device clock at which it expires. [us]
   int16_t left_duty_q15{};   ///< Forward positive. [duty x 32767]
   int16_t right_duty_q15{};  ///< Forward positive. [duty x 32767]
 
@@ -288,8 +290,8 @@ struct Ping {
   static constexpr uint8_t kId = 0x06;
   static constexpr size_t kSize = 14;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint64_t host_us{};     ///< Host clock at sending. [us]
 
   bool operator==(const Ping&) const = default;
@@ -316,8 +318,8 @@ struct ClearEstop {
   static constexpr uint8_t kId = 0x07;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const ClearEstop&) const = default;
 
@@ -341,8 +343,8 @@ struct ClearFault {
   static constexpr uint8_t kId = 0x08;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const ClearFault&) const = default;
 
@@ -361,13 +363,13 @@ struct ClearFault {
   }
 };
 
-/// How often WheelState is sent, for this session.
+/// Sets how often WheelState is sent in this session.
 struct SetStreamRate {
   static constexpr uint8_t kId = 0x09;
   static constexpr size_t kSize = 8;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint16_t rate_hz{};     ///< 0 is off. [Hz]
 
   bool operator==(const SetStreamRate&) const = default;
@@ -394,8 +396,8 @@ struct ParameterGet {
   static constexpr uint8_t kId = 0x0a;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t parameter{};    ///< Parameter id, from the table of parameters.
 
   bool operator==(const ParameterGet&) const = default;
@@ -422,8 +424,8 @@ struct ParameterSet {
   static constexpr uint8_t kId = 0x0b;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t parameter{};    ///< Parameter id, from the table of parameters.
   float value{};          ///< In the parameter's unit.
 
@@ -453,9 +455,9 @@ struct ParameterSave {
   static constexpr uint8_t kId = 0x0c;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
-  uint8_t parameter{};    ///< Id of the only one to save: all others stay as the store has them. 0:
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t parameter{};    ///< Id of the one to save; the others stay as they are in the store. 0:
                           ///< save all.
 
   bool operator==(const ParameterSave&) const = default;
@@ -482,8 +484,8 @@ struct ParameterReset {
   static constexpr uint8_t kId = 0x0d;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const ParameterReset&) const = default;
 
@@ -507,8 +509,8 @@ struct ParameterList {
   static constexpr uint8_t kId = 0x0e;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};      ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};      ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};      ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};      ///< Counts up in a session; the answer returns it.
   uint8_t parameter_index{};  ///< 0 to parameter_count - 1.
 
   bool operator==(const ParameterList&) const = default;
@@ -535,8 +537,8 @@ struct LinkCountersGet {
   static constexpr uint8_t kId = 0x0f;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const LinkCountersGet&) const = default;
 
@@ -560,8 +562,8 @@ struct ControlCountersGet {
   static constexpr uint8_t kId = 0x10;
   static constexpr size_t kSize = 6;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
 
   bool operator==(const ControlCountersGet&) const = default;
 
@@ -641,7 +643,7 @@ struct DeviceHello {
   }
 };
 
-/// Both encoders, latched at the same instant, and what the firmware makes of them.
+/// Both encoders, latched at the same instant, and the state of the controller.
 struct WheelState {
   static constexpr uint8_t kId = 0x81;
   static constexpr size_t kSize = 39;
@@ -704,7 +706,7 @@ struct Refuse {
   static constexpr uint8_t kId = 0x82;
   static constexpr size_t kSize = 10;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
   uint8_t message_id{};   ///< Id of the message refused.
   RefusalCode code{};     ///< Why.
   uint32_t reference{};   ///< Its request_id, or its command_seq.
@@ -735,8 +737,8 @@ struct Ack {
   static constexpr uint8_t kId = 0x83;
   static constexpr size_t kSize = 7;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t message_id{};   ///< Id of the message carried out.
 
   bool operator==(const Ack&) const = default;
@@ -763,8 +765,8 @@ struct Pong {
   static constexpr uint8_t kId = 0x84;
   static constexpr size_t kSize = 30;
 
-  uint32_t session_id{};   ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};   ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
   uint64_t host_us{};      ///< From the Ping. [us]
   uint64_t received_us{};  ///< Device clock when the Ping was read. [us]
   uint64_t sent_us{};      ///< Device clock when this was written. [us]
@@ -797,8 +799,8 @@ struct ParameterValue {
   static constexpr uint8_t kId = 0x85;
   static constexpr size_t kSize = 11;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};  ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t parameter{};    ///< Parameter id, from the table of parameters.
   float value{};          ///< In the parameter's unit.
 
@@ -828,15 +830,15 @@ struct ParameterEntry {
   static constexpr uint8_t kId = 0x86;
   static constexpr size_t kSize = 25;
 
-  uint32_t session_id{};      ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};      ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};      ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};      ///< Counts up in a session; the answer returns it.
   uint8_t parameter_index{};  ///< As asked.
   uint8_t parameter_count{};  ///< How many parameters there are.
   uint8_t parameter{};        ///< Parameter id, from the table of parameters.
   float value{};              ///< In force.
   float default_value{};      ///< After a ParameterReset.
-  float minimum{};            ///< Least value taken.
-  float maximum{};            ///< Greatest value taken.
+  float minimum{};            ///< Smallest value allowed.
+  float maximum{};            ///< Largest value allowed.
 
   bool operator==(const ParameterEntry&) const = default;
 
@@ -869,7 +871,7 @@ struct ParameterEntry {
   }
 };
 
-/// Something happened that a state frame may be too late or too coarse to show.
+/// Reports what a state frame may show too late or not at all.
 struct Event {
   static constexpr uint8_t kId = 0x87;
   static constexpr size_t kSize = 14;
@@ -909,23 +911,23 @@ struct Event {
   }
 };
 
-/// What the device's receiver, sender and supervisor have counted since reset. All wrap.
+/// Counts of the device's receiver, sender and supervisor since reset. All wrap.
 struct LinkCounters {
   static constexpr uint8_t kId = 0x88;
   static constexpr size_t kSize = 44;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};       ///< Counts up in a session; an answer repeats it.
+  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
   uint32_t frames_received{};  ///< Good frames.
   uint32_t frames_sent{};      ///< Frames handed to the line.
   uint32_t bad_crc{};          ///< Frames with a wrong CRC.
   uint32_t bad_cobs{};         ///< Frames that are not COBS, or too short or long.
-  uint32_t unknown_id{};       ///< Good frames with an id not known here.
-  uint32_t wrong_length{};     ///< Good frames of a length that is not the id's.
-  uint32_t seq_lost{};         ///< Missing by their sequence numbers, not come late.
-  uint32_t send_dropped{};     ///< Frames not sent because the line was full.
-  uint32_t refused{};          ///< Requests and setpoints refused.
-  uint16_t faults_tripped{};   ///< Faults, also those cleared at once.
+  uint32_t unknown_id{};       ///< Good frames with an unknown id.
+  uint32_t wrong_length{};     ///< Good frames with the wrong length for their id.
+  uint32_t seq_lost{};  ///< Frames missing by their sequence numbers, less those that came late.
+  uint32_t send_dropped{};    ///< Frames not sent because the line was full.
+  uint32_t refused{};         ///< Requests and setpoints refused.
+  uint16_t faults_tripped{};  ///< Faults tripped, including those cleared at once.
 
   bool operator==(const LinkCounters&) const = default;
 
@@ -964,18 +966,18 @@ struct LinkCounters {
   }
 };
 
-/// What the control loop and the encoders have counted since reset. All wrap.
+/// Counts of the control loop and the encoders since reset. All wrap.
 struct ControlCounters {
   static constexpr uint8_t kId = 0x89;
   static constexpr size_t kSize = 26;
 
-  uint32_t session_id{};       ///< Nonce XOR boot_id of the session this is in.
-  uint16_t request_id{};       ///< Counts up in a session; an answer repeats it.
-  uint32_t late_steps{};       ///< Steps that came more than half a period late.
+  uint32_t session_id{};       ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};       ///< Counts up in a session; the answer returns it.
+  uint32_t late_steps{};       ///< Steps more than half a period late.
   uint32_t latest_step_us{};   ///< Longest time between two steps. [us]
-  uint32_t saturated_steps{};  ///< Steps in which a wheel's velocity loop wanted more than its
-                               ///< output gives.
-  uint32_t left_illegal{};     ///< Transitions of the left encoder that show a lost edge. A chip's
+  uint32_t saturated_steps{};  ///< Steps in which a wheel's velocity loop needed more than its
+                               ///< output can give.
+  uint32_t left_illegal{};     ///< Impossible transitions of the left encoder: lost edges. A chip's
                                ///< counter sees none.
   uint32_t right_illegal{};    ///< As left_illegal.
 
@@ -1067,16 +1069,15 @@ constexpr int body_size(uint8_t id) {
 }
 
 enum class ParameterId : uint8_t {
-  kWheelRadius = 1,      ///< Radius of the driven wheels. [m]
-  kWheelSeparation = 2,  ///< Between the contact points of the wheels. Kept here so that it travels
-                         ///< with the robot. [m]
+  kWheelRadius = 1,  ///< Radius of the driven wheels. [m]
+  kWheelSeparation =
+      2,  ///< Between the contact points of the wheels. Stored on the device, with the robot. [m]
   kCountsPerRevolution = 3,  ///< Ticks per wheel turn, after x4 decoding and the gearbox. [tick]
-  kControlRateHz =
-      4,  ///< Rate of the control loop. Beyond 1000 it has been run in simulation only. [Hz]
+  kControlRateHz = 4,  ///< Rate of the control loop. Above 1000 tested in simulation only. [Hz]
   kPwmFrequencyHz =
-      5,  ///< PWM frequency on the bridge's enable inputs. In force after a reset. [Hz]
+      5,  ///< PWM frequency on the bridge's enable inputs. Takes effect after a reset. [Hz]
   kMaxVelocityMps =
-      6,  ///< Limit of either wheel; beyond it both setpoints are scaled by one factor. [m/s]
+      6,  ///< Limit of each wheel; above it both setpoints are scaled by one factor. [m/s]
   kMaxAccelerationMps2 = 7,   ///< Slew limit of the velocity setpoints. A stop bypasses it. [m/s^2]
   kMaxDuty = 8,               ///< Limit of either output. [duty (-1..1)]
   kMaxDutyRatePerS = 9,       ///< Slew limit of duty setpoints. A stop bypasses it. [duty/s]
@@ -1088,16 +1089,16 @@ enum class ParameterId : uint8_t {
                                   ///< mechanical time constant. [duty/(m/s^2)]
   kStaticFeedforward =
       14,  ///< Dead-band compensation: the duty that keeps a slow wheel turning. [duty (-1..1)]
-  kVelocityWindowUs = 15,  ///< Velocity is measured between ticks about this far apart. [us]
-  kTtlMaxS = 16,           ///< No setpoint lives longer than this after its arrival. [s]
+  kVelocityWindowUs = 15,  ///< Velocity is measured between ticks about this long apart. [us]
+  kTtlMaxS = 16,           ///< A setpoint expires at the latest this long after its arrival. [s]
   kStopMode = 17,          ///< 1: coast. 2: brake for brake_time_s, then coast.
   kBrakeTimeS = 18,        ///< How long a stop brakes. [s]
   kStallDuty =
       19,  ///< At this duty or more a wheel must count, or NOT_COUNTING trips. [duty (-1..1)]
-  kStallTimeS = 20,    ///< For how long it may not count. [s]
+  kStallTimeS = 20,    ///< For how long the wheel may fail to count. [s]
   kReversalDuty = 21,  ///< At this duty or more speed must not grow against the drive, or REVERSED
                        ///< trips. [duty (-1..1)]
-  kReversalVelocityMps = 22,   ///< By how much it may grow. [m/s]
+  kReversalVelocityMps = 22,   ///< By how much the speed may grow. [m/s]
   kOverrunLimitUs = 23,        ///< A control step this late trips CONTROL_OVERRUN. [us]
   kLeftMotorInverted = 24,     ///< Forward is IN2 high.
   kRightMotorInverted = 25,    ///< Forward is IN2 high.
@@ -1105,24 +1106,26 @@ enum class ParameterId : uint8_t {
   kRightEncoderInverted = 27,  ///< Forward is B before A.
   kEstopInputEnabled =
       28,  ///< The normally-closed e-stop contact is fitted; an open contact or wire is an e-stop.
-           ///< Where none is fitted, join its pin to ground while you set this to 0.
-  kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. In force after a reset. [ns]
+           ///< If none is fitted, connect its pin to ground while you set this to 0.
+  kGlitchFilterNs = 29,  ///< Shorter encoder pulses are ignored. Takes effect after a reset. [ns]
   kStreamRateHz = 30,    ///< Rate of WheelState when a session opens. [Hz]
-  kPathGain = 31,  ///< Speed that a wheel adds for each metre that it is behind the integral of its
-                   ///< setpoint. With heading_gain 0 too, the loop follows velocity alone. [1/s]
-  kHeadingGain = 32,  ///< Speed taken from one wheel and given to the other for each metre that the
-                      ///< other is more behind, so that the heading holds. [1/s]
-  kPathCatchUp = 33,  ///< By which part of its setpoint a wheel may turn faster to catch up.
-  kPathErrorLimitM = 34,  ///< A wheel that is further behind forgets the rest. [m]
+  kPathGain =
+      31,  ///< Speed added for each metre that a wheel is behind the integral of its setpoint. With
+           ///< this and heading_gain 0 the loop controls velocity alone. [1/s]
+  kHeadingGain = 32,  ///< Speed taken from one wheel and added to the other for each metre that the
+                      ///< other is further behind, to hold the heading. [1/s]
+  kPathCatchUp = 33,  ///< Fraction of its setpoint by which a wheel may turn faster to catch up.
+  kPathErrorLimitM =
+      34,  ///< A wheel never has more than this to catch up; the rest is dropped. [m]
   kPlausibilityMargin =
-      35,  ///< Duty beyond the feed-forward that a load may need, at nominal_supply_v. With more
-           ///< than that at the measured speed ENCODER_IMPLAUSIBLE trips; 1.25 of it limits the
+      35,  ///< Duty beyond the feed-forward that a load may need, at nominal_supply_v. More than
+           ///< that at the measured speed trips ENCODER_IMPLAUSIBLE; 1.25 times that limits the
            ///< duty of a velocity setpoint. [duty (-1..1)]
-  kPlausibilityTimeS = 36,  ///< For how long the duty may be more than that. [s]
+  kPlausibilityTimeS = 36,  ///< For how long the duty may exceed plausibility_margin. [s]
   kNominalSupplyV = 37,     ///< Battery voltage at which the feed-forward holds. [V]
-  kSupplyDropV = 38,        ///< What the bridge takes of the battery's voltage. [V]
-  kUnmeasuredSupplyV = 39,  ///< Battery voltage taken for granted where it is not measured; lower
-                            ///< allows more duty. [V]
+  kSupplyDropV = 38,        ///< Voltage drop of the bridge. [V]
+  kUnmeasuredSupplyV =
+      39,  ///< Battery voltage assumed if it is not measured; a lower value allows more duty. [V]
 };
 
 enum class ParameterKind : uint8_t {

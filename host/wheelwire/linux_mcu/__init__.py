@@ -1,7 +1,7 @@
 """This computer as the microcontroller: a process that runs the firmware's core on its own pins.
 
-Two processes, started as one: the *core* steps the firmware's core and moves the pins; the *guard*
-beside it watches the core and pulls the bridge's EN low when that dies or hangs. The application
-reaches the core over a socket, by the protocol that an ESP32 speaks. Nothing here decides anything
-about the robot: a pin is moved, an edge is counted, bytes are passed on.
+It is two processes: the *core* steps the firmware's core and moves the pins; its parent, the
+*guard*, pulls the bridge's EN low if the core process dies or hangs. The application talks to the
+core over a socket, with the protocol that an ESP32 speaks. No code here makes a decision about the
+robot: it sets pins, counts edges and passes bytes on.
 """

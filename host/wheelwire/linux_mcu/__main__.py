@@ -1,7 +1,7 @@
 """`python -m wheelwire.linux_mcu SETTINGS`: the core and its guard, started as one process.
 
-SETTINGS is the JSON of `McuSettings`. On a connected socket the first line says in JSON how the
-start went; from then on it carries the protocol.
+SETTINGS is the JSON of `McuSettings`. The first line on a connected socket is the result of the
+start, in JSON; after it the socket carries the protocol.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ FAILED = 1
 def main() -> int:
     """Fork: the child is the core, this process its guard. Returns the exit status."""
     settings = McuSettings.from_json(sys.argv[1])
-    # Ctrl-C is for the application, which stops the robot and ends this process then.
+    # A terminal sends Ctrl-C to all its processes. The application handles it: it stops the robot,
+    # then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = _pidfd_of_parent(settings.parent)
     heartbeat = Heartbeat()
@@ -37,10 +38,11 @@ def main() -> int:
     if core_pid == 0:
         status = FAILED
         try:
+            # The core also ends if its guard dies: it must never drive unguarded.
             status = _run_core(settings, heartbeat, [parent, os.pidfd_open(guard_pid)])
         except BaseException:
             traceback.print_exc()
-        os._exit(status)
+        os._exit(status)  # not sys.exit: the exit handlers belong to the guard
     return _run_guard(settings, heartbeat, core_pid)
 
 
@@ -51,14 +53,15 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, lambda *_: os.kill(core_pid, signal.SIGTERM))
     if settings.socket is not None:
+        # Only the core may hold the socket: the application must see it close when the core ends.
         os.close(settings.socket)
-    realtime.become_punctual(realtime.GUARD_PRIORITY)
+    realtime.request_realtime(realtime.GUARD_PRIORITY)
     prepare = partial(prepare_enable_low, settings)
     return guard.watch(core_pid, heartbeat, settings.core_timeout_ms / 1000, prepare)
 
 
 def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | None]) -> int:
-    """The core's whole life; whatever ends it, the wheels coast and the pins are given back."""
+    """Run the core. However it ends, the wheels coast and the pins are released."""
     from wheelwire_protocol.native import NativeMissingError
 
     from . import realtime
@@ -66,8 +69,10 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
 
-    asked_to_end = _end_signals()
-    limit = realtime.become_punctual(realtime.CORE_PRIORITY)  # threads inherit the priority
+    end_signal = _open_end_signal()
+    limit = realtime.request_realtime(
+        realtime.CORE_PRIORITY
+    )  # before the pin library starts threads, which inherit it
     try:
         gpio = open_gpio(settings, parameters_in_force(settings))
     except (WheelwireError, NativeMissingError, OSError) as error:
@@ -77,17 +82,17 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
         _await_guard(heartbeat)
         line: Line
         if settings.socket is not None:
-            _tell(settings.socket, {"limits": limits})
+            _send_answer(settings.socket, {"limits": limits})
             line = ConnectedLine(settings.socket)
         else:
             line = ListeningLine(Path(settings.listen or ""))
             sys.stdout.write(f"wheelwire: ready at unix:{settings.listen}\n")
             sys.stdout.flush()
         heartbeat.phase = Phase.RUNNING
-        ends = [asked_to_end, *(fd for fd in endings if fd is not None)]
+        ends = [end_signal, *(fd for fd in endings if fd is not None)]
         McuLoop(make_core(settings, heartbeat), gpio, line, heartbeat, ends).run()
     except LinkLost as error:
-        return _complain(error)
+        return _print_error(error)
     except (WheelwireError, OSError) as error:
         return _fail(settings, error)
     finally:
@@ -97,52 +102,54 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
 
 
 def _pidfd_of_parent(pid: int | None) -> int | None:
-    """Readable when the application has ended: a fork of it may hold the socket open."""
+    """Becomes readable when the application ends, even if a fork of it holds the socket open."""
     if pid is None:
         return None
     parent = os.pidfd_open(pid)
-    if os.getppid() != pid:
+    if os.getppid() != pid:  # it ended before the pidfd was opened, which may be another's now
         sys.exit("the application has ended already")
     return parent
 
 
-def _end_signals() -> int:
-    """A descriptor that becomes readable when this process is told to end."""
-    told, tell = socket.socketpair()
-    told.setblocking(False)
-    tell.setblocking(False)
+def _open_end_signal() -> int:
+    """A descriptor that becomes readable on SIGTERM or SIGHUP."""
+    receiver, sender = socket.socketpair()
+    receiver.setblocking(False)
+    sender.setblocking(False)
 
-    def note(*_: object) -> None:
-        with suppress(BlockingIOError):
-            tell.send(b"\0")
+    def on_signal(*_: object) -> None:
+        with suppress(BlockingIOError):  # full: it is readable already
+            sender.send(b"\0")
 
     for ending in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, note)
-    return told.detach()
+        signal.signal(ending, on_signal)
+    return receiver.detach()
 
 
 def _await_guard(heartbeat: Heartbeat) -> None:
     end = time.monotonic() + GUARD_START_S
     while not heartbeat.guarded:
         if time.monotonic() > end:
-            raise ConfigurationError("the process that guards the pins did not start")
+            raise ConfigurationError(
+                "the process that guards the pins did not start: its message is on standard error"
+            )
         time.sleep(0.001)
 
 
 def _fail(settings: McuSettings, error: Exception) -> int:
     if settings.socket is None:
-        return _complain(error)
-    _tell(settings.socket, {"error": type(error).__name__, "text": str(error)})
+        return _print_error(error)
+    _send_answer(settings.socket, {"error": type(error).__name__, "text": str(error)})
     return FAILED
 
 
-def _complain(error: Exception) -> int:
+def _print_error(error: Exception) -> int:
     sys.stderr.write(f"wheelwire: {error}\n")
     return FAILED
 
 
-def _tell(fd: int, answer: dict[str, object]) -> None:
-    with suppress(BrokenPipeError):  # the application has gone meanwhile
+def _send_answer(fd: int, answer: dict[str, object]) -> None:
+    with suppress(BrokenPipeError):  # the application has ended
         os.write(fd, (json.dumps(answer) + "\n").encode())
 
 

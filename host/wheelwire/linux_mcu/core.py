@@ -1,4 +1,4 @@
-"""The process that steps the firmware's core: pins in, pins out, bytes either way. No policy."""
+"""The loop that steps the firmware's core: reads pins, sets pins, passes bytes. No policy."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .line import Line
 from .settings import McuSettings
 
 SERVICE_SIZE = 600
-"""What the core reads in one turn."""
+"""The most bytes that the core handles in one call of `service`."""
 STOPPED_STEPS = 4
-"""With EN low in a row: before it brakes, a half of the bridge spends some so."""
+"""Consecutive steps with EN low that mean the end of a stop: EN is low for fewer before a brake."""
 MACHINE_ID = Path("/etc/machine-id")
 
 
 def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core:
-    """The core with its saved parameters, not started yet; `heartbeat` is told when it saves.
+    """Create the core with its saved parameters, not started; `heartbeat` is told while it saves.
 
     Raises:
         ConfigurationError: A parameter is refused, or the store cannot be read.
@@ -50,20 +50,21 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
 
 
 def parameters_in_force(settings: McuSettings) -> dict[str, float]:
-    """All parameters as they are after the start, by name."""
+    """All parameters by name, as they are after the start."""
+    # A second core, only to look at: the pins have to be opened before the real one may start.
     core = make_core(settings)
     core.start(0, 0, 0)
     return {name: core.value(p.id) for name, p in PARAMETER_BY_NAME.items()}
 
 
 class McuLoop:
-    """Steps a core on opened pins until the end is asked for and the wheels are left alone.
+    """Steps a core on opened pins until the process is to end and the core has stopped the wheels.
 
     Args:
-        core: Not started yet.
-        gpio: The pins; closed by whoever opened them.
-        line: To the application.
-        heartbeat: Told at each turn.
+        core: Not started.
+        gpio: The pins. The caller closes them.
+        line: The line to the application.
+        heartbeat: Gets a beat in each turn of the loop.
         endings: File descriptors that become readable when this process is to end.
     """
 
@@ -82,13 +83,13 @@ class McuLoop:
         self._due_us = self._now_us()
 
     def run(self) -> None:
-        """Until the end. Raises `LinkLost` when the pins are out of reach."""
-        while not self._over():
+        """Run until the end. Raises `LinkLost` if the pins can no longer be reached."""
+        while not self._is_finished():
             ready = self._wait()
             if any(ending in ready for ending in self._endings):
                 self._end()
-            if self._line.take_turn(ready):
-                self._service(self._line.received)
+            if self._line.receive(ready):
+                self._service(self._line.data)
             if self._line.hung_up:
                 self._apply(self._core.hang_up(self._now_us()))
                 if not self._line.next_host():
@@ -100,8 +101,8 @@ class McuLoop:
     def _now_us(self) -> int:
         return (time.monotonic_ns() - self._start_ns) // 1000
 
-    def _over(self) -> bool:
-        """The end was asked for, and the core has finished its stop."""
+    def _is_finished(self) -> bool:
+        """Whether the process is to end and the core has finished its stop."""
         return self._ending and self._low_steps >= STOPPED_STEPS
 
     def _end(self) -> None:
@@ -112,20 +113,20 @@ class McuLoop:
         self._apply(self._core.hang_up(self._now_us()))
 
     def _wait(self) -> list[int]:
-        readable, writable = self._line.awaited()
+        readable, writable = self._line.wait_set()
         wait_s = max(0, self._next_us() - self._now_us()) / 1e6
         found = select.select([*readable, *self._endings], writable, [], wait_s)
         return [*found[0], *found[1]]
 
     def _next_us(self) -> int:
-        """At the deadline of a setpoint the core is stepped out of turn."""
+        """The next step: when it is due, or earlier, at the deadline of the setpoint."""
         if self._outputs.state is SupervisorState.DRIVING:
             return min(self._due_us, self._outputs.deadline_us)
         return self._due_us
 
     def _service(self, data: bytes) -> None:
         self._core.feed(data)
-        for _ in range(0, len(data), SERVICE_SIZE):
+        for _ in range(0, len(data), SERVICE_SIZE):  # at least once for any data
             self._apply(self._core.service(self._now_us()))
 
     def _step_if_due(self) -> None:
@@ -146,7 +147,8 @@ class McuLoop:
         self._low_steps = self._low_steps + 1 if is_low else 0
         self._gpio.keep_alive(now_us)
         if now_us >= self._due_us:
-            # From due time to due time: lateness does not add up. No burst after a gap.
+            # Counted from the due time, so that delays do not add up; but not into the past, or a
+            # long delay would be followed by a burst of steps.
             self._due_us = max(self._due_us + self._outputs.period_us, now_us)
 
     def _apply(self, outputs: Outputs) -> None:
@@ -156,7 +158,7 @@ class McuLoop:
 
 
 class _Store:
-    """A file with the block of saved parameters. The core judges what is in it."""
+    """A file with the block of saved parameters. The core checks its content."""
 
     def __init__(self, path: str | None, heartbeat: Heartbeat) -> None:
         self._path = Path(path) if path else None
@@ -173,9 +175,9 @@ class _Store:
             raise ConfigurationError(f"{self._path}: {error.strerror}") from error
 
     def save(self, block: bytes) -> bool:
-        """The former block or the new one is there, whatever happens."""
+        """Replace the file atomically: after a crash it holds the old block or the new one."""
         if self._path is None:
-            return not block
+            return not block  # nothing to forget is a success; nowhere to save is a failure
         try:
             with self._heartbeat.saving():
                 self._write(self._path, block)
@@ -197,7 +199,7 @@ class _Store:
 
 
 def _board_id() -> int:
-    """48 bits, the same at each start of this computer."""
+    """48 bits that identify this computer, the same at each start."""
     with suppress(OSError):
         digest = hashlib.sha256(MACHINE_ID.read_bytes()).digest()
         return int.from_bytes(digest[:6], "big")

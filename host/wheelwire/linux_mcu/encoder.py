@@ -1,9 +1,9 @@
-"""Quadrature, x4: every edge of both channels counts, and an impossible change is counted apart."""
+"""Quadrature decoding, x4: every edge of both channels counts; impossible changes are counted."""
 
 from __future__ import annotations
 
 A, B = 2, 1
-"""The channels' bits in a state."""
+"""The bits of the channels in a state."""
 
 ILLEGAL = 2
 _CYCLE = (0b00, 0b10, 0b11, 0b01)  # forward: A leads B
@@ -19,7 +19,7 @@ STEPS = tuple(_step(before, after) for before in range(4) for after in range(4))
 
 
 class QuadratureDecoder:
-    """One encoder. Fed by one thread; the counts may be read from any.
+    """One encoder. Fed by one thread; any thread may read the counts.
 
     Args:
         a: Level of channel A now.
@@ -28,33 +28,34 @@ class QuadratureDecoder:
 
     def __init__(self, a: int, b: int) -> None:
         self.ticks = 0
-        """Forward positive, without bounds."""
+        """Forward positive, unbounded."""
         self.illegal = 0
-        """Changes that show that an edge was lost; the ticks lost with it are not known."""
+        """Impossible changes: each shows that at least one edge was lost."""
         self._state = self._before = A * a | B * b
         self._stamp: int | float | None = None
         self._ticks_before = 0
         self._illegal_before = 0
 
     def change(self, channel: int, level: int, stamp: int | float) -> None:
-        """`channel` (A or B) was seen to change to `level`.
+        """Feed a change of `channel` (A or B) to `level`.
 
-        Changes with one stamp were seen in one sample: which came first is not known, so they are
-        judged together.
+        Changes with the same stamp come from one sample. Their order is unknown, so they are
+        decoded together.
         """
-        if stamp != self._stamp:
+        if stamp != self._stamp:  # a new sample: count from the state before it
             self._stamp = stamp
             self._before = self._state
             self._ticks_before = self.ticks
             self._illegal_before = self.illegal
         after = self._state | channel if level else self._state & ~channel
         if after == self._state:
-            self.illegal += 1  # it changed twice, and one of the edges was not seen
+            self.illegal += 1  # it changed twice, and one of the edges was missed
             self._illegal_before += 1
             return
         self._state = after
         step = STEPS[self._before << 2 | after]
         if step == ILLEGAL:
+            # Both channels changed between two samples: the direction is unknown, so no tick.
             self.ticks = self._ticks_before
             self.illegal = self._illegal_before + 1
         else:

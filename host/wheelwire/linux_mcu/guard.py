@@ -1,4 +1,7 @@
-"""Watches the core's process, and pulls EN low when that dies or hangs with its pins claimed."""
+"""Watches the core's process and pulls EN low if it dies or hangs while it holds the pins.
+
+A killed process leaves its outputs as they were: with EN high the wheels would turn on for ever.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +22,14 @@ def watch(
     core_timeout_s: float,
     prepare_enable_low: Callable[[], Callable[[], None]],
 ) -> int:
-    """Until the core's process has ended, by itself or by the guard.
+    """Wait until the core's process has ended, by itself or killed by the guard.
 
     Args:
         core_pid: A child of this process.
-        heartbeat: The core's.
-        core_timeout_s: A running core that is silent for longer is killed: no pin can be claimed
-            while it holds them.
-        prepare_enable_low: Does what is slow; its result pulls EN low.
+        heartbeat: Shared with the core.
+        core_timeout_s: A running core that is silent for longer is killed; only then can the guard
+            claim its pins.
+        prepare_enable_low: Does the slow part in advance; the function it returns pulls EN low.
 
     Returns:
         The exit status of the core's process.
@@ -35,11 +38,13 @@ def watch(
     enable_low = _prepared(prepare_enable_low, heartbeat)
     while not _ended(core):
         if heartbeat.phase is Phase.RUNNING and heartbeat.age_s > core_timeout_s:
-            # Where this process was held up itself, the core was so too, and has its chance now.
+            # If the guard itself was not scheduled for a while, neither was the core: give it one
+            # check's time to beat again before it is killed.
             if _ended(core, wait_s=CHECK_S) or heartbeat.age_s <= core_timeout_s:
                 continue
             os.kill(core_pid, signal.SIGKILL)
     _, status = os.waitpid(core_pid, 0)
+    # A core that closed its pins has pulled EN low itself, and another program may own them now.
     if heartbeat.phase in (Phase.RUNNING, Phase.SAVING):
         enable_low()
     os.close(core)
@@ -51,7 +56,7 @@ def _prepared(
 ) -> Callable[[], None]:
     try:
         enable_low = prepare_enable_low()
-    except WheelwireError:  # the core finds the same, and tells
+    except WheelwireError:  # the core runs into the same error and reports it
         return lambda: None
     heartbeat.guard_is_ready()
     return enable_low

@@ -1,4 +1,4 @@
-"""A few words of memory that the core and its guard share."""
+"""A few words of memory shared by the core and its guard."""
 
 from __future__ import annotations
 
@@ -10,46 +10,47 @@ from contextlib import contextmanager
 
 
 class Phase(enum.IntEnum):
-    """How far the core has come."""
+    """What the core is doing."""
 
     OPENING = 0
-    """It has moved no pin yet, or does so for the first time."""
+    """It is opening its pins."""
     RUNNING = 1
     """It may drive."""
     CLOSED = 2
-    """It has put EN low and given its pins back."""
+    """It has pulled EN low and released its pins."""
     SAVING = 3
-    """It writes a file, for seconds on a slow card. The core never asks for that while driving."""
+    """It writes a file, which takes seconds on a slow card. Never while driving."""
 
 
 class Heartbeat:
-    """Made before the fork. Each word is written by one side only, and whole."""
+    """Created before the fork. Each word is written by one side only."""
 
     def __init__(self) -> None:
+        # Anonymous and shared: a fork keeps it. An aligned 64-bit store is atomic, so no lock.
         self._words = memoryview(mmap.mmap(-1, mmap.PAGESIZE)).cast("q")
 
     def beat(self) -> None:
-        """The core lives."""
+        """Note that the core is alive."""
         self._words[0] = time.monotonic_ns()
 
     @property
     def age_s(self) -> float:
-        """Since the last beat."""
+        """Time since the last beat."""
         return (time.monotonic_ns() - self._words[0]) / 1e9
 
     @property
     def phase(self) -> Phase:
-        """The core's."""
+        """The phase of the core."""
         return Phase(self._words[1])
 
     @phase.setter
     def phase(self, phase: Phase) -> None:
-        self.beat()
+        self.beat()  # first: a new phase must not be judged by an old beat
         self._words[1] = phase
 
     @contextmanager
     def saving(self) -> Iterator[None]:
-        """Within it silence is no sign of a hang."""
+        """A block in which silence does not mean a hang."""
         before, self.phase = self.phase, Phase.SAVING
         try:
             yield
@@ -58,9 +59,9 @@ class Heartbeat:
 
     @property
     def guarded(self) -> bool:
-        """The guard is ready to act."""
+        """Whether the guard is ready to act."""
         return bool(self._words[2])
 
     def guard_is_ready(self) -> None:
-        """From now on the core may drive."""
+        """Let the core drive from now on."""
         self._words[2] = 1

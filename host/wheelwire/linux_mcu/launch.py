@@ -1,4 +1,4 @@
-"""Starting the process that moves this computer's pins, and being its application."""
+"""Starting the process that moves this computer's pins, and the transport to it."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .. import errors
 from ..link.transports import SocketTransport
 from .settings import McuSettings
 
-START_S = 20.0
-"""A Raspberry Pi needs a second or two, and a former process up to 6 s to let its pins go."""
-END_S = 7.0
-"""It brakes for 5 s at most before it ends."""
-KILL_S = 1.0
+START_TIMEOUT_S = 20.0
+"""A Raspberry Pi needs a second or two, and a previous process up to 6 s to release its pins."""
+EXIT_TIMEOUT_S = 7.0
+"""It brakes for at most 5 s before it ends."""
+TERMINATE_TIMEOUT_S = 1.0
 
 
 class ChildTransport(SocketTransport):
-    """A process of ours at the other end of a socket; it ends with the transport.
+    """A socket to a child process, which ends with the transport.
 
     Args:
-        connection: Our end.
-        process: At the other end.
+        connection: This end of the socket.
+        process: The child at the other end.
     """
 
-    gone = "the process that moves the pins has ended; it is started again"
+    gone = "the process that moves the pins has ended; it is being restarted"
     longest_pause_s = 1.0
 
     def __init__(self, connection: socket.socket, process: subprocess.Popen[bytes]) -> None:
@@ -40,39 +40,39 @@ class ChildTransport(SocketTransport):
         self._process = process
 
     def close(self) -> None:
-        """Hang up, and wait until the process has stopped the wheels and let its pins go."""
+        """Disconnect, and wait until the process has stopped the wheels and released its pins."""
         with suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)  # a fork may hold a copy of it
+            self._socket.shutdown(socket.SHUT_RDWR)  # closes it even if a fork holds a copy
         super().close()
         end(self._process)
 
 
 class McuTransport(ChildTransport):
-    """To the process that moves this computer's pins.
+    """The transport to the process that moves this computer's pins.
 
     Attributes:
-        limits: What its wiring cannot do, in sentences.
+        limits: What this wiring cannot do, in sentences.
     """
 
     limits: tuple[str, ...] = ()
 
 
 def launch(settings: McuSettings) -> McuTransport:
-    """Start the process and wait until it has its pins.
+    """Start the process and wait until it has claimed its pins.
 
     Raises:
-        DriverUnavailable: It cannot have them, or ended; with what it says.
-        ConfigurationError: The settings do not fit.
+        DriverUnavailable: It could not claim them, or ended. The message has its reason.
+        ConfigurationError: The settings are invalid.
     """
     ours, theirs = socket.socketpair()
     with theirs:
-        told = replace(settings, socket=theirs.fileno(), parent=os.getpid())
+        child_settings = replace(settings, socket=theirs.fileno(), parent=os.getpid())
         process = start(
-            [sys.executable, "-m", "wheelwire.linux_mcu", told.to_json()], theirs.fileno()
+            [sys.executable, "-m", "wheelwire.linux_mcu", child_settings.to_json()], theirs.fileno()
         )
     transport = McuTransport(ours, process)
     try:
-        answer = _checked(_first_line(ours, process))
+        answer = _raise_error_of(_first_line(ours, process))
     except BaseException:
         transport.close()
         raise
@@ -82,7 +82,7 @@ def launch(settings: McuSettings) -> McuTransport:
 
 
 def start(command: Sequence[str], fd: int) -> subprocess.Popen[bytes]:
-    """A process that inherits one descriptor; a Ctrl-C at the terminal does not reach it."""
+    """Start a process that inherits one descriptor and gets no Ctrl-C from the terminal."""
     return subprocess.Popen(
         command,
         pass_fds=[fd],
@@ -93,35 +93,36 @@ def start(command: Sequence[str], fd: int) -> subprocess.Popen[bytes]:
 
 
 def end(process: subprocess.Popen[bytes]) -> None:
-    """Wait for the end of a process that was hung up on; make it end when it does not."""
+    """Wait until a disconnected process ends; terminate it, then kill it, if it does not."""
     try:
-        process.wait(END_S)
+        process.wait(EXIT_TIMEOUT_S)
     except subprocess.TimeoutExpired:
         process.terminate()
         with suppress(subprocess.TimeoutExpired):
-            process.wait(KILL_S)
+            process.wait(TERMINATE_TIMEOUT_S)
         process.kill()
         process.wait()
 
 
 def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> dict[str, Any]:
-    """How the start went. Nothing comes after it before we speak."""
-    line, until = b"", time.monotonic() + START_S
+    """The result of the start. The process sends nothing else until it is spoken to."""
+    line, until = b"", time.monotonic() + START_TIMEOUT_S
     while not line.endswith(b"\n"):
         connection.settimeout(max(0.001, until - time.monotonic()))
         try:
             data = connection.recv(4096)
         except TimeoutError:
             raise errors.DriverUnavailable(
-                f"the process that moves the pins did not start within {START_S:g} s"
+                f"the process that moves the pins did not start within {START_TIMEOUT_S:g} s: "
+                "its message, if any, is on standard error"
             ) from None
         except ConnectionError:
             data = b""
         if not data:
             end(process)
             raise errors.DriverUnavailable(
-                "the process that moves the pins ended at its start, with status "
-                f"{process.returncode}: its own message is on standard error"
+                "the process that moves the pins ended at its start with status "
+                f"{process.returncode}: its message is on standard error"
             )
         line += data
     connection.setblocking(False)
@@ -129,7 +130,7 @@ def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> 
     return answer
 
 
-def _checked(answer: dict[str, Any]) -> dict[str, Any]:
+def _raise_error_of(answer: dict[str, Any]) -> dict[str, Any]:
     if "error" not in answer:
         return answer
     kinds = (errors.DriverUnavailable, errors.ConfigurationError)

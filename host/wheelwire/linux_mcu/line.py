@@ -1,4 +1,4 @@
-"""The application's end of the process: one connected socket, or a listening one."""
+"""The line to the application: one connected socket, or a listening one."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ from wheelwire_protocol.native import Core
 
 READ_SIZE = 4096
 SEND_BUFFER = 4608
-"""The least that Linux gives: what an application does not read shall not grow old in a queue."""
+"""The smallest that Linux allows, so that states do not age in a queue that nobody reads."""
 
 
 class Line(ABC):
-    """Bytes to and from the application, if there is one. Nothing here blocks."""
+    """Bytes to and from the application, if one is connected. No method blocks."""
 
     def __init__(self) -> None:
-        self.received = b""
-        """In the last turn."""
+        self.data = b""
+        """The bytes that the last `receive` read."""
         self.hung_up = False
-        """The application is gone, and `next_host` was not called yet."""
+        """The application has gone, and `next_host` has not been called since."""
         self._host: socket.socket | None = None
         self._output = b""
 
-    def awaited(self) -> tuple[list[int], list[int]]:
-        """The descriptors whose reading and writing make a turn."""
+    def wait_set(self) -> tuple[list[int], list[int]]:
+        """The descriptors to wait for: to read, and to write."""
         if self._host is None:
             return [], []
         fd = self._host.fileno()
         return [fd], [fd] if self._output else []
 
-    def take_turn(self, ready: list[int]) -> bool:
-        """Read what is there; True when that was something."""
-        self.received = b""
+    def receive(self, ready: list[int]) -> bool:
+        """Read what has arrived; returns whether there was anything."""
+        self.data = b""
         if self._host is not None and self._host.fileno() in ready:
-            self._receive(self._host)
-        return bool(self.received)
+            self._read(self._host)
+        return bool(self.data)
 
     def send(self, core: Core) -> None:
-        """Hand on what the core says, as far as there is room: the rest waits in the core."""
+        """Send the core's output as far as there is room; the rest stays in the core."""
         if self._host is None:
-            core.take()
+            core.take()  # nobody to send it to; the core's queue must not fill up
             return
         self._output = self._output or core.take()
         while self._output:
@@ -57,26 +57,26 @@ class Line(ABC):
 
     @abstractmethod
     def next_host(self) -> bool:
-        """Forget the one that is gone; False when there will be no other."""
+        """Forget the application that has gone; returns whether another one may connect."""
 
     def close(self) -> None:
-        """Let the application go."""
+        """Disconnect the application."""
         host, self._host = self._host, None
         self._output = b""
         self.hung_up = False
         if host is not None:
             host.close()
 
-    def _receive(self, host: socket.socket) -> None:
+    def _read(self, host: socket.socket) -> None:
         try:
-            self.received = host.recv(READ_SIZE)
+            self.data = host.recv(READ_SIZE)
         except BlockingIOError:
             return
         except OSError:
-            self.received = b""
-        self.hung_up = not self.received
+            self.data = b""
+        self.hung_up = not self.data
 
-    def _take_host(self, host: socket.socket) -> None:
+    def _adopt_host(self, host: socket.socket) -> None:
         host.setblocking(False)
         host.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
         self._host = host
@@ -87,21 +87,21 @@ class ConnectedLine(Line):
 
     def __init__(self, fd: int) -> None:
         super().__init__()
-        self._take_host(socket.socket(fileno=fd))
+        self._adopt_host(socket.socket(fileno=fd))
 
     def next_host(self) -> bool:
-        """There is none."""
+        """Never: the process ends with its application."""
         return False
 
 
 class ListeningLine(Line):
-    """One application after the other. Who comes while one is there is sent away.
+    """One application at a time; others are disconnected at once.
 
     Args:
-        path: Of the socket; one that nobody listens at any more is replaced.
+        path: Of the socket. A stale one, on which nobody listens, is replaced.
 
     Raises:
-        OSError: It cannot be made, or somebody listens there.
+        OSError: It cannot be created, or another process listens there.
     """
 
     def __init__(self, path: Path) -> None:
@@ -114,24 +114,24 @@ class ListeningLine(Line):
         self._server.listen()
         self._server.setblocking(False)
 
-    def awaited(self) -> tuple[list[int], list[int]]:
-        """With the socket where the next application connects."""
-        readable, writable = super().awaited()
+    def wait_set(self) -> tuple[list[int], list[int]]:
+        """Also waits for an application to connect."""
+        readable, writable = super().wait_set()
         return [*self._listening, *readable], writable
 
-    def take_turn(self, ready: list[int]) -> bool:
-        """Also let an application in."""
+    def receive(self, ready: list[int]) -> bool:
+        """Also accepts a new application."""
         if self._server is not None and self._server.fileno() in ready:
             self._accept(self._server)
-        return super().take_turn(ready)
+        return super().receive(ready)
 
     def next_host(self) -> bool:
-        """There may be one at any time."""
+        """Another application may connect at any time."""
         super().close()
         return True
 
     def close(self) -> None:
-        """No application comes any more."""
+        """Disconnect the application and remove the socket."""
         super().close()
         server, self._server = self._server, None
         if server is not None:
@@ -147,7 +147,7 @@ class ListeningLine(Line):
         with suppress(BlockingIOError):
             host, _ = server.accept()
             if self._host is None:
-                self._take_host(host)
+                self._adopt_host(host)
             else:
                 host.close()
 

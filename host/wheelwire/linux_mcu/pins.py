@@ -1,4 +1,4 @@
-"""Which GPIO is wired to what."""
+"""The wiring: which GPIO has which function."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from dataclasses import dataclass, fields
 from ..errors import ConfigurationError, shown
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
-"""Of the PWM hardware; two GPIOs of one channel carry the same signal."""
+"""Channel of the PWM hardware by GPIO; two GPIOs of one channel carry the same signal."""
 LAST_GPIO = 27
-"""On the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not positions."""
+"""Of the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not pin positions."""
 
 
 @dataclass(frozen=True)
 class Pins:
-    """BCM numbers. The defaults are the wiring guide's for a Raspberry Pi 4B.
+    """GPIOs by BCM number. The defaults are those of the wiring guide for a Raspberry Pi 4B.
 
     Attributes:
-        left_pwm: EN of the left half of the bridge: GPIO 12 or 18 for hardware PWM.
-        left_dir1: IN1; alone high is forward.
+        left_pwm: EN of the left half of the bridge; GPIO 12 or 18 for hardware PWM.
+        left_dir1: IN1; high alone means forward.
         left_dir2: IN2.
-        right_pwm: EN of the right half: GPIO 13 or 19, so that each wheel has its own PWM channel.
+        right_pwm: EN of the right half; GPIO 13 or 19, so that each wheel has its own channel.
         right_dir1: IN3.
         right_dir2: IN4.
         left_enc_a: Channel A; leads B when the wheel turns forward.
         left_enc_b: Channel B.
         right_enc_a: As `left_enc_a`.
         right_enc_b: As `left_enc_b`.
-        estop: A normally-closed contact to ground; None where there is none.
+        estop: A normally-closed contact to ground; None if none is fitted.
 
     Raises:
-        ConfigurationError: No GPIO of the header, or two functions on one.
+        ConfigurationError: A number is not a GPIO of the header, or is used twice.
     """
 
     left_pwm: int = 18
@@ -55,12 +55,12 @@ class Pins:
                 )
             if pin in names:
                 raise ConfigurationError(
-                    f"pins.{name} = {pin}: it must differ from pins.{names[pin]}"
+                    f"pins.{name} = {pin}: pins.{names[pin]} is on this GPIO; choose another one"
                 )
             names[pin] = name
 
     def assigned(self) -> Iterator[tuple[str, int]]:
-        """(name, GPIO) of each function that is wired."""
+        """The name and GPIO of each function that is wired."""
         for field in fields(self):
             pin = getattr(self, field.name)
             if pin is not None:
@@ -71,7 +71,7 @@ class Pins:
         return {"estop_input_enabled": float(self.estop is not None)}
 
     def check_hardware_pwm(self) -> None:
-        """Raise `ConfigurationError` when the wheels have no PWM channel each."""
+        """Raise `ConfigurationError` unless each wheel has its own PWM channel."""
         for name, pin in (("left_pwm", self.left_pwm), ("right_pwm", self.right_pwm)):
             if pin not in PWM_CHANNEL:
                 raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""A process that is late as rarely as this computer allows."""
+"""Real-time scheduling, as far as this computer allows it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import os
 
 CORE_PRIORITY = 40
 GUARD_PRIORITY = 41
-"""It acts when the core does not let go of the processor."""
+"""Above the core's: the guard must run even if the core hogs the processor."""
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 
-def become_punctual(priority: int) -> str | None:
-    """Real-time priority and locked memory, as far as this is allowed.
+def request_realtime(priority: int) -> str | None:
+    """Request real-time priority and locked memory for this process.
 
     Returns:
-        What was not allowed, in a sentence; None when nothing is lacking.
+        What was not permitted, in a sentence; None if nothing was refused.
     """
     gc.collect()
-    gc.freeze()  # the objects of the start need never be looked through again
+    gc.freeze()  # garbage collection need not scan the objects of the start again
     refused = []
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
@@ -29,4 +29,6 @@ def become_punctual(priority: int) -> str | None:
         refused.append("locked memory (LimitMEMLOCK)")
     if not refused:
         return None
-    return f"not allowed: {' and '.join(refused)}; a busy computer makes the control loop late"
+    return (
+        f"not permitted: {' and '.join(refused)}; on a busy computer the control loop will run late"
+    )

@@ -1,4 +1,4 @@
-"""What the process is told at its start, as plain JSON: it imports no library to read it."""
+"""The settings of the process, passed as JSON so that it needs no configuration library."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ CORE_TIMEOUT_MS = 100
 
 @dataclass(frozen=True)
 class McuSettings:
-    """One robot on this computer's pins, and who it listens to.
+    """One robot on this computer's pins, and its application.
 
     Attributes:
         backend: What moves the pins.
         pins: The wiring.
         parameters: Values that differ from the defaults, by name.
-        store: File of the saved parameters; without one nothing can be saved.
-        pwm_directory: `l298n`: where the kernel's PWM is.
-        pwm_chip: `l298n`: number of the kernel's PWM chip, where there are several.
-        host: `pigpio`: where the daemon runs.
+        store: File for saved parameters; without one nothing can be saved.
+        pwm_directory: `l298n`: directory of the kernel's PWM chips.
+        pwm_chip: `l298n`: number of the kernel's PWM chip, if there are several.
+        host: `pigpio`: the daemon's computer.
         port: `pigpio`: its TCP port.
         core_timeout_ms: How long the core may be silent before the guard kills it.
-        socket: File descriptor of the connected socket to the application; or
-        listen: Path of a Unix socket, where one application after the other may connect.
-        parent: Process id of the application, whose end ends this process too.
+        socket: Descriptor of a socket connected to the application; or
+        listen: Path of a Unix socket to which one application at a time may connect.
+        parent: Process id of the application; this process ends with it.
     """
 
     backend: Literal["l298n", "pigpio"]
@@ -45,11 +45,11 @@ class McuSettings:
     parent: int | None = None
 
     def to_json(self) -> str:
-        """One line."""
+        """The settings as one line of JSON."""
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> McuSettings:
-        """Of what `to_json` made."""
+        """The settings from the output of `to_json`."""
         content = json.loads(text)
         return cls(**{**content, "pins": Pins(**content["pins"])})

@@ -1,4 +1,4 @@
-"""Saved parameters of former releases, which were JSON, into the block that the core keeps."""
+"""Converts saved parameters of earlier releases, which were JSON, to the core's own format."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ ANSWER_TIMEOUT_US = 10_000_000
 
 
 def converted_store(path: Path) -> Path:
-    """`path` as an absolute one, its content converted if need be.
+    """Convert the content of `path` if necessary; returns the absolute path.
 
     Raises:
-        ConfigurationError: It is JSON, but no saved parameters.
+        ConfigurationError: The file is JSON, but not saved parameters.
         DriverUnavailable: The core's library is missing.
     """
     path = path.absolute()
@@ -41,12 +41,16 @@ def converted_store(path: Path) -> Path:
 def _parse(path: Path, content: bytes) -> dict[str, float]:
     try:
         return {name: checked_value(name, value) for name, value in json.loads(content).items()}
-    except (ValueError, TypeError, AttributeError, WheelwireError) as error:
-        raise ConfigurationError(f"{path}: {error}; mend the file or remove it") from error
+    except AttributeError as error:
+        raise ConfigurationError(
+            f"{path}: not a JSON object of parameters; correct the file or delete it"
+        ) from error
+    except (ValueError, TypeError, WheelwireError) as error:
+        raise ConfigurationError(f"{path}: {error}; correct the file or delete it") from error
 
 
 def _block(values: dict[str, float]) -> bytes:
-    """As the core itself makes it: asked to save these values, in a session of its own."""
+    """The core's format: a temporary core is asked over a session to save these values."""
     saved: list[bytes] = []
 
     def save(block: bytes) -> bool:
@@ -65,7 +69,7 @@ def _block(values: dict[str, float]) -> bytes:
 
 
 class CoreHost:
-    """A session with a core in this process, in a time of their own."""
+    """A session with a core in this process, in virtual time."""
 
     def __init__(self, core: Core) -> None:
         self._core = core
@@ -77,7 +81,7 @@ class CoreHost:
             self._turn()
 
     def ask(self, message: RequestMessage) -> None:
-        """Send a request and wait until it was done."""
+        """Send a request and wait for its answer."""
         answers: list[Answer | WheelwireError] = []
         self._session.request(message, answers.append, self._now_us)
         while not answers:
@@ -87,7 +91,10 @@ class CoreHost:
 
     def _turn(self) -> None:
         if self._now_us > ANSWER_TIMEOUT_US:
-            raise DriverUnavailable("the core does not answer: is its library of this release?")
+            raise DriverUnavailable(
+                "the core does not answer, as if its library were of another release: reinstall "
+                "wheelwire"
+            )
         self._now_us += PERIOD_US
         self._session.advance(self._now_us)
         self._core.feed(self._session.take_output())

@@ -55,7 +55,7 @@ def _layouts() -> list[str]:
         "LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (",
         *(f'    (0x{m.id:02X}, {m.name}, "{m.body_format}"),' for m in MESSAGES),
         ")",
-        '"""Id, class, and the body in the letters of `struct`, one a field."""',
+        '"""Id, class, and the body in the format characters of `struct`, one per field."""',
         "",
         f"SCHEMA_HASH = 0x{layout_hash():08X}",
         "",

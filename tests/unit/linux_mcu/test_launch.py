@@ -24,7 +24,7 @@ def test_a_process_that_hangs_up_at_its_start_and_does_not_end_is_ended(
         return started[0]
 
     monkeypatch.setattr(launch, "start", start_other)
-    monkeypatch.setattr(launch, "END_S", 0.05)
-    with pytest.raises(errors.DriverUnavailable, match="ended at its start, with status -"):
+    monkeypatch.setattr(launch, "EXIT_TIMEOUT_S", 0.05)
+    with pytest.raises(errors.DriverUnavailable, match="ended at its start with status -"):
         launch.launch(McuSettings(backend="l298n", pins=Pins()))
     assert started[0].returncode is not None

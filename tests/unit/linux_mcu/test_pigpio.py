@@ -14,7 +14,7 @@ from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import ConfigurationError, DriverUnavailable, LinkLost
-from wheelwire.linux_mcu.gpio.pigpio_watchdog import MOST_SCRIPTS
+from wheelwire.linux_mcu.gpio.pigpio_watchdog import MAX_SCRIPTS
 from wheelwire.linux_mcu.pins import Pins
 
 HOST = "127.0.0.1"
@@ -115,7 +115,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def stored_scripts(client: Any) -> list[int]:
-    return [i for i in range(MOST_SCRIPTS) if client.script_status(i)[0] >= 0]
+    return [i for i in range(MAX_SCRIPTS) if client.script_status(i)[0] >= 0]
 
 
 def test_two_programs_do_not_share_the_motors(daemon: PigpioProcess) -> None:

@@ -46,7 +46,7 @@ def test_values_of_a_former_release_are_taken_over(tmp_path: Path) -> None:
 def test_a_store_of_something_else_is_told(tmp_path: Path, content: str) -> None:
     store = tmp_path / "parameters.json"
     store.write_text(content)
-    with pytest.raises(ConfigurationError, match=r"parameters.json: .*mend"):
+    with pytest.raises(ConfigurationError, match=r"parameters.json: .*correct the file"):
         MockDriver(realtime=False, store=store)
     assert store.read_text() == content
 

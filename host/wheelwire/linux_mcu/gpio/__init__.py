@@ -1,4 +1,4 @@
-"""Ways to reach this computer's pins: the pin libraries are imported when they are used."""
+"""Access to this computer's pins. A pin library is imported only when it is used."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from contextlib import suppress
 from ..settings import McuSettings
 from .base import Gpio, PinsBusy
 
-BUSY_S = 6.0
-"""A former process brakes for 5 s at most before it lets its pins go."""
+BUSY_TIMEOUT_S = 6.0
+"""A previous process brakes for at most 5 s before it releases its pins."""
 RETRY_S = 0.05
 
 
 def open_gpio(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
-    """Claim the pins; waits while a process that is ending still has them.
+    """Claim the pins; waits while a process that is ending still holds them.
 
     Args:
-        settings: Which pins, and through what.
-        parameters: Values in force at the start: PWM frequency and glitch filter are used.
+        settings: The pins and the backend.
+        parameters: Parameters at the start; PWM frequency and glitch filter are used.
 
     Raises:
-        DriverUnavailable: A library is missing, or a pin or its PWM cannot be had.
-        ConfigurationError: The pins do not fit.
+        DriverUnavailable: A library is missing, or a pin or its PWM cannot be claimed.
+        ConfigurationError: The pins are invalid.
     """
-    end = time.monotonic() + BUSY_S
+    end = time.monotonic() + BUSY_TIMEOUT_S
     while time.monotonic() < end:
         with suppress(PinsBusy):
             return _open(settings, parameters)
@@ -44,13 +44,13 @@ def _open(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
 
 
 def prepare_enable_low(settings: McuSettings) -> Callable[[], None]:
-    """For the guard: all that is slow is done now; a call then claims EN and pulls it low."""
+    """For the guard: do the slow part now; the returned function claims EN and pulls it low."""
     if settings.backend == "pigpio":
-        return _leave_to_the_daemon
+        return _rely_on_watchdog
     from .library import EnableLow
 
     return EnableLow(settings)
 
 
-def _leave_to_the_daemon() -> None:
-    """A script inside pigpiod pulls EN low once the core lets it wait."""
+def _rely_on_watchdog() -> None:
+    """Nothing to do: a script inside pigpiod pulls EN low when the core stops refreshing it."""

@@ -1,4 +1,4 @@
-"""What the core's process needs of the pins. Each backend brings its own."""
+"""The interface to the pins, implemented by each backend."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from wheelwire_protocol.native import Bridge
 from ...errors import DriverUnavailable
 
 FULL_ENABLE = 32767
-"""Duty of the PWM on EN as the core gives it."""
+"""The core's number for a PWM on EN that is always on."""
 
 
 class PinsBusy(DriverUnavailable):
-    """Another process holds a pin; one that was just told to end lets it go within its brake."""
+    """Another process holds a pin. A process that is ending releases it when it has braked."""
 
 
 class WheelPair(NamedTuple):
@@ -25,13 +25,13 @@ class WheelPair(NamedTuple):
 
 
 class HalfBridge(ABC):
-    """The pins of one half of an L298N. Raises `LinkLost` when they are out of reach."""
+    """The pins of one half of an L298N. Raises `LinkLost` if they can no longer be reached."""
 
     def __init__(self) -> None:
         self._inputs: tuple[bool, bool] | None = None
 
     def apply(self, levels: Bridge) -> None:
-        """Make the pins what the core says. The inputs never switch under current."""
+        """Set the pins as the core says. EN is low whenever the inputs change."""
         inputs = (levels.in1, levels.in2)
         if inputs != self._inputs:
             self.set_enable(0.0)
@@ -41,15 +41,15 @@ class HalfBridge(ABC):
 
     @abstractmethod
     def set_inputs(self, in1: bool, in2: bool) -> None:
-        """The levels of IN1 and IN2."""
+        """Set the levels of IN1 and IN2."""
 
     @abstractmethod
     def set_enable(self, duty: float) -> None:
-        """PWM on EN, 0..1; 0 is low."""
+        """Set the PWM on EN, 0..1; 0 is low."""
 
 
 class Gpio(ABC):
-    """The pins of one robot, opened. All methods raise `LinkLost` when they are out of reach.
+    """The opened pins of one robot. Methods raise `LinkLost` if they can no longer be reached.
 
     Attributes:
         left: The left wheel's half of the bridge.
@@ -67,15 +67,15 @@ class Gpio(ABC):
 
     @abstractmethod
     def illegal_transitions(self) -> WheelPair:
-        """How often an edge was lost, as far as the decoders can tell."""
+        """How many impossible changes the decoders have seen, each a lost edge."""
 
     @abstractmethod
     def contact_is_open(self) -> bool:
-        """The normally-closed e-stop contact; open where none is fitted."""
+        """Whether the normally-closed e-stop contact is open; true if none is fitted."""
 
-    def keep_alive(self, now_us: int) -> None:  # noqa: B027 - most have no one to tell
-        """Called each control step: tells whoever watches this process that it lives."""
+    def keep_alive(self, now_us: int) -> None:  # noqa: B027 - only pigpio has a watchdog
+        """Called in each control step: refresh the backend's watchdog, if it has one."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let both wheels coast and give back the pins. Raises nothing."""
+        """Let both wheels coast and release the pins. Raises nothing."""

@@ -1,4 +1,4 @@
-"""PWM on a bridge's EN: the kernel's where it is there, else the pin library's."""
+"""PWM on a bridge's EN: the kernel's if available, else the pin library's."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ..pins import PWM_CHANNEL
 CHANNELS_BY_COUNT = {2: PWM_CHANNEL, 4: {12: 0, 13: 1, 18: 2, 19: 3}}
 """The channel of a GPIO: on a Pi 1 to 4, whose chip has 2 channels, and on a Pi 5, with 4."""
 EXPORT_TIMEOUT_S = 2.0
-"""udev sets the permissions of a new channel a moment after it appears."""
+"""udev sets the permissions of a new channel shortly after it appears."""
 SOFTWARE_PWM_HZ = 1000
-"""Thread-timed PWM: what it is late by is a part of the duty, and the smaller the slower it is."""
+"""For PWM timed by a thread: a late edge changes the duty, the less so the longer the period."""
 
 
 class KernelChannel:
-    """A channel under /sys/class/pwm.
+    """A PWM channel under /sys/class/pwm.
 
     Args:
-        chip: Its chip's directory.
-        number: Its own.
+        chip: Directory of its chip.
+        number: Its number on the chip.
     """
 
     def __init__(self, chip: Path, number: int) -> None:
@@ -34,21 +34,22 @@ class KernelChannel:
         self._directory = chip / f"pwm{number}"
 
     def open(self, period_ns: int) -> None:
-        """Export it, low. Raises OSError."""
+        """Export the channel, low. Raises OSError."""
         if not self._directory.exists():
             _write(self._chip / "export", self._number)
             self._wait_until_writable()
-        # The kernel refuses a period below the duty; an exported channel keeps its old one.
+        # The kernel refuses a period below the duty, and a channel that was exported before still
+        # has its last duty: so the duty goes first.
         self.set_duty_ns(0)
         _write(self._directory / "period", period_ns)
         _write(self._directory / "enable", 1)
 
     def set_duty_ns(self, duty_ns: int) -> None:
-        """Of each period. Raises OSError."""
+        """Set the high time of each period. Raises OSError."""
         _write(self._directory / "duty_cycle", duty_ns)
 
     def switch_off(self) -> None:
-        """Low; it stays exported. Raises nothing."""
+        """Set the channel low; it stays exported. Raises nothing."""
         for name in ("duty_cycle", "enable"):
             with suppress(OSError):
                 _write(self._directory / name, 0)
@@ -63,22 +64,22 @@ class KernelChannel:
 
 
 class EnablePwm(ABC):
-    """One EN input."""
+    """The PWM of one EN input."""
 
     @abstractmethod
     def set(self, duty: float) -> None:
-        """0..1; 0 is low. Raises `LinkLost`."""
+        """Set the duty, 0..1; 0 is low. Raises `LinkLost`."""
 
     @abstractmethod
     def close(self) -> None:
-        """Give it back, low. Raises nothing."""
+        """Set EN low and release it. Raises nothing."""
 
 
 class KernelPwm(EnablePwm):
-    """A channel of the kernel's.
+    """PWM by a channel of the kernel.
 
     Raises:
-        DriverUnavailable: It cannot be had.
+        DriverUnavailable: The channel cannot be opened.
     """
 
     def __init__(self, channel: KernelChannel, frequency_hz: float) -> None:
@@ -88,27 +89,27 @@ class KernelPwm(EnablePwm):
             channel.open(self._period_ns)
         except OSError as error:
             raise DriverUnavailable(
-                f"{channel}: {error.strerror}: is the user in the group gpio, and does no "
-                "other program use this PWM channel?"
+                f"{channel}: {error.strerror}: add the user to the group gpio, and end any other "
+                "program that uses this PWM channel"
             ) from error
 
     def set(self, duty: float) -> None:
-        """Written at each call: a channel that has gone must show."""
+        """Set the duty. Written even if unchanged: a channel that is lost must be noticed."""
         try:
             self._channel.set_duty_ns(round(duty * self._period_ns))
         except OSError as error:
             raise LinkLost(f"{self._channel}: {error.strerror}") from error
 
     def close(self) -> None:
-        """The channel stays exported, low."""
+        """Set the channel low; it stays exported."""
         self._channel.switch_off()
 
 
 class LibraryPwm(EnablePwm):
-    """The pin factory's own, by a thread or a daemon.
+    """PWM by the pin factory, in a thread or a daemon.
 
     Raises:
-        DriverUnavailable: This factory has none.
+        DriverUnavailable: The pin factory has no PWM.
     """
 
     def __init__(self, pin: Any, frequency_hz: float) -> None:
@@ -125,26 +126,26 @@ class LibraryPwm(EnablePwm):
         pin.state = 0
 
     def set(self, duty: float) -> None:
-        """The factory rounds it; lgpio's has 100 steps."""
+        """Set the duty. The factory rounds it; lgpio's has 100 steps."""
         self._pin.state = duty
 
     def close(self) -> None:
-        """The pin becomes an input: the bridge's pull-down holds EN low."""
+        """Make the pin an input: the bridge's pull-down then holds EN low."""
         self._pin.close()
 
 
 def find_channels(
     directory: Path, number: int | None, gpios: tuple[int, ...]
 ) -> list[KernelChannel] | None:
-    """The kernel's PWM channels of `gpios`; None when there is no chip, or not one for them all.
+    """The kernel's PWM channels of `gpios`; None if no chip has channels for all of them.
 
     Args:
-        directory: Where the kernel lists its chips.
-        number: The chip's, or None to take the only one.
+        directory: Directory of the kernel's PWM chips.
+        number: Number of the chip, or None for the only one.
         gpios: BCM numbers.
 
     Raises:
-        DriverUnavailable: There are several, or not the one asked for.
+        DriverUnavailable: There are several chips, or `number` does not exist.
     """
     chips = {}
     for chip in sorted(directory.glob("pwmchip*")):
@@ -153,11 +154,13 @@ def find_channels(
             chips[chip.name] = (chip, channels)
     name = f"pwmchip{number}" if number is not None else next(iter(chips), None)
     if number is None and len(chips) > 1:
-        raise DriverUnavailable(f"several PWM chips ({_names(chips)}): choose one by pwm_chip")
+        raise DriverUnavailable(f"several PWM chips ({_names(chips)}): choose one with pwm_chip")
     if name is None:
         return None
     if name not in chips:
-        raise DriverUnavailable(f"no {name} with GPIO channels in {directory}: {_names(chips)}")
+        raise DriverUnavailable(
+            f"no {name} with GPIO channels in {directory} (there: {_names(chips)}): set pwm_chip"
+        )
     chip, channels = chips[name]
     if not all(gpio in channels for gpio in gpios):
         return None
@@ -165,7 +168,7 @@ def find_channels(
 
 
 def _names(chips: dict[str, Any]) -> str:
-    return ", ".join(chips) or "none is there"
+    return ", ".join(chips) or "none"
 
 
 def _write(file: Path, value: int) -> None:

@@ -1,4 +1,4 @@
-"""A robot's pins through gpiozero's pin factory, with the kernel's PWM where there is one."""
+"""Pins through gpiozero's pin factory, with the kernel's PWM if available."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ..settings import McuSettings
 from .base import Gpio, HalfBridge, PinsBusy, WheelPair
 from .enable_pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
 
-LIMITS = ("glitch_filter_ns is not applied: filter the encoder's lines by hardware",)
-CLAIM_S = 0.1
-"""The kernel frees a killed process's lines a moment after the process is gone."""
+LIMITS = ("glitch_filter_ns is not applied: filter the encoder lines in hardware",)
+CLAIM_TIMEOUT_S = 0.1
+"""The kernel releases the lines of a killed process shortly after the process has ended."""
 
 
 class LibraryHalfBridge(HalfBridge):
@@ -31,23 +31,23 @@ class LibraryHalfBridge(HalfBridge):
             pin.output_with_state(0)
 
     def attach(self, enable: EnablePwm) -> None:
-        """The PWM, once the inputs are ours: the kernel's PWM itself has no owner."""
+        """Add the PWM, after the inputs were claimed: the kernel does not track who uses a PWM."""
         self._enable = enable
 
     def set_inputs(self, in1: bool, in2: bool) -> None:
-        """The levels of IN1 and IN2."""
-        with _pins_in_reach():
+        """Set the levels of IN1 and IN2."""
+        with _link_lost_errors():
             for pin, level in zip(self._pins, (in1, in2), strict=True):
                 pin.state = level
 
     def set_enable(self, duty: float) -> None:
-        """PWM on EN."""
+        """Set the PWM on EN."""
         if self._enable is not None:
-            with _pins_in_reach():
+            with _link_lost_errors():
                 self._enable.set(duty)
 
     def close(self) -> None:
-        """EN low; where it is out of reach, equal inputs brake at least."""
+        """Set EN low. If that fails, equal inputs at least brake."""
         with suppress(WheelwireError):
             self.set_enable(0.0)
         with suppress(WheelwireError):
@@ -59,11 +59,11 @@ class LibraryHalfBridge(HalfBridge):
 
 
 class LibraryGpio(Gpio):
-    """A robot's pins.
+    """The pins of one robot.
 
     Raises:
         PinsBusy: Another process holds one.
-        DriverUnavailable: A library is missing, or a pin or its PWM cannot be had.
+        DriverUnavailable: A library is missing, or a pin or its PWM cannot be claimed.
         ConfigurationError: Both wheels are on one PWM channel.
     """
 
@@ -72,31 +72,31 @@ class LibraryGpio(Gpio):
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         self._factory = pin_factory()
-        self._callbacks: list[Callable[[float, int], None]] = []  # pins hold them weakly
+        self._callbacks: list[Callable[[float, int], None]] = []  # pins keep only weak references
         self._open_pins: list[Any] = []
         self._halves: list[LibraryHalfBridge] = []
         try:
-            with _refusals():
+            with _driver_unavailable_errors():
                 self._start(settings, parameters)
         except BaseException:
             self.close()
             raise
 
     def ticks(self) -> WheelPair:
-        """What the callbacks have counted."""
+        """The ticks that the callbacks have counted."""
         return WheelPair(*(decoder.ticks for decoder in self._decoders))
 
     def illegal_transitions(self) -> WheelPair:
-        """What they know to have missed."""
+        """The impossible changes that the callbacks have seen."""
         return WheelPair(*(decoder.illegal for decoder in self._decoders))
 
     def contact_is_open(self) -> bool:
-        """High is open, by the pull-up; open where none is fitted."""
-        with _pins_in_reach():
+        """High means open, by the pull-up; true if none is fitted."""
+        with _link_lost_errors():
             return self._estop is None or bool(self._estop.state)
 
     def close(self) -> None:
-        """Both wheels coast; all pins become inputs."""
+        """Let both wheels coast and make all pins inputs."""
         for half in self._halves:
             half.close()
         for pin in self._open_pins:
@@ -163,7 +163,7 @@ class LibraryGpio(Gpio):
 
 
 class EnableLow:
-    """For the guard, once nobody else holds EN: pulls it low on both halves of the bridge."""
+    """For the guard: pulls EN low on both halves of the bridge once the core has released it."""
 
     def __init__(self, settings: McuSettings) -> None:
         self._channels = kernel_channels(settings)
@@ -172,7 +172,7 @@ class EnableLow:
             self._factory = pin_factory()
 
     def __call__(self) -> None:
-        """Both, whatever fails: raises nothing."""
+        """Pull both low, even if one fails. Raises nothing."""
         if self._channels is not None:
             for channel in self._channels:
                 channel.switch_off()
@@ -181,28 +181,28 @@ class EnableLow:
             self._pull_low(gpio)
 
     def _pull_low(self, gpio: int) -> None:
-        end = time.monotonic() + CLAIM_S
+        end = time.monotonic() + CLAIM_TIMEOUT_S
         while time.monotonic() < end:
-            with suppress(Exception):  # each factory has its own
+            with suppress(Exception):  # each factory has its own errors
                 self._factory.pin(gpio).output_with_state(0)
                 return
             time.sleep(0.001)
 
 
 def kernel_channels(settings: McuSettings) -> Any:
-    """The kernel's PWM of both EN inputs, left and right; None where they have none.
+    """The kernel's PWM channels of both EN inputs, left and right; None if they have none.
 
     Raises:
-        DriverUnavailable: There are several chips, or not the one asked for.
+        DriverUnavailable: There are several chips, or the one chosen does not exist.
     """
     gpios = (settings.pins.left_pwm, settings.pins.right_pwm)
     return find_channels(Path(settings.pwm_directory), settings.pwm_chip, gpios)
 
 
 def pin_factory() -> Any:
-    """gpiozero's, if GPIOZERO_PIN_FACTORY has chosen one; else lgpio's.
+    """The pin factory that GPIOZERO_PIN_FACTORY chooses; by default lgpio's.
 
-    gpiozero itself would fall back, with warnings, on factories that miss edges or have no PWM.
+    gpiozero's own default falls back, with warnings, to factories that miss edges or have no PWM.
 
     Raises:
         DriverUnavailable: It is not installed, or finds no pins.
@@ -219,19 +219,19 @@ def pin_factory() -> Any:
                 Device.pin_factory = LGPIOFactory()
     except ImportError as error:
         raise DriverUnavailable(
-            f"driver 'l298n' needs gpiozero and lgpio ({error}): pip install 'wheelwire[pi]'"
+            f"driver 'l298n' needs gpiozero and lgpio ({error}): run pip install 'wheelwire[pi]'"
         ) from error
-    except Exception as error:  # each factory has its own
+    except Exception as error:  # each factory has its own errors
         raise DriverUnavailable(
-            f"no GPIO here ({error}): the l298n driver runs on a Raspberry Pi, with the user in "
-            "the group gpio"
+            f"no GPIO on this computer ({error}): run the l298n driver on a Raspberry Pi, as a "
+            "user in the group gpio"
         ) from error
     return Device.pin_factory
 
 
 @contextmanager
-def _refusals() -> Iterator[None]:
-    """What a pin factory raises for a pin that cannot be had."""
+def _driver_unavailable_errors() -> Iterator[None]:
+    """Turn a pin factory's errors into `DriverUnavailable`, or `PinsBusy`."""
     try:
         yield
     except WheelwireError:
@@ -241,15 +241,15 @@ def _refusals() -> Iterator[None]:
             raise PinsBusy(
                 f"another program uses one of the pins ({error}): end it first"
             ) from error
-        raise DriverUnavailable(f"a pin cannot be had: {error}") from error
+        raise DriverUnavailable(f"a pin cannot be claimed: {error}") from error
 
 
 @contextmanager
-def _pins_in_reach() -> Iterator[None]:
-    """Whatever a pin factory raises means that the pins are lost."""
+def _link_lost_errors() -> Iterator[None]:
+    """Turn a pin factory's errors on open pins into `LinkLost`."""
     try:
         yield
     except LinkLost:
         raise
     except Exception as error:
-        raise LinkLost(f"the pins are out of reach: {error}") from error
+        raise LinkLost(f"the pins can no longer be reached: {error}") from error

@@ -1,7 +1,7 @@
-"""A connection to pigpiod that notices its end.
+"""A connection to pigpiod that notices when it is lost.
 
-pigpio's client (1.78, its last) waits for ever for an answer that does not come, and its callback
-thread spins when the daemon closes the connection. Both are mended here, from outside.
+pigpio's client (1.78, its last) waits forever for an answer that does not come, and its callback
+thread spins when the daemon closes the connection. Both are worked around here, from outside.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from ...errors import DriverUnavailable, LinkLost
 
 CONNECT_TIMEOUT_S = 3.0
 ANSWER_TIMEOUT_S = 0.5
-"""The daemon answers within a millisecond, a wireless network within some tens."""
+"""The daemon answers within a millisecond, over a wireless network within some tens."""
 JOIN_S = 0.5
 
 
 class PigpioClient:
-    """An open connection.
+    """An open connection to a daemon.
 
     Args:
-        host: Where the daemon runs.
+        host: The daemon's computer.
         port: Its TCP port.
 
     Raises:
@@ -37,16 +37,18 @@ class PigpioClient:
             import pigpio
         except ImportError as error:
             raise DriverUnavailable(
-                "driver 'pigpio' needs pigpio's client: pip install 'wheelwire[pi]'"
+                "driver 'pigpio' needs pigpio's client: run pip install 'wheelwire[pi]'"
             ) from error
         self.library = pigpio
         self.address = f"{host}:{port}"
         _probe(host, port, self.address)
-        with _ending_threads(pigpio):
+        with _threads_that_end(pigpio):
             self._pi = pigpio.pi(host, port, show_errors=False)
         if not self._pi.connected:
-            raise DriverUnavailable(f"what answers at {self.address} is no pigpiod")
-        # Its exit handler would cut the connection before the driver's stops the wheels.
+            raise DriverUnavailable(
+                f"the program at {self.address} is not pigpiod: give another host or port"
+            )
+        # pigpio's exit handler would close the connection before ours has stopped the wheels.
         atexit.unregister(self._pi.stop)
         self._pi.sl.s.settimeout(ANSWER_TIMEOUT_S)
         self._closed = False
@@ -54,20 +56,20 @@ class PigpioClient:
         self._notify_socket: _EndingSocket = self._notify.sl.s
 
     def call(self, method: str, *arguments: object) -> Any:
-        """The result of a method of `pigpio.pi`.
+        """Call a method of `pigpio.pi` and return its result.
 
         Raises:
-            LinkLost: No answer, or no connection any more; it cannot be used again.
-            pigpio.error: The daemon refuses.
+            LinkLost: No answer, or the connection is closed. This client cannot be used again.
+            pigpio.error: The daemon refused the call.
         """
         self.check()
         try:
             return getattr(self._pi, method)(*arguments)
-        except (OSError, struct.error) as error:  # the latter of an answer cut short
+        except (OSError, struct.error) as error:  # struct.error: a truncated answer
             raise LinkLost(f"pigpiod at {self.address} does not answer: {error}") from error
 
     def check(self) -> None:
-        """Raise `LinkLost` when the daemon has closed the connection."""
+        """Raise `LinkLost` if the daemon has closed the connection."""
         if self._closed or not self._notify.is_alive():
             raise LinkLost(f"pigpiod at {self.address} has closed the connection")
 
@@ -76,23 +78,23 @@ class PigpioClient:
         self._closed = True
         with suppress(OSError):
             self._pi.stop()
-        self._notify.join(JOIN_S)  # a daemon that still runs acknowledges the close
+        self._notify.join(JOIN_S)  # it ends by itself if the daemon acknowledges the close
         self._notify_socket.shutdown()
         self._notify.join(JOIN_S)
         self._notify_socket.close()
 
 
 @contextmanager
-def _ending_threads(library: Any) -> Iterator[None]:
-    """Callback threads that are made meanwhile end with their connection."""
+def _threads_that_end(library: Any) -> Iterator[None]:
+    """A block in which pigpio creates callback threads that end with their connection."""
     thread_class = library._callback_thread
 
-    class EndingThread(thread_class):  # type: ignore[misc, valid-type] # pigpio has no types
-        def start(self) -> None:  # the library calls it once the socket is there
+    class CallbackThread(thread_class):  # type: ignore[misc, valid-type] # pigpio has no types
+        def start(self) -> None:  # pigpio calls it once the socket is connected
             self.sl.s = _EndingSocket(self)
             super().start()
 
-    library._callback_thread = EndingThread
+    library._callback_thread = CallbackThread
     try:
         yield
     finally:
@@ -100,7 +102,7 @@ def _ending_threads(library: Any) -> Iterator[None]:
 
 
 class _EndingSocket:
-    """In the place of the callback thread's socket: its end ends the thread."""
+    """Replaces the socket of the callback thread: when it is closed, the thread ends."""
 
     def __init__(self, thread: Any) -> None:
         self._socket: socket.socket = thread.sl.s
@@ -128,7 +130,7 @@ class _EndingSocket:
 
 
 def _probe(host: str, port: int, address: str) -> None:
-    """The library's own attempt has no time-out, and tells no reason."""
+    """Connect once with a time-out and a reason, both of which pigpio's own attempt lacks."""
     try:
         socket.create_connection((host, port), CONNECT_TIMEOUT_S).close()
     except OSError as error:

@@ -1,8 +1,8 @@
-"""A script inside pigpiod that stops the wheels when this program no longer lets it wait.
+"""A script inside pigpiod that stops the wheels unless this program keeps refreshing it.
 
-The daemon keeps its pins as they are when a client dies or the network drops. The script counts
-down, is set back while the control loop runs, and at zero puts EN low and ends. It also shows other
-programs that these pins are taken.
+The daemon leaves its pins unchanged when a client dies or the network fails. The script counts
+down; the running control loop resets its counter; at zero it pulls EN low and ends. It also shows
+other programs that these pins are in use.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from .pigpio_client import PigpioClient
 
 CHECK_MS = 10
 CHECKS = 11
-"""EN goes low this many checks after the last sign of life: 0.11 s."""
+"""EN goes low this many checks after the last refresh: 0.11 s."""
 REFRESH_US = 20_000
-MARK = 0x57574C01
-"""In the script's last parameter, to know it again."""
-MOST_SCRIPTS = 32
+SCRIPT_MARK = 0x57574C01
+"""In the script's last parameter, to recognise our scripts by."""
+MAX_SCRIPTS = 32
 FIRST_START_S = 1.0
 
 
 class PigpioWatchdog:
-    """One script, from its start to `close`.
+    """The running script; `close` removes it.
 
     Args:
         client: An open connection.
@@ -37,16 +37,17 @@ class PigpioWatchdog:
     def __init__(self, client: PigpioClient, enables: tuple[int, int]) -> None:
         self._client = client
         self._library = client.library
-        self._parameters = [CHECKS, *sorted(enables), 0, 0, 0, 0, 0, 0, MARK]
+        self._parameters = [CHECKS, *sorted(enables), 0, 0, 0, 0, 0, 0, SCRIPT_MARK]
         self._next_us = 0
         self._claim()
         writes = " ".join(f"w {gpio} 0" for gpio in enables)
+        # Each round: wait CHECK_MS, decrement p0, repeat while it is positive; then EN low.
         script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
         self._id: int = client.call("store_script", script.encode())
         self._run()
 
     def keep_alive(self, now_us: int) -> bool:
-        """Put the end off, now and then. False when it had come, and EN is low."""
+        """Refresh the script from time to time. False if it had ended: EN is low then."""
         if now_us < self._next_us:
             return True
         self._next_us = now_us + REFRESH_US
@@ -58,7 +59,7 @@ class PigpioWatchdog:
         return True
 
     def close(self) -> None:
-        """Take the script back."""
+        """Stop and delete the script."""
         self._client.call("stop_script", self._id)
         self._client.call("delete_script", self._id)
 
@@ -67,11 +68,13 @@ class PigpioWatchdog:
         self._client.call("run_script", self._id, self._parameters)
 
     def _claim(self) -> None:
-        """Remove what a program that was killed has left; refuse to share with one that lives."""
-        for script_id in range(MOST_SCRIPTS):
+        """Delete the script of a killed program; refuse if a running program refreshes it."""
+        for script_id in range(MAX_SCRIPTS):
             _, parameters = self._status(script_id)
             if not parameters or parameters[1:] != tuple(self._parameters[1:]):
                 continue
+            # A script that nobody refreshes ends within its countdown: one that still runs after
+            # twice that time has a program behind it.
             longest_s = 2 * CHECKS * CHECK_MS / 1000
             running = self._library.PI_SCRIPT_RUNNING
             if not self._wait_while(script_id, running, longest_s):

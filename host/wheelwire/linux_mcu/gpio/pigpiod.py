@@ -1,4 +1,4 @@
-"""A robot's pins behind a pigpio daemon, here or on another computer."""
+"""Pins of a pigpio daemon, on this computer or another one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FULL_DUTY = 1_000_000
 
 
 class PigpiodHalfBridge(HalfBridge):
-    """One half of the bridge, its EN on a hardware PWM pin."""
+    """One half of the bridge, with EN on a hardware PWM pin."""
 
     def __init__(
         self, client: PigpioClient, enable: int, inputs: tuple[int, int], pwm_hz: int
@@ -33,30 +33,30 @@ class PigpiodHalfBridge(HalfBridge):
             client.call("write", gpio, 0)
 
     def set_inputs(self, in1: bool, in2: bool) -> None:
-        """The levels of IN1 and IN2."""
+        """Set the levels of IN1 and IN2."""
         for gpio, level in zip(self._gpios, (in1, in2), strict=True):
             self._client.call("write", gpio, int(level))
 
     def set_enable(self, duty: float) -> None:
-        """Hardware PWM; sent when it changes."""
+        """Set the hardware PWM on EN; sent only when it changes."""
         wanted = round(duty * FULL_DUTY)
         if wanted != self._duty:
             self._client.call("hardware_PWM", self._enable, self._pwm_hz, wanted)
             self._duty = wanted
 
     def forget(self) -> None:
-        """Somebody else has put EN low: the next duty is sent again."""
+        """Note that the watchdog has pulled EN low: the next duty must be sent again."""
         self._duty = None
 
 
 class PigpiodGpio(Gpio):
-    """A robot's pins.
+    """The pins of one robot.
 
     Raises:
-        PinsBusy: Another program drives them.
+        PinsBusy: Another program uses them.
         DriverUnavailable: No daemon answers, or it refuses the pins or its hardware PWM.
         ConfigurationError: Both wheels are on one PWM channel.
-        LinkLost: The daemon does not answer any more.
+        LinkLost: The daemon no longer answers.
     """
 
     left: PigpiodHalfBridge
@@ -76,26 +76,26 @@ class PigpiodGpio(Gpio):
             raise
 
     def ticks(self) -> WheelPair:
-        """What the callbacks have counted."""
+        """The ticks that the callbacks have counted."""
         self._client.check()
         return WheelPair(*(decoder.ticks for decoder in self._decoders))
 
     def illegal_transitions(self) -> WheelPair:
-        """What they know to have missed."""
+        """The impossible changes that the callbacks have seen."""
         return WheelPair(*(decoder.illegal for decoder in self._decoders))
 
     def contact_is_open(self) -> bool:
-        """High is open, by the pull-up; open where none is fitted."""
+        """High means open, by the pull-up; true if none is fitted."""
         return self._pins.estop is None or bool(self._client.call("read", self._pins.estop))
 
     def keep_alive(self, now_us: int) -> None:
-        """Tell the watchdog in the daemon that the core runs."""
+        """Refresh the watchdog script in the daemon."""
         if not self._watchdog.keep_alive(now_us):
             self.left.forget()
             self.right.forget()
 
     def close(self) -> None:
-        """EN low, as far as the daemon can be reached; else its watchdog does it."""
+        """Pull EN low; if the daemon cannot be reached, its watchdog script does so."""
         with suppress(WheelwireError, self._client.library.error):
             self.left.set_enable(0.0)
             self.right.set_enable(0.0)
@@ -120,7 +120,7 @@ class PigpiodGpio(Gpio):
             self._input(pins.estop)
 
     def _decoder(self, gpio_a: int, gpio_b: int, filter_us: int) -> QuadratureDecoder:
-        """Fed with the levels in the reports: to read a pin in a callback would be too late."""
+        """Decode the levels in the daemon's reports: a callback would read a pin too late."""
         client = self._client
         for gpio in (gpio_a, gpio_b):
             self._input(gpio)
@@ -145,7 +145,7 @@ class PigpiodGpio(Gpio):
         library = self._client.library
         if error == library.error_text(library.PI_HPWM_ILLEGAL):
             return (
-                f"the pigpiod at {self._client.address} was started with -t 0, which uses up the "
-                "PWM hardware: start it without -t"
+                f"the pigpiod at {self._client.address} was started with -t 0, which takes the PWM "
+                "hardware for its own timing: start it without -t"
             )
-        return f"the pigpiod at {self._client.address} refuses: {error}"
+        return f"the pigpiod at {self._client.address} refused: {error}"
