@@ -43,10 +43,14 @@ def wait_for_frames(robot: SerialDriver, count: int) -> None:
 
 def test_a_stream_that_nobody_asks_for_is_read_in_groups(reads: Reads) -> None:
     with Simulator() as simulator, SerialDriver(simulator.port, stream_rate_hz=1000) as robot:
-        before = reads.count
-        wait_for_frames(robot, FRAMES)
-        assert reads.count - before < FRAMES / 4
-        assert robot.statistics.frames_lost == 0
+
+        def is_whole_in_few_reads() -> bool:
+            """Not where the computer was too busy to empty the port's buffer within 55 ms."""
+            count, lost = reads.count, robot.statistics.frames_lost
+            wait_for_frames(robot, FRAMES)
+            return reads.count - count < FRAMES / 4 and robot.statistics.frames_lost == lost
+
+        wait_until(is_whole_in_few_reads)
 
 
 def test_who_asks_gets_samples_as_they_come() -> None:

@@ -55,25 +55,27 @@ class SuspendWatch:
         self._boot_clock_us = boot_clock_us or _boot_clock_us
         self._asleep_us: int | None = None
         """The longest that the computer can have slept up to the last check."""
-        self.slept()
+        self.slept(host_clock_us())
 
-    def slept(self) -> bool:
-        """Whether the computer has slept since the last check."""
-        before_us = host_clock_us()
+    def slept(self, now_us: int) -> bool:
+        """Whether the computer has slept since the last check. `now_us` was read just before."""
         boot_us = self._boot_clock_us()
         if boot_us is None:
             return False
         # The thread may be preempted between two readings; that must not look like sleep, so the
-        # difference of the clocks is bounded from both sides.
-        least_us, most_us = boot_us - host_clock_us(), boot_us - before_us
-        former_us, self._asleep_us = self._asleep_us, most_us
-        return former_us is not None and least_us > former_us + self.STEP_US
+        # difference of the clocks is bounded from both sides. Nearly always one bound is enough.
+        former_us, self._asleep_us = self._asleep_us, boot_us - now_us
+        if former_us is None or self._asleep_us <= former_us + self.STEP_US:
+            return False
+        return boot_us - host_clock_us() > former_us + self.STEP_US
+
+
+_BOOT_CLOCK: int | None = getattr(time, "CLOCK_BOOTTIME", None)
 
 
 def _boot_clock_us() -> int | None:
     """A clock that continues while the computer sleeps; None where there is none."""
-    clock = getattr(time, "CLOCK_BOOTTIME", None)
-    return None if clock is None else time.clock_gettime_ns(clock) // 1000
+    return None if _BOOT_CLOCK is None else time.clock_gettime_ns(_BOOT_CLOCK) // 1000
 
 
 class Exchange(NamedTuple):

@@ -42,9 +42,11 @@ class LatestSample:
         self._asked_us = -ATTENTION_US
         self._iterators: list[ref[SampleIterator]] = []
         """Copied before iterating: other threads add to it."""
+        self.is_iterated = False
+        """Whether anyone wants every sample, not just the newest."""
 
     def put(self, measurement: Measurement) -> None:
-        """Store what was measured."""
+        """Store what was measured; `notify_all` tells those who wait for it."""
         state, last = measurement.state, self._last
         if last is None:
             self._ticks = state.left_ticks, state.right_ticks
@@ -56,13 +58,23 @@ class LatestSample:
             )
         self._last = state
         self._unread.append(measurement)
+        self._current = True
+        if self.is_iterated:
+            self._put_into_iterators(measurement)
+
+    def _put_into_iterators(self, measurement: Measurement) -> None:
         for reference in tuple(self._iterators):
             iterator = reference()
             if iterator is None:
                 self._iterators.remove(reference)
             else:
                 iterator.put(measurement)
-        self._current = True
+        # Another thread may add one at any time: it sets this after it has added.
+        self.is_iterated = False
+        self.is_iterated = bool(self._iterators)
+
+    def notify_all(self) -> None:
+        """Wake who waits for what was put."""
         self._changed.notify_all()
 
     def interrupt(self) -> None:
@@ -88,14 +100,10 @@ class LatestSample:
         """All samples from now on; `wait`: see `SampleIterator`."""
         iterator = SampleIterator(wait or self._wait_for)
         self._iterators.append(ref(iterator))
+        self.is_iterated = True
         if self._failure is not None:  # possibly before it was listed
             iterator.end(None if self._closed else self._failure)
         return iterator
-
-    @property
-    def is_iterated(self) -> bool:
-        """Whether anyone wants every sample, not just the newest."""
-        return bool(self._iterators)
 
     def take(self, timeout_s: float) -> WheelSample:
         """Return the newest sample not returned yet, waiting for one if necessary.

@@ -50,6 +50,9 @@ class PortLoop(ServedPort):
         self._wake_write.setblocking(False)
         self._poller = select.poll()
         self._poller.register(self._wake_read, select.POLLIN)
+        self._descriptor = -1
+        self._wanted = 0
+        """Of the port, and the events that are polled for."""
         super().__init__(open_port, baud_rate, session, changed, latest_sample, is_wanted)
 
     def wake(self) -> None:
@@ -143,31 +146,40 @@ class PortLoop(ServedPort):
 
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost (True) or the loop ends (False). Closes the port."""
-        self._poller.register(transport)
+        self._descriptor, self._wanted = transport.fileno(), select.POLLIN
+        self._poller.register(self._descriptor, self._wanted)
         self._transport = transport
         try:
-            while not (self._is_ending() and self._last_stop_over()):
-                self._turn(transport, self._wait_for_port(transport))
+            while not (self._finishing and self._last_stop_over()):
+                self._turn(transport, self._wait_for_port())
         except LinkLost as error:
             self._lose(error)
             return True
         finally:
             self._transport = None
-            self._poller.unregister(transport)
+            self._poller.unregister(self._descriptor)
             transport.close()
+            self._tell_news()
         return False
 
-    def _wait_for_port(self, transport: Transport) -> int:
+    def _wait_for_port(self) -> int:
         """Wait for a deadline, a wake-up or the port; return the port's poll events."""
         now_us = host_clock_us()
         until_us, rests = self._next_wait(now_us)
         wanted = 0 if rests else select.POLLIN
-        self._poller.modify(transport, wanted | select.POLLOUT if self._output else wanted)
-        events = dict(self._poller.poll(max(0.0, (until_us - now_us) / 1000)))
-        if self._wake_read.fileno() in events:
-            self._drain_wake_ups()
-            self._work_pending = True
-        found = events.get(transport.fileno(), 0)
+        if self._output:
+            wanted |= select.POLLOUT
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._poller.modify(self._descriptor, wanted)
+        self._tell_news()
+        found = 0
+        for descriptor, events in self._poller.poll(max(0.0, (until_us - now_us) / 1000)):
+            if descriptor == self._descriptor:
+                found = events
+            else:
+                self._drain_wake_ups()
+                self._work_pending = True
         rested = rests and host_clock_us() >= self._coalescing.rest_until_us
         return found | select.POLLIN if rested else found
 

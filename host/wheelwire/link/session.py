@@ -169,6 +169,8 @@ class Session:
         self._hello_due_us = 0
         self._id = 0
         """The session's; 0 outside one."""
+        self._boot_id: int | None = None
+        """The device's; None outside a session."""
         self._command_seqs = count(1)
         self._opened: _Opened | None = None
         self._boots = BootHistory()
@@ -256,17 +258,20 @@ class Session:
                 # Before the session is open the clock is unknown, so a state has no stamp.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
                     states.append(message)
-                if self.every_state:
-                    self._take_states(states, found, now_us)
+                    if self.every_state:
+                        self._take_states(states, found, now_us)
                 continue
-            self._take_states(states, found, now_us)
+            if states:
+                self._take_states(states, found, now_us)
             handler = self._handlers.get(type(message))
             if handler is None:
                 self._foreign += 1  # a message that only hosts send: an echo
             else:
                 handler(message, now_us)
-        self._take_states(states, found, now_us)
-        self._open_when_prepared(now_us)
+        if states:
+            self._take_states(states, found, now_us)
+        if self.phase is Phase.PREPARING:
+            self._open_when_prepared(now_us)
         return found
 
     def advance(self, now_us: int) -> None:
@@ -431,7 +436,7 @@ class Session:
         self.error = error  # first: other threads read it as soon as they see the phase
         self.phase = Phase.CLOSED
         self._opened = None
-        self._id = 0
+        self._id, self._boot_id = 0, None
         self.unanswered_since_us = None
         self._setpoints.clear()
         self._requests.abort(error)
@@ -468,7 +473,7 @@ class Session:
         self.phase = Phase.PREPARING
         self.unanswered_since_us = None
         self.count += 1
-        self._id = self._nonce ^ device.boot_id
+        self._id, self._boot_id = self._nonce ^ device.boot_id, device.boot_id
         self._heard_us = self._state_us = now_us
         self._decoder.restart_sequence()
         self.values.clear()
@@ -516,12 +521,11 @@ class Session:
 
     def _is_this_boot(self, boot_id: int, now_us: int) -> bool:
         """As `_is_ours`, but by boot id. An id not seen before means a reset: say hello again."""
-        if not self._in_session or self.device is None:
-            return False
-        if self.device.boot_id == boot_id:
+        if boot_id == self._boot_id:
             self._heard_us = now_us
             return True
-        self._begin_anew_if_reset(boot_id, now_us)
+        if self._boot_id is not None:
+            self._begin_anew_if_reset(boot_id, now_us)
         return False
 
     def _begin_anew_if_reset(self, boot_id: int, now_us: int) -> None:
@@ -531,8 +535,6 @@ class Session:
 
     def _take_states(self, states: list[WheelState], found: list[Measurement], now_us: int) -> None:
         """Add the newest of consecutive state frames to those found, and clear the list."""
-        if not states:
-            return
         self._state_us = now_us
         try:
             newest = self._state_stream.newest(states, self._synchroniser.clock, now_us)

@@ -94,20 +94,16 @@ class StateStream:
         """
         newest = None
         for state in states:
-            if self._is_new(state, clock, now_us):
+            boot_id, former_us = state.boot_id, self._t_us
+            if boot_id == self._boot_id and now_us < self._arrived_us + UNWRAP_US:
+                t_us = former_us + tick_difference(state.t_us, former_us)
+            else:
+                t_us = clock.unwrap(state.t_us, now_us)
+            if boot_id == self._boot_id and t_us <= former_us:
+                self.stale += 1
+            else:
+                self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, now_us
                 newest = state
         if newest is None:
             return None
         return Measurement(newest, self._t_us, clock.conversion, now_us)
-
-    def _is_new(self, state: WheelState, clock: ClockEstimator, now_us: int) -> bool:
-        boot_id, former_us = state.boot_id, self._t_us
-        if boot_id == self._boot_id and now_us < self._arrived_us + UNWRAP_US:
-            t_us = former_us + tick_difference(state.t_us, former_us)
-        else:
-            t_us = clock.unwrap(state.t_us, now_us)
-        if boot_id == self._boot_id and t_us <= former_us:
-            self.stale += 1
-            return False
-        self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, now_us
-        return True

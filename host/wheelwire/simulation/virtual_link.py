@@ -161,6 +161,7 @@ class VirtualLink:
         if self._plugged:
             for measurement in self._session.receive(arrived, self.now_us):
                 self._latest_sample.put(measurement)
+            self._latest_sample.notify_all()
 
     def _answer(self, submit: Callable[[Done], None]) -> Answer:
         self._check_open()
