@@ -26,6 +26,12 @@ def twist(linear_mps: float, angular_radps: float = 0.0) -> Any:
     return Twist(linear=Vector3(x=linear_mps), angular=Vector3(z=angular_radps))
 
 
+def stamp_s(message: Any) -> float:
+    """When what a message says was so."""
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec / 1e9)
+
+
 class Rig:
     """One robot on a graph of its own.
 

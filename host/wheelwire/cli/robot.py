@@ -135,7 +135,8 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]
     odometry.update(robot.read())
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:
-        robot.set_velocity(*twist, ttl=min(TTL_S, left))
+        if left >= COMMAND_PERIOD_S:  # the setpoint before lasts to the end as well
+            robot.set_velocity(*twist, ttl=min(TTL_S, left))
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
     robot.stop()
