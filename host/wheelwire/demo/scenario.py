@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import TypeAlias
 
 from rich.console import Console
 
@@ -27,12 +29,16 @@ STANDSTILL_TIMEOUT_S = 10.0
 PICTURE = "trajectory.png"
 
 
-def run(folder: Path, console: Console) -> Report:
+Save: TypeAlias = Callable[[Path, Sequence[Pose], Sequence[Pose], Sequence[Pose]], None]
+
+
+def run(folder: Path, console: Console, save: Save = save_trajectory) -> Report:
     """Drive a simulated robot; takes about 25 s.
 
     Args:
         folder: Where `trajectory.png` is written; made if it is not there.
         console: Where progress is shown.
+        save: Writes the picture.
 
     Raises:
         SimulatorNotFound: The simulator is not built.
@@ -45,14 +51,17 @@ def run(folder: Path, console: Console) -> Report:
         SerialDriver(simulator.port) as robot,
         open_display(console) as display,
     ):
-        return _Demonstration(simulator, robot, display).run(folder)
+        return _Demonstration(simulator, robot, display, save).run(folder)
 
 
 class _Demonstration:
-    def __init__(self, simulator: Simulator, robot: SerialDriver, display: Display) -> None:
+    def __init__(
+        self, simulator: Simulator, robot: SerialDriver, display: Display, save: Save
+    ) -> None:
         self._simulator = simulator
         self._robot = robot
         self._display = display
+        self._save_picture = save
         self._odometry = Odometry(robot.geometry)
         self._odometry.update(robot.read())
         self._began_s = time.monotonic()
@@ -120,7 +129,7 @@ class _Demonstration:
         true_path = [Pose(state.x_m, state.y_m, state.heading_rad) for state in self._true]
         commanded = commanded_path(DURATION_S + STRAIGHT_S)
         try:
-            save_trajectory(picture, commanded, self._path, true_path)
+            self._save_picture(picture, commanded, self._path, true_path)
         except ImportError as error:
             return (
                 f"it needs {(error.name or '').partition('.')[0]}: pip install 'wheelwire[tools]'"
