@@ -274,7 +274,7 @@ def unloaded(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 def test_a_missing_library_names_the_cure(unloaded: pytest.MonkeyPatch, tmp_path: Path) -> None:
     unloaded.setattr(native, "_CHECKOUT", tmp_path)
     unloaded.setattr(native, "_PACKAGE", tmp_path)
-    with pytest.raises(NativeMissingError, match="is not there; install a wheel of wheelwire"):
+    with pytest.raises(NativeMissingError, match="does not exist; install a wheel of wheelwire"):
         native.load()
     (tmp_path / "firmware").mkdir()
     with pytest.raises(NativeMissingError, match="is not there; build it with `make sim`"):
@@ -294,7 +294,7 @@ def test_a_library_of_another_release_is_refused(
     unloaded: pytest.MonkeyPatch, changed: str
 ) -> None:
     unloaded.setattr(native, changed, 99)
-    with pytest.raises(NativeMissingError, match="is not of this release; build it with"):
+    with pytest.raises(NativeMissingError, match="is of another release; build it with"):
         native.load()
 
 
