@@ -277,7 +277,7 @@ def test_a_missing_library_names_the_cure(unloaded: pytest.MonkeyPatch, tmp_path
     with pytest.raises(NativeMissingError, match="does not exist; install a wheel of wheelwire"):
         native.load()
     (tmp_path / "firmware").mkdir()
-    with pytest.raises(NativeMissingError, match="is not there; build it with `make sim`"):
+    with pytest.raises(NativeMissingError, match="does not exist; build it with `make sim`"):
         native.load()
     assert not native.is_present()
 
