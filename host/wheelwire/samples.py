@@ -1,4 +1,4 @@
-"""What the wheels did: one measured instant, and the travel between two of them."""
+"""Samples of both wheels, and the travel between two samples."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ def tick_difference(later: int, earlier: int) -> int:
 
 
 class WheelTravel(NamedTuple):
-    """From one sample to a later one."""
+    """The travel of both wheels from one sample to a later one."""
 
     left: int
     """Ticks, forward positive."""
     right: int
     """Ticks, forward positive."""
     dt_s: float
-    """On the device's clock."""
+    """Time between the samples on the device's clock."""
     rebased: bool
-    """The device was reset in between: what it travelled meanwhile is unknown, and given as 0."""
+    """Whether the device was reset in between: the travel is unknown then, and given as 0."""
 
 
 class WheelSample(NamedTuple):
     """Both encoders, latched by the device at one instant.
 
     Attributes:
-        boot_id: The device's, random at each reset.
+        boot_id: Random number drawn by the device at each reset.
         t_us: The device's clock at the latch, 64 bits. [us]
         left_ticks: Cumulative, as on the wire: wraps at 2^32.
         right_ticks: Cumulative, as on the wire: wraps at 2^32.
@@ -40,13 +40,13 @@ class WheelSample(NamedTuple):
         right_mps: Measured at the rim. [m/s]
         left_duty: On the output, -1..1; 0 when not driving.
         right_duty: On the output, -1..1; 0 when not driving.
-        command_seq: Number of the setpoint obeyed, or last obeyed.
-        state: The safety supervisor's.
+        command_seq: Number of the setpoint obeyed now, or the last one obeyed.
+        state: State of the supervisor.
         faults: Latched faults.
-        overruns: Control steps that came late since the reset. Wraps at 2^16.
-        battery_v: None when the device does not measure it. [V]
-        stamp: The latch on this host's `time.monotonic()`. [s]
-        stamp_error_s: Bound of the stamp's error. [s]
+        overruns: Control steps that were late, since the reset. Wraps at 2^16.
+        battery_v: None if the device does not measure it. [V]
+        stamp: Time of the latch on this host's `time.monotonic()`. [s]
+        stamp_error_s: Error bound of the stamp. [s]
     """
 
     boot_id: int
@@ -66,7 +66,7 @@ class WheelSample(NamedTuple):
     stamp_error_s: float
 
     def since(self, earlier: WheelSample) -> WheelTravel:
-        """The travel from `earlier` to this sample, right across counter wraps."""
+        """The travel from `earlier` to this sample, correct across counter wraps."""
         if self.boot_id != earlier.boot_id:
             return WheelTravel(0, 0, 0.0, rebased=True)
         return WheelTravel(

@@ -1,6 +1,6 @@
-"""Exit code 0 while a robot's node reports in /diagnostics that it has its robot.
+"""Exits with 0 if a robot's node reports in /diagnostics that it is connected to its robot.
 
-It says 1 when the node is dead or hangs, and when its robot is out of reach.
+Exits with 1 if the node is dead or hangs, or cannot reach its robot.
 
     healthcheck.py [NODE]      hardware_robot by default; with its namespace, robot1/hardware_robot
 """
@@ -14,25 +14,25 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 TIMEOUT_S = 8.0
-"""Discovery, and a report each second."""
+"""Long enough for discovery and one report, which comes every second."""
 
 
 class LinkListener:
-    """Hears what /diagnostics says of one node's link."""
+    """Receives the status of one node's link in /diagnostics."""
 
     def __init__(self, robot: str) -> None:
         self.status: DiagnosticStatus | None = None
         self._subject = f"{robot}: link"
 
     def hear(self, report: DiagnosticArray) -> None:
-        """Take a message."""
+        """Handle a message."""
         for status in report.status:
             if status.name == self._subject:
                 self.status = status
 
 
 def main() -> str | None:
-    """Returns what is wrong."""
+    """Run the check; returns what is wrong, or None."""
     robot = sys.argv[1] if len(sys.argv) > 1 else "hardware_robot"
     listener = LinkListener(robot)
     rclpy.init(args=[])
@@ -43,7 +43,7 @@ def main() -> str | None:
         rclpy.spin_once(node, timeout_sec=0.1)
     rclpy.shutdown()
     if listener.status is None:
-        return f"{robot} reports nothing"
+        return f"{robot} does not report: is the node running, under this name and namespace?"
     if listener.status.level != DiagnosticStatus.OK:
         return f"{listener.status.name}: {listener.status.message}"
     return None

@@ -1,7 +1,7 @@
-"""A robot's nodes: its wheels, its lidar, and the model that ties their frames together.
+"""A robot's nodes: wheels, lidar, and the model that connects their frames.
 
-Without a namespace the topics are /cmd_vel, /odom, /scan, /tf. With one they are all below it, /tf
-too, as Nav2 expects of several robots; the frames keep their names.
+Without a namespace the topics are /cmd_vel, /odom, /scan, /tf. With one they are all below it,
+including /tf, as Nav2 expects for several robots; the frames keep their names.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchContext, LaunchDescription
 
 SHARE = Path(__file__).parents[1]
-"""Installed or not, the other folders are beside this one."""
+"""The other folders are beside this one, installed or not."""
 PARAMETERS = SHARE / "config" / "pi4b_params.yaml"
 MODEL = SHARE / "urdf" / "pi4b.urdf"
 
@@ -30,16 +30,16 @@ SWITCH = ["true", "false"]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """All of it; `ros2 launch --show-args` lists the arguments."""
+    """The whole launch description; `ros2 launch --show-args` lists the arguments."""
     return LaunchDescription(
         [
-            _argument("driver", "", "mock, l298n, pigpio or serial. Empty: as params_file says."),
-            _argument("port", "", "Of the driver serial. Empty: as params_file says."),
+            _argument("driver", "", "mock, l298n, pigpio or serial. Empty: as in params_file."),
+            _argument("port", "", "Port of the serial driver. Empty: as in params_file."),
             _argument("params_file", str(PARAMETERS), "The robot's parameters."),
             _argument("lidar", "true", "Start the RPLidar's node.", SWITCH),
             _argument("lidar_port", "/dev/rplidar", "The RPLidar's port."),
             _argument("robot_state_publisher", "true", "Publish the robot's model.", SWITCH),
-            _argument("namespace", "", "Of all nodes, for several robots on one graph."),
+            _argument("namespace", "", "Namespace of all nodes, for several robots on one graph."),
             OpaqueFunction(function=_hardware_robot),
             _lidar(),
             _robot_state_publisher(),
@@ -56,7 +56,7 @@ def _argument(
 
 
 def _hardware_robot(context: LaunchContext) -> list[Node]:
-    """Given arguments go before the file; one that was not given must not hide what it says."""
+    """An argument overrides the file, but only if it was given."""
     arguments = {"driver_type": "driver", "port": "port"}
     values = {p: LaunchConfiguration(a).perform(context) for p, a in arguments.items()}
     given = {parameter: value for parameter, value in values.items() if value}
@@ -73,7 +73,7 @@ def _hardware_robot(context: LaunchContext) -> list[Node]:
 
 
 def _lidar() -> Node:
-    """An A1 or A2. rplidar_composition: apt's package for Jazzy has no rplidar_node."""
+    """An RPLidar A1 or A2. Jazzy's apt package has rplidar_composition, but no rplidar_node."""
     return Node(
         condition=IfCondition(LaunchConfiguration("lidar")),
         package="rplidar_ros",

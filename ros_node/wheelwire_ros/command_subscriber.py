@@ -1,4 +1,4 @@
-"""cmd_vel: from the topic to the robot."""
+"""cmd_vel: passes velocity commands to the robot."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .connection import RobotConnection
 
 TOPIC = "cmd_vel"
 DEPTH = 1
-"""Only the newest command is worth anything."""
+"""Only the newest command matters."""
 LOG_PERIOD_S = 1.0
 
 
 class CommandSubscriber:
-    """Hands each command to the robot as it comes, or counts why not.
+    """Sends each command to the robot as it arrives, or counts why not.
 
     Args:
         node: An rclpy node.
-        connection: To the robot.
-        stamped: The topic is a TwistStamped, not a Twist.
+        connection: The connection to the robot.
+        stamped: Whether the topic is a TwistStamped rather than a Twist.
     """
 
     def __init__(self, node: Any, connection: RobotConnection, *, stamped: bool) -> None:
@@ -38,12 +38,12 @@ class CommandSubscriber:
         node.get_logger().info(f"{self._topic} is {self._type_name} (parameter use_stamped_vel)")
 
     def unheard_types(self) -> list[str]:
-        """Of commands that others publish under this name: the middleware drops them silently."""
+        """Other message types published on this topic, which the middleware silently drops."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         return sorted({publisher.topic_type for publisher in publishers} - {self._type_name})
 
     def destroy(self) -> None:
-        """Hear no more."""
+        """Remove the subscription."""
         self._node.destroy_subscription(self._subscription)
 
     def _on_stamped_twist(self, message: TwistStamped, info: dict[str, int]) -> None:
@@ -62,6 +62,6 @@ class CommandSubscriber:
 
 
 def _waited_ns(info: dict[str, int]) -> int:
-    """Since the message was received; the middleware stamps it by the wall clock, or by 0."""
+    """Time since the message was received, by the wall clock; the middleware may give 0."""
     received_ns = info["received_timestamp"]
     return time.time_ns() - received_ns if received_ns else 0

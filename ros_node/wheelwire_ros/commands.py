@@ -1,4 +1,4 @@
-"""Which velocity commands are obeyed, and for how long. Nothing here sends, or sends again."""
+"""Decides which velocity commands are obeyed, and for how long. Sends nothing itself."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Ignored(enum.Enum):
     BEFORE_RECONNECT = "it is older than the connection to the robot"
     INVALID = "it is not a finite velocity"
     REFUSED = "the robot refused it"
-    OUT_OF_REACH = "the robot is out of reach"
+    OUT_OF_REACH = "the robot cannot be reached"
 
 
 class CommandIgnored(Exception):  # noqa: N818 - it says what happened to the command
-    """A command is not obeyed, and will not be."""
+    """A command was not obeyed and is dropped."""
 
     def __init__(self, reason: Ignored, detail: str = "") -> None:
         super().__init__(f"command ignored: {detail or reason.value}")
@@ -31,13 +31,13 @@ class CommandIgnored(Exception):  # noqa: N818 - it says what happened to the co
 
 @dataclass
 class CommandGate:
-    """Judges commands by their age.
+    """Accepts or rejects commands by their age.
 
     Attributes:
-        timeout_s: The life of a fresh command; an older one has what is left of it.
-        connected_s: When the session in force was found open, on the monotonic clock.
-        obeyed: Commands handed to the robot.
-        ignored: Commands that were not, by reason.
+        timeout_s: How long a command is valid from its stamp.
+        connected_s: When the current session was ready, on the monotonic clock.
+        obeyed: Number of commands sent to the robot.
+        ignored: Number of commands that were not, by reason.
     """
 
     timeout_s: float
@@ -46,41 +46,42 @@ class CommandGate:
     ignored: Counter[Ignored] = field(default_factory=Counter)
 
     def time_to_live(self, born_s: float, now_s: float) -> float:
-        """How many seconds a command that was given at `born_s` may act from `now_s`.
+        """The remaining life, in seconds, of a command given at `born_s`.
 
         Raises:
-            CommandIgnored: Not at all.
+            CommandIgnored: It is too old.
         """
         age_s = now_s - born_s
         if age_s >= self.timeout_s:
             raise CommandIgnored(
-                Ignored.STALE, f"it is {age_s:.3f} s old; are the computers' clocks in step?"
+                Ignored.STALE,
+                f"it is {age_s:.3f} s old; are the computers' clocks synchronised?",
             )
         if born_s < self.connected_s:
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
         return self.timeout_s - age_s
 
     def count(self, ignored: CommandIgnored) -> None:
-        """Note a command that was not obeyed."""
+        """Count a command that was not obeyed."""
         self.ignored[ignored.reason] += 1
 
 
 def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
-    """A command's age in seconds: since its stamp, and at least since it was received.
+    """A command's age in seconds: since its stamp, but at least since it was received.
 
-    A sender whose clock is ahead gains no life by it.
+    So a sender whose clock is ahead does not make its commands valid for longer.
 
     Args:
-        stamp_ns: From the message's header; None or 0 means when it was received.
-        now_ns: On the clock of the stamps.
-        waited_ns: For how long it has been on this computer.
+        stamp_ns: From the message's header; None or 0: use the time of reception.
+        now_ns: The current time on the clock of the stamps.
+        waited_ns: Time since it was received by this computer.
     """
     since_stamped_ns = now_ns - stamp_ns if stamp_ns else 0
     return max(0, waited_ns, since_stamped_ns) / 1e9
 
 
 def limit(twist: Twist, max_linear_mps: float, max_angular_radps: float) -> Twist:
-    """Slow both components by one factor, so that the path keeps its curvature."""
+    """Scale both components by one factor, so that the path keeps its curvature."""
     excess = max(
         1.0,
         abs(twist.linear_mps) / max_linear_mps,

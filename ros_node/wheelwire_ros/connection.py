@@ -1,4 +1,4 @@
-"""An open robot, followed through every loss of its link."""
+"""An open robot, with every new session prepared after a loss of its link."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .commands import CommandGate, CommandIgnored, Ignored, limit
 
 @dataclass(frozen=True)
 class Tuning:
-    """What the node adds to the robot's own numbers. Can change at any time.
+    """The node's own limits and calibration. Can change at any time.
 
     Attributes:
         max_linear_mps: Limit of the body's velocity.
         max_angular_radps: Limit of the body's turn rate.
-        separation_multiplier: The real wheel separation over the robot's, by calibration.
-        left_radius_multiplier: As `separation_multiplier`.
-        right_radius_multiplier: As `separation_multiplier`.
+        separation_multiplier: Real wheel separation divided by the robot's, from calibration.
+        left_radius_multiplier: The same for the left wheel's radius.
+        right_radius_multiplier: The same for the right wheel's radius.
     """
 
     max_linear_mps: float
@@ -31,7 +31,7 @@ class Tuning:
     right_radius_multiplier: float = 1.0
 
     def calibrated(self, drive: DifferentialDrive) -> DifferentialDrive:
-        """The robot as it really is."""
+        """The robot's geometry, corrected by the calibration."""
         return replace(
             drive,
             wheel_separation=drive.wheel_separation * self.separation_multiplier,
@@ -41,18 +41,18 @@ class Tuning:
 
 
 class RobotConnection:
-    """Commands for one open driver. All calls from one thread.
+    """Sends commands to one open driver. Not thread-safe.
 
-    A device that was reset has forgotten what was set, and what latched it; a link that was lost
-    says nothing about what happened meanwhile. So before anything else is sent in a new session
-    the e-stop is latched and the parameters are set again, and older commands are void.
+    A device that was reset has lost its parameters and its e-stop, and a lost link does not tell
+    what happened meanwhile. So in a new session the e-stop is latched and the parameters are set
+    before anything else is sent, and older commands are dropped.
 
     Args:
         robot: The driver; the connection closes it.
-        gate: Judges the commands.
+        gate: Decides by age which commands are obeyed.
         given: Parameters that the user gave, by name.
-        tuning: See there.
-        on_session: Called when a new session was found open, to prepare it further.
+        tuning: Limits and calibration.
+        on_session: Called for each new session, to prepare it further.
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class RobotConnection:
         self.gate = gate
         self.tuning = tuning
         self.active = False
-        """Commands are obeyed."""
+        """Whether commands are obeyed."""
         self.estopped = False
-        """By this node; kept until it is cleared, whatever becomes of the device."""
+        """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
         self._given = given
@@ -78,21 +78,21 @@ class RobotConnection:
 
     @property
     def drive(self) -> DifferentialDrive:
-        """The robot's numbers, calibrated."""
+        """The robot's geometry, calibrated."""
         return self.tuning.calibrated(self.robot.geometry)
 
     def follow(self) -> None:
-        """Prepare the session in force, if that was not done yet.
+        """Prepare the current session if that has not been done.
 
         Raises:
-            WheelwireError: It cannot be used; the next call tries again.
+            WheelwireError: It could not be prepared; the next call tries again.
         """
         session = self.robot.sessions
         if session == self._session:
             return
         try:
             if self.estopped:
-                self.robot.estop()
+                self.robot.estop()  # first: nothing else may make the robot ready to drive
             for name, value in self._given.items():
                 self.robot.parameters.set(name, value)
             self._on_session()
@@ -100,18 +100,20 @@ class RobotConnection:
             self.problem = error
             raise
         self.problem = None
+        # Commands given before this moment are dropped. `session` was read before the preparation:
+        # if the link was lost during it, the next call prepares the new session.
         self.gate.connected_s = time.monotonic()
         self._session = session
 
     def command(self, twist: Twist, born_s: float) -> None:
-        """Drive, for as long as a command that was born then may live.
+        """Drive for the remaining life of a command.
 
         Args:
-            twist: Of the body.
+            twist: The body's velocity.
             born_s: When it was given, on the monotonic clock.
 
         Raises:
-            CommandIgnored: Not at all.
+            CommandIgnored: It was not obeyed.
         """
         try:
             if not self.active:
@@ -134,20 +136,20 @@ class RobotConnection:
         self.gate.obeyed += 1
 
     def clear_fault(self) -> None:
-        """Clear the latched faults; raises `WheelwireError` while their cause lasts."""
+        """Clear the latched faults; raises `WheelwireError` while their cause is present."""
         self.follow()
         self.robot.clear_fault()
 
     def save_parameters(self) -> None:
-        """Keep the parameters over a restart; raises `WheelwireError` when they cannot be."""
+        """Save the parameters; raises `WheelwireError` if that fails."""
         self.follow()
         self.robot.parameters.save()
 
     def set_parameters(self, values: dict[str, float]) -> None:
-        """Set all of them or, as far as the robot can be reached, none.
+        """Set all values or, unless the robot becomes unreachable meanwhile, none.
 
         Raises:
-            WheelwireError: Why not.
+            WheelwireError: A value was refused, or the robot cannot be reached.
         """
         if values and self.robot.sessions != self._session:
             raise LinkLost("a new session is being prepared; try again in a second")
@@ -158,7 +160,10 @@ class RobotConnection:
                 self.robot.parameters.set(name, value)
         except WheelwireError:
             with suppress(WheelwireError):
-                for name, value in before.items():  # the failed one too: its answer may be lost
+                for (
+                    name,
+                    value,
+                ) in before.items():  # the failed one too: perhaps only its answer was lost
                     self.robot.parameters.set(name, value)
             raise
 
@@ -166,22 +171,22 @@ class RobotConnection:
         """Stop and latch.
 
         Raises:
-            WheelwireError: It did not reach the robot; it is told as soon as it can be reached.
+            WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
         """
         self.estopped = True
         try:
             self.robot.estop()
         except WheelwireError:
-            self._session = None  # `follow` tells it again, though the session may last
+            self._session = None  # so that `follow` sends it, even in the same session
             raise
 
     def clear_estop(self) -> None:
-        """End the emergency stop; raises `WheelwireError` while it cannot be ended."""
+        """Clear the e-stop; raises `WheelwireError` while its cause is present."""
         self.robot.clear_estop()
         self.estopped = False
 
     def _stop_if_over(self, born_s: float) -> None:
-        """This program may have been frozen while it handed the command over."""
+        """Stop if the command expired while it was sent: this process may have been suspended."""
         try:
             self.gate.time_to_live(born_s, time.monotonic())
         except CommandIgnored:

@@ -1,4 +1,4 @@
-"""ROS messages from Wheelwire's values and back. Needs the message packages, not rclpy.
+"""Conversion between Wheelwire's values and ROS messages. Needs the message packages, not rclpy.
 
 REP-103 and REP-105: x forward, counter-clockwise positive; the pose in the odometry's frame, the
 twist in the robot's.
@@ -22,43 +22,43 @@ from .estimator import RobotMotion
 
 NANOSECONDS = 1_000_000_000
 PLANAR = (0, 1, 5)
-"""Where x, y and rotation about z are among ROS's x, y, z, roll, pitch, yaw."""
+"""Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
 
 
 class Frames(NamedTuple):
-    """The names of the frames, with their prefix."""
+    """The names of the frames, prefix included."""
 
     odom: str
     base: str
 
 
 def time_message(stamp_ns: int) -> Time:
-    """Nanoseconds since the epoch as a message."""
+    """Convert nanoseconds since the epoch to a message."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def time_ns(message: Time) -> int:
-    """A time message in nanoseconds; 0 where it was left empty."""
+    """Convert a time message to nanoseconds; 0 if it was left empty."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)
 
 
 def twist_of(message: Any) -> Twist:
-    """The two components that wheels can obey, of a geometry_msgs/Twist."""
+    """The two components of a geometry_msgs/Twist that a differential drive can obey."""
     return Twist(message.linear.x, message.angular.z)
 
 
 def heading_quaternion(heading_rad: float) -> Quaternion:
-    """A rotation about z."""
+    """The quaternion of a rotation about z."""
     return Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
 
 
 def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> Any:
-    """ROS's 6 by 6 matrix, row by row.
+    """ROS's 6 by 6 covariance matrix, row by row.
 
     Args:
-        planar: Of (x, y, heading), 3 by 3.
-        base_diagonal: Added: what dead reckoning does not know of.
+        planar: Covariance of (x, y, heading), 3 by 3.
+        base_diagonal: Variances to add, for errors that dead reckoning does not model.
     """
     matrix = np.diag(np.asarray(base_diagonal, dtype=np.float64))
     matrix[np.ix_(PLANAR, PLANAR)] += planar
@@ -66,7 +66,7 @@ def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> Any:
 
 
 def diagonal(values: Sequence[float]) -> Any:
-    """ROS's 6 by 6 matrix, row by row, with these variances and no others."""
+    """ROS's 6 by 6 covariance matrix, row by row, with these variances on its diagonal."""
     return np.diag(np.asarray(values, dtype=np.float64)).reshape(36)
 
 
@@ -77,7 +77,7 @@ def odometry_message(
     pose_diagonal: Sequence[float],
     twist_covariance: Any,
 ) -> Odometry:
-    """Where the robot is in the odometry's frame, and how it moves in its own."""
+    """The robot's pose in the odometry's frame and its twist in its own frame."""
     message = Odometry(child_frame_id=frames.base)
     message.header.stamp = stamp
     message.header.frame_id = frames.odom
@@ -102,7 +102,7 @@ def transform_message(odometry: Odometry) -> TransformStamped:
 
 
 def joint_message(motion: RobotMotion, stamp: Time, names: tuple[str, str]) -> JointState:
-    """Angle and velocity of the left and the right wheel."""
+    """The angle and velocity of both wheels."""
     message = JointState(name=list(names))
     message.header.stamp = stamp
     message.position = [motion.left.angle_rad, motion.right.angle_rad]
@@ -111,7 +111,7 @@ def joint_message(motion: RobotMotion, stamp: Time, names: tuple[str, str]) -> J
 
 
 def battery_message(voltage_v: float, stamp: Time, frame: str) -> BatteryState:
-    """A battery of which nothing but the voltage is known."""
+    """A battery of which only the voltage is known."""
     unknown = math.nan
     message = BatteryState(
         voltage=voltage_v,

@@ -1,4 +1,4 @@
-"""What /diagnostics says. Needs the message packages, not rclpy."""
+"""The statuses in /diagnostics. Needs the message packages, not rclpy."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from .connection import RobotConnection
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 
-IN_ORDER = ("IDLE", "DRIVING")
+NORMAL_STATES = ("IDLE", "DRIVING")
 
 
 @dataclass(frozen=True)
 class Report:
-    """What the statuses of an open robot are made of."""
+    """The data for the statuses of an open robot."""
 
     connection: RobotConnection
     sample: WheelSample | None
-    """The newest."""
+    """The newest sample."""
     silence: WheelwireError | None
-    """Why no sample came lately."""
+    """Why no sample has come recently; None if one has."""
     ros_offset_error_s: float
-    """Bound of the error of the ROS clock's offset."""
+    """Error bound of the ROS clock's offset."""
     rebases: int
-    """How often the odometry had to begin anew with the device's counters."""
+    """How often the odometry was rebased after a reset of the device."""
     unheard_types: list[str]
-    """Of commands that others publish, but this node does not subscribe to."""
+    """Message types that others publish on cmd_vel but this node does not subscribe to."""
 
 
 def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
-    """There is no robot, for this reason."""
+    """The status when the robot is not open, with the reason."""
     return [_status(f"{name}: link", ERROR, reason, "", {"driver": driver_type})]
 
 
 def open_statuses(name: str, driver_type: str, report: Report) -> list[DiagnosticStatus]:
-    """Link, robot and commands of an open robot."""
+    """The statuses of link, robot and commands of an open robot."""
     robot = report.connection.robot
     identity = identity_of(robot)
     hardware = identity.get("board_id", "")
@@ -54,7 +54,7 @@ def open_statuses(name: str, driver_type: str, report: Report) -> list[Diagnosti
 
 
 def identity_of(robot: BaseDriver) -> dict[str, str]:
-    """What a driver that has a device says of it; empty for one that is none."""
+    """What the driver knows about its device; empty for a driver without one."""
     info = getattr(robot, "info", None)
     if info is None:
         return {}
@@ -88,7 +88,7 @@ def _link(
 def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     sample, subject = report.sample, f"{name}: robot"
     if sample is None:
-        return _status(subject, WARN, "nothing was measured yet", hardware, {})
+        return _status(subject, WARN, "no sample yet", hardware, {})
     faults = [fault for fault in type(sample.faults) if fault in sample.faults]
     values = {
         "state": sample.state.name,
@@ -103,17 +103,19 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     if report.connection.estopped or sample.state.name == "ESTOPPED":
         return _status(subject, ERROR, "the e-stop is set", hardware, values)
     if report.silence is not None:
-        return _status(subject, STALE, "as it was before the silence", hardware, values)
+        return _status(
+            subject, STALE, "the last known state; the robot is silent", hardware, values
+        )
     if faults:
         return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
-    level = OK if sample.state.name in IN_ORDER else WARN
+    level = OK if sample.state.name in NORMAL_STATES else WARN
     return _status(subject, level, sample.state.doc, hardware, values)
 
 
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:
-    """What the control loop and the encoders lost, as of the last time; a device alone tells."""
-    ask = getattr(robot, "latest_control_counters", None)
-    counters = ask() if ask is not None else None
+    """The latest counters of the control loop and the encoders; empty for other drivers."""
+    latest = getattr(robot, "latest_control_counters", None)
+    counters = latest() if latest is not None else None
     if counters is None:
         return {}
     return {
@@ -133,8 +135,8 @@ def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     if report.unheard_types:
         level = WARN
         message = (
-            f"commands of type {', '.join(report.unheard_types)} are not heard: "
-            "look at use_stamped_vel"
+            f"commands of type {', '.join(report.unheard_types)} are ignored: "
+            "set use_stamped_vel to match their type"
         )
     return _status(f"{name}: commands", level, message, hardware, values)
 

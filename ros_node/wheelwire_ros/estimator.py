@@ -1,4 +1,4 @@
-"""What the robot does, from its samples: pose, its covariance, velocity, wheel angles."""
+"""The robot's motion from its samples: pose, covariance, velocity, wheel angles."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class WheelMotion(NamedTuple):
     """One wheel about its axle, forward positive."""
 
     angle_rad: float
-    """Since the start, without bounds."""
+    """Since the start, unbounded."""
     velocity_radps: float
 
 
 class RobotMotion(NamedTuple):
-    """One sample's worth of knowledge."""
+    """The robot's motion at one sample."""
 
     stamp_s: float
-    """Of the sample, on the monotonic clock."""
+    """Time of the sample on the monotonic clock."""
     pose: Pose
     covariance: npt.NDArray[np.float64]
-    """Of (x, y, heading), 3 by 3, in m and rad."""
+    """Covariance of (x, y, heading), 3 by 3, in m and rad."""
     twist: Twist
     left: WheelMotion
     right: WheelMotion
@@ -44,11 +44,11 @@ class RobotMotion(NamedTuple):
 
 
 class MotionEstimator:
-    """Integrates samples, each once and in order. The pose can be reset from another thread.
+    """Integrates samples, each once and in order. Another thread may reset the pose.
 
     Args:
-        drive: The robot's numbers.
-        wheel_variance_m: Variance of a wheel's travel per metre of it. [m^2/m]
+        drive: The robot's geometry.
+        wheel_variance_m: Variance of a wheel's travel per metre travelled. [m^2/m]
     """
 
     def __init__(self, drive: DifferentialDrive, wheel_variance_m: float) -> None:
@@ -60,7 +60,7 @@ class MotionEstimator:
 
     @property
     def drive(self) -> DifferentialDrive:
-        """The robot's numbers; a change is in force from the next sample on."""
+        """The robot's geometry; a change applies from the next sample on."""
         return self._odometry.drive
 
     @drive.setter
@@ -70,11 +70,11 @@ class MotionEstimator:
 
     @property
     def rebases(self) -> int:
-        """How often the device began to count anew; the pose stayed where it was."""
+        """How often the odometry was rebased after a reset of the device."""
         return self._odometry.rebases
 
     def update(self, sample: WheelSample) -> RobotMotion:
-        """Take the next sample."""
+        """Integrate the next sample."""
         with self._lock:
             drive = self._odometry.drive
             update = self._odometry.update(sample)
@@ -94,7 +94,7 @@ class MotionEstimator:
             )
 
     def reset(self) -> None:
-        """The robot is at the origin, by definition."""
+        """Move the origin of the odometry to the robot."""
         with self._lock:
             self._odometry.reset()
             self._covariance.reset()

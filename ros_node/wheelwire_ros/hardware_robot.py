@@ -1,4 +1,4 @@
-"""The node of a real robot, by any of Wheelwire's drivers: the executable `hardware_robot`."""
+"""The executable `hardware_robot`: the node of a robot, with any of Wheelwire's drivers."""
 
 from __future__ import annotations
 
@@ -20,30 +20,29 @@ CONNECT_TIMEOUT_S = 2.0
 """Short, because every callback of the node waits while a driver connects."""
 NO_PIN = NO_CHIP = -1
 PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
-"""The wiring guide's."""
+"""The pins of the wiring guide."""
 
 
 def _pin(name: str, default: int) -> Setting:
     doc = "l298n, pigpio: GPIO, BCM number."
     if default == NO_PIN:
-        doc += f" {NO_PIN}: there is none."
+        doc += f" {NO_PIN}: not fitted."
     return Setting(f"pins.{name}", default, doc, min(default, 0), 27)
 
 
 # fmt: off
 SETTINGS = (
     Setting("driver_type", "serial",
-            f"How the wheels are reached: {', '.join(driver_names())}."),
+            f"The driver: {', '.join(driver_names())}."),
     Setting("port", "/dev/wheelwire", "serial: device path, or socket://host:port."),
-    Setting("baud_rate", 921_600, "serial: tried first; then the usual ones. [baud]",
+    Setting("baud_rate", 921_600, "serial: the rate to try first; then the usual ones. [baud]",
             1200, 4_000_000),
-    Setting("board_id", "", "serial: only this board will do, 12 hex digits; port may then be glob "
+    Setting("board_id", "", "serial: accept only this board, 12 hex digits; port may then be glob "
             "patterns, separated by commas."),
-    Setting("any_board", False, "serial: go on with another board than the first, where the port "
-            "leads to one."),
-    Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: it is looked "
-            "for.", NO_CHIP, 99),
-    Setting("pigpio_host", "localhost", "pigpio: where the daemon runs."),
+    Setting("any_board", False, "serial: continue with another board if one appears at the port."),
+    Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: find it.",
+            NO_CHIP, 99),
+    Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
     Setting("pigpio_port", 8888, "pigpio: the daemon's TCP port.", 1, 65_535),
     *(_pin(name, default) for name, default in PINS.items()),
 )
@@ -51,7 +50,7 @@ SETTINGS = (
 
 
 class HardwareRobot(BaseRobotNode):
-    """A robot whose driver is chosen by the parameter `driver_type`."""
+    """A robot with the driver that the parameter `driver_type` names."""
 
     def __init__(self) -> None:
         super().__init__("hardware_robot", SETTINGS)
@@ -62,7 +61,7 @@ class HardwareRobot(BaseRobotNode):
         return str(self.setting("driver_type"))
 
     def open_driver(self) -> BaseDriver:
-        """By the node's parameters."""
+        """Open the driver with the options in the node's parameters."""
         return open_driver(self.driver_type, **self._options())
 
     def _options(self) -> dict[str, Any]:
@@ -94,20 +93,23 @@ class HardwareRobot(BaseRobotNode):
 
 
 def main(args: list[str] | None = None) -> None:
-    """Run the node until it is interrupted; whatever ends it, the wheels stop first."""
+    """Run the node until it is interrupted; however it ends, the wheels stop first."""
     _init(args)
     try:
         _run()
     except (KeyboardInterrupt, ExternalShutdownException):
         return
     except InvalidParameterTypeException as error:
-        sys.exit(f"hardware_robot: {error}: a real number has a point (1.0), a whole one has not")
+        sys.exit(
+            f"hardware_robot: {error}: write a real number with a decimal point (1.0), "
+            "a whole number without one"
+        )
     except ParameterException as error:
         sys.exit(f"hardware_robot: {error}")
     except RuntimeError:
         if rclpy.ok():
             raise
-        # Interrupted between two steps, rclpy fails at the next one: its context has ended.
+        # A signal between two of its steps ends rclpy's context, and the next step then fails.
     finally:
         rclpy.try_shutdown()
 
@@ -119,8 +121,8 @@ def _init(args: list[str] | None) -> None:
         if "params file" not in str(error):
             raise
         sys.exit(
-            f"hardware_robot: {' '.join(str(error).split())}: ROS takes values below `/**:` and "
-            "`ros__parameters:` only. A robot's file for wheelwire.open_robot is another one"
+            f"hardware_robot: {' '.join(str(error).split())}: a ROS parameter file has its values "
+            "below `/**:` and `ros__parameters:`; a file for wheelwire.open_robot is different"
         )
 
 

@@ -1,4 +1,4 @@
-"""What rclpy's lifecycle nodes lack: a start by themselves, and an answer to a wrong request."""
+"""What rclpy's lifecycle nodes lack: an automatic start, and an answer to an invalid request."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ AUTOSTART_PERIOD_S = 1.0
 
 
 class Autostart:
-    """Configures and activates a node as soon as it is spun, again until that works.
+    """Configures and activates a node as soon as it spins, and retries until that works.
 
     Args:
-        node: A lifecycle node that calls `end` once it is configured or shut down; from then on
-            whoever changes its state is in charge.
+        node: A lifecycle node. It calls `end` when it is configured or shut down, whoever asked
+            for that: from then on its state is the user's to change.
     """
 
     def __init__(self, node: Any) -> None:
         self._node = node
         self._timer = node.create_timer(AUTOSTART_PERIOD_S, self._attempt, clock=steady_clock())
-        node.create_guard_condition(self._attempt).trigger()  # now, not in a period
+        node.create_guard_condition(self._attempt).trigger()  # at once, not after the first period
 
     def end(self) -> None:
-        """Nothing is started any more."""
+        """Stop trying."""
         self._timer.cancel()
 
     def _attempt(self) -> None:
@@ -37,15 +37,15 @@ class Autostart:
 
 
 def steady_clock() -> Clock:
-    """For timers that go on whatever becomes of the wall clock or of /clock."""
+    """A clock for timers that must not depend on the wall clock or on /clock."""
     return Clock(clock_type=ClockType.STEADY_TIME)
 
 
 def refuse_impossible_transitions(node: Any) -> None:
-    """Answer a transition that the state does not have with `success: false`.
+    """Answer a transition that is not possible in the current state with `success: false`.
 
-    rclpy lets the error out of the service's callback, and so end the node: a lifecycle manager
-    that configures a node which has started by itself would be enough.
+    rclpy lets the error escape from the service's callback, which ends the node; a lifecycle
+    manager that configures a node which has started by itself would trigger that.
     """
     for service in node.services:
         if service.srv_type is ChangeState:
@@ -56,7 +56,7 @@ def _refusing(node: Any, change_state: Callable[[Any, Any], Any]) -> Callable[[A
     def serve(request: ChangeState.Request, response: ChangeState.Response) -> Any:
         try:
             return change_state(request, response)
-        except RuntimeError as error:  # only the state machine's: transitions keep theirs
+        except RuntimeError as error:  # of the state machine; a transition handles its own errors
             node.get_logger().warning(str(error))
             response.success = False
             return response

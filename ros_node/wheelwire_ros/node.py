@@ -1,4 +1,4 @@
-"""The lifecycle node of a robot, whatever drives it."""
+"""The lifecycle node of a robot, independent of the driver."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 
 
 class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
-    """Commands in, motion out.
+    """Obeys velocity commands and publishes the robot's motion.
 
-    Configured, it has the robot open and measures; active, it obeys cmd_vel and publishes. One
-    thread runs every callback, another one takes the samples. Nothing here repeats a command: each
-    acts until its own time to live is over, on the robot's clock, and no timer extends it.
+    When configured, it has the robot open and measures; when active, it obeys cmd_vel and
+    publishes. One thread runs all callbacks, another one reads the samples. No command is ever
+    repeated or extended: each expires after its own time to live, on the robot's clock.
 
     Args:
-        name: Of the node.
-        settings: Parameters of the class, beyond those of every robot.
+        name: Name of the node.
+        settings: Parameters of the class, in addition to those of every robot.
 
     Raises:
-        rclpy.exceptions.ParameterException: A parameter has a value that it cannot have.
+        rclpy.exceptions.ParameterException: A parameter has an invalid value.
     """
 
     def __init__(self, name: str, settings: Iterable[Setting] = ()) -> None:
@@ -46,7 +46,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._estopped = False
-        """When the robot was closed: it is opened so again."""
+        """Whether the e-stop was set when the robot was closed; opening it sets it again."""
         self._failure: Exception | None = None
         self._failed = self.create_guard_condition(self._raise_failure)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -56,24 +56,24 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     @abstractmethod
     def open_driver(self) -> BaseDriver:
-        """Reach the robot; raises `WheelwireError`."""
+        """Open the driver; raises `WheelwireError`."""
 
     @property
     @abstractmethod
     def driver_type(self) -> str:
-        """What reaches the robot, for /diagnostics."""
+        """The driver's name, for /diagnostics."""
 
     def setting(self, name: str) -> Any:
-        """A parameter's value."""
+        """The value of a parameter."""
         return self.get_parameter(name).value
 
     @property
     def given_parameters(self) -> dict[str, float]:
-        """Those of the robot's parameters that the user gave, by name."""
+        """The robot's parameters that the user gave, by name."""
         return dict(self._bridge.given)
 
     def close(self) -> None:
-        """Stop the wheels, then give everything back. Harmless when repeated."""
+        """Stop the wheels, then release everything. Safe to call more than once."""
         open_robot, self._open = self._open, None
         self._bridge.connection = None
         if open_robot is not None:
@@ -81,7 +81,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             open_robot.close()
 
     def report(self) -> None:
-        """Say in /diagnostics how things are; done each second, and at once when they change."""
+        """Publish /diagnostics; called every second, and at once when something changes."""
         message = DiagnosticArray(status=self._statuses())
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
@@ -89,7 +89,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     # --- lifecycle -----------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Open the robot; fails while it is out of reach or does not take its parameters."""
+        """Open the robot; fails if it cannot be reached or refuses a parameter."""
         try:
             self._open = OpenRobot(
                 self, self.open_driver(), self._bridge, self._fail, estopped=self._estopped
@@ -100,7 +100,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             self._closed_because = str(error)
             return FAILURE
         except Exception:
-            self.get_logger().error(traceback.format_exc())  # rclpy would keep it to itself
+            self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
         self._bridge.connection = self._open.connection
         self._closed_because = NOT_CONFIGURED
@@ -108,37 +108,39 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Obey commands from now on."""
+        """Start obeying commands."""
         result = super().on_activate(state)
         if self._open is not None:
             self._open.connection.active = True
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """The wheels stop first."""
+        """Stop the wheels and ignore commands."""
         if self._open is not None:
             self._open.connection.active = False
             try:
                 self._open.connection.robot.stop()
             except WheelwireError as error:
-                self.get_logger().warning(f"{error}; the last command ends by its deadline")
+                self.get_logger().warning(f"{error}; the last command ends at its deadline")
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let go of the robot; its wheels stop first."""
+        """Stop the wheels and close the robot."""
         self.close()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """As `on_cleanup`, for good."""
+        """As `on_cleanup`, permanently."""
         self._end_autostart()
         self.close()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """A transition failed: the wheels stop, and the node can be configured again."""
+        """Stop the wheels after a failed transition; the node can be configured again."""
         self.close()
-        self.get_logger().error(f"the transition from {state.label} failed: not configured")
+        self.get_logger().error(
+            f"the transition from {state.label} failed: the node must be configured again"
+        )
         return SUCCESS
 
     def _end_autostart(self) -> None:
@@ -149,11 +151,11 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def _use_settings(self) -> None:
         if self._open is not None:
-            with suppress(WheelwireError):  # out of reach: the next session takes them
+            with suppress(WheelwireError):  # not reachable: set in the next session
                 self._open.use_settings()
 
     def _fail(self, error: Exception) -> None:
-        """In the reader's thread: the node's own thread tells what it was, and ends."""
+        """Called in the reader's thread: make the node's own thread raise the error and end."""
         self._failure = error
         self._failed.trigger()
 

@@ -1,4 +1,4 @@
-"""Everything that a node has while its robot is open."""
+"""The part of a node that exists while its robot is open."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from .time_base import TimeBase
 
 
 class OpenRobot:
-    """A robot, its topics and services, and the thread that takes its samples.
+    """An open robot with its topics, its services and the thread that reads its samples.
 
     Args:
         node: The lifecycle node, with all parameters declared.
-        robot: Its driver; closed here, also when this raises.
-        bridge: Of the node's parameters.
-        on_failure: Called in the reader's thread when it fails; the wheels have been stopped.
-        estopped: It is latched before anything else.
+        robot: Its driver; closed by `close`, and also if this raises.
+        bridge: The bridge of the node's parameters.
+        on_failure: Called in the reader's thread when that fails; the wheels are stopped then.
+        estopped: Latch the e-stop before anything else.
 
     Raises:
-        WheelwireError: The robot does not take its parameters, or measures nothing.
+        WheelwireError: The robot refuses a parameter, or sends no sample.
     """
 
     def __init__(
@@ -57,28 +57,28 @@ class OpenRobot:
             self._resources = resources.pop_all()
 
     def close(self) -> None:
-        """Stop the wheels, then give everything back, the latest first."""
+        """Stop the wheels, then release everything, in reverse order."""
         self._closing = True
         self.connection.active = False
         self.connection.robot.shutdown()  # it stops first
         self._resources.close()
 
     def follow(self) -> None:
-        """The session may be a new one."""
+        """Prepare the session if it is a new one."""
         try:
             self.connection.follow()
         except WheelwireError as error:
             self._node.get_logger().warning(str(error), throttle_duration_sec=LOG_PERIOD_S)
 
     def use_settings(self) -> None:
-        """Take the parameters that can change while the robot is open."""
+        """Apply the parameters that can change while the robot is open."""
         get, connection = self._node.setting, self.connection
         connection.gate.timeout_s = get("cmd_vel_timeout")
         connection.tuning = robot_settings.tuning(get)
         self._estimator.drive = connection.drive
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
-        """What there is to say in /diagnostics."""
+        """The statuses for /diagnostics."""
         self._time_base.measure()
         report = diagnostics.Report(
             self.connection,
@@ -121,28 +121,28 @@ class OpenRobot:
         resources.callback(self._reader.close)
 
     def _on_session(self) -> None:
-        """A robot that was reset or flashed may have other numbers."""
+        """Read the parameters again: a robot that was reset or flashed may have others."""
         self._bridge.mirror(self.connection.robot)
         self.use_settings()
 
     def _on_change(self) -> None:
-        """The robot is lost, or back, perhaps in another session."""
+        """Report that the robot was lost or is back, perhaps in a new session."""
         silence = self._reader.silence
         if silence is None:
-            self._node.get_logger().info("the robot is in reach")
+            self._node.get_logger().info("the robot is connected")
         else:
-            self._node.get_logger().warning(f"the robot is out of reach: {silence}")
+            self._node.get_logger().warning(f"the robot cannot be reached: {silence}")
         self._node.report()
 
     def _on_sample(self, sample: WheelSample) -> None:
-        """In the reader's thread."""
+        """Called in the reader's thread."""
         self._newest = sample
         motion = self._estimator.update(sample)
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
             self._publisher.publish(motion, self._time_base.to_ros_ns(sample.stamp))
 
     def _fail(self, error: Exception) -> None:
-        """In the reader's thread."""
+        """Called in the reader's thread. Without samples the robot must not go on driving."""
         if self._closing or not self._node.context.ok():
             return
         self.connection.robot.shutdown()

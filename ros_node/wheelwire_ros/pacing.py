@@ -1,4 +1,4 @@
-"""Which samples are published, when the robot measures more often than was asked for."""
+"""Chooses the samples to publish if the robot measures more often than requested."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from wheelwire import WheelSample
 from .reader import SILENCE_S
 
 EARLY = 0.125
-"""Of a period: a sample this early counts as on time."""
+"""Fraction of a period by which a sample may be early and still count as on time."""
 SLOWEST_HZ = 2 / SILENCE_S
-"""Of the robot's samples: one that is lost is no silence yet."""
+"""Lowest sampling rate: so that one lost sample does not count as silence."""
 
 
 def sampling_rate_hz(publish_rate_hz: float) -> int:
-    """How often the robot is to measure: a multiple of the rate asked for, to thin evenly."""
+    """The rate of the robot's samples: a multiple of the requested rate, to thin them evenly."""
     rate_hz = math.ceil(publish_rate_hz)
     return rate_hz * math.ceil(max(1.0, SLOWEST_HZ / rate_hz))
 
 
 class Pacer:
-    """Lets samples through at a rate, by their own clock.
+    """Passes samples at a given rate, measured by their own clock.
 
     Args:
-        rate_hz: At most.
+        rate_hz: The highest rate.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -33,7 +33,7 @@ class Pacer:
         self._boot_id: int | None = None
 
     def is_due(self, sample: WheelSample) -> bool:
-        """Whether this one is to be published."""
+        """Whether to publish this sample."""
         if sample.boot_id != self._boot_id:
             self._boot_id = sample.boot_id
             self._due_us = sample.t_us
@@ -41,6 +41,6 @@ class Pacer:
             return False
         late_us = sample.t_us - self._due_us
         if late_us > self._period_us:
-            self._due_us = sample.t_us  # a gap is not made good by a burst
+            self._due_us = sample.t_us  # no burst after a gap
         self._due_us += self._period_us
         return True

@@ -1,4 +1,4 @@
-"""Parameters of the node on one side, of the robot on the other: changes, refusals, readings."""
+"""Keeps the parameters of the node and those of the robot consistent."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .connection import RobotConnection
 
 
 class ParameterBridge:
-    """Keeps the parameters of a node and of its robot in step.
+    """Passes changes of a node's parameters to its robot, and the robot's values to the node.
 
     Args:
-        node: An rclpy node; the parameters are declared on it.
-        own: The settings of its class, beyond those of every node.
-        on_change: Called after a change, but for one by `mirror`.
+        node: An rclpy node, on which the parameters are declared.
+        own: Settings of its class, in addition to those of every node.
+        on_change: Called after a change, except by `mirror`.
 
     Attributes:
-        connection: To the robot, while it is open.
-        given: What the user gave of the robot's parameters, by name.
+        connection: The connection to the robot while it is open.
+        given: The robot's parameters that the user gave, by name.
     """
 
     def __init__(
@@ -37,11 +37,11 @@ class ParameterBridge:
         self._node = node
         self._on_change = on_change
         self._mirroring = False
-        node.add_on_set_parameters_callback(self._judge)
+        node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._use)
 
     def mirror(self, robot: BaseDriver) -> None:
-        """Show the robot's values; raises `WheelwireError` when it cannot be asked."""
+        """Copy the robot's values to the node; raises `WheelwireError` if they cannot be read."""
         values = [
             parameters.from_robot(info.name, info.value)
             for info in robot.parameters.list()
@@ -53,11 +53,11 @@ class ParameterBridge:
         finally:
             self._mirroring = False
 
-    def _judge(self, changes: list[Parameter]) -> SetParametersResult:
-        """Hand the robot's own over to it; refuse what it refuses, and what comes too late."""
+    def _check(self, changes: list[Parameter]) -> SetParametersResult:
+        """Send the robot its parameters; refuse what it refuses, and what can no longer change."""
         if self._mirroring:
             return SetParametersResult(successful=True)
-        robots = {
+        of_robot = {
             change.name: float(change.value)
             for change in changes
             if change.name in parameters.ROBOT_PARAMETERS
@@ -65,12 +65,14 @@ class ParameterBridge:
         if self.connection is not None:
             late = ", ".join(change.name for change in changes if change.name in self._fixed)
             if late:
-                return _refusal(f"{late}: read when the node is configured; clean it up first")
+                return _refusal(
+                    f"{late}: read when the node is configured; clean up the node first"
+                )
             try:
-                self.connection.set_parameters(robots)
+                self.connection.set_parameters(of_robot)
             except WheelwireError as error:
                 return _refusal(str(error))
-        self.given.update(robots)
+        self.given.update(of_robot)
         return SetParametersResult(successful=True)
 
     def _use(self, _changes: list[Parameter]) -> None:

@@ -21,7 +21,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
 Value = bool | int | float | str | list[float]
 
 NOT_OFFERED = {"stream_rate_hz"}
-"""Of the firmware's: publish_rate rules it."""
+"""Parameters of the firmware that the node sets itself, from publish_rate."""
 ROBOT_PARAMETERS = {n: p for n, p in PARAMETER_BY_NAME.items() if n not in NOT_OFFERED}
 
 
@@ -30,9 +30,9 @@ class Setting:
     """One of the node's own parameters.
 
     Attributes:
-        live: It can be changed while the robot is open.
-        low: Inclusive; NaN for none.
-        high: As `low`.
+        live: Whether it can change while the robot is open.
+        low: Lower bound, inclusive; NaN for none.
+        high: Upper bound, likewise.
     """
 
     name: str
@@ -47,35 +47,35 @@ def _diagonal(name: str, default: list[float], doc: str) -> Setting:
     return Setting(name, default, f"Variances of x, y, z, roll, pitch, yaw. {doc}")
 
 
-# A table reads best in rows.
+# Formatted by hand: a table is easiest to read in rows.
 # fmt: off
 SETTINGS: tuple[Setting, ...] = (
-    Setting("autostart", True, "Configure and activate without being asked, again until it works."),
+    Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
     Setting("use_stamped_vel", False, "cmd_vel is TwistStamped, not Twist."),
-    Setting("cmd_vel_timeout", 0.5, "A command acts for this long from its stamp. [s]",
+    Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",
             0.02, 5, live=True),
-    Setting("publish_rate", 50.0, "Messages of odom a second. [Hz]", 1, 1000),
+    Setting("publish_rate", 50.0, "Rate of odom. [Hz]", 1, 1000),
     Setting("odom_frame_id", "odom", "Frame of the odometry."),
     Setting("base_frame_id", "base_link", "Frame of the robot."),
-    Setting("tf_frame_prefix", "", "Put before both frames; for several robots on one graph."),
+    Setting("tf_frame_prefix", "", "Prefix of both frames, for several robots on one graph."),
     Setting("enable_odom_tf", True, "Publish the transform odom_frame_id -> base_frame_id."),
-    Setting("left_wheel_name", "left_wheel_joint", "In joint_states."),
-    Setting("right_wheel_name", "right_wheel_joint", "In joint_states."),
+    Setting("left_wheel_name", "left_wheel_joint", "Name in joint_states."),
+    Setting("right_wheel_name", "right_wheel_joint", "Name in joint_states."),
     Setting("linear.x.max_velocity", 10.0, "Limit of the robot's velocity. [m/s]",
             0.001, 10, live=True),
     Setting("angular.z.max_velocity", 100.0, "Limit of the robot's turn rate. [rad/s]",
             0.001, 100, live=True),
-    Setting("wheel_separation_multiplier", 1.0, "Real over nominal, by calibration.",
+    Setting("wheel_separation_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
-    Setting("left_wheel_radius_multiplier", 1.0, "Real over nominal, by calibration.",
+    Setting("left_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
-    Setting("right_wheel_radius_multiplier", 1.0, "Real over nominal, by calibration.",
+    Setting("right_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
     Setting("wheel_variance", 2.5e-5,
             "Variance of a wheel's travel per metre of it; the pose's covariance grows by it. "
             "[m^2/m]", 0, 1),
     _diagonal("pose_covariance_diagonal", [0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0],
-              "Added to what dead reckoning has gathered."),
+              "Added to the covariance of dead reckoning."),
     _diagonal("twist_covariance_diagonal", [1e-3, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2],
               "Of the measured velocity."),
 )
@@ -89,7 +89,7 @@ ALIASES = {
     "pwm_frequency": "pwm_frequency_hz",
     "linear.x.max_acceleration": "max_acceleration_mps2",
 }
-"""Names that users bring along -> ours. Only read at the start."""
+"""Names from other packages, and ours. Read only at the start."""
 
 _KIND_TYPES = {
     Kind.REAL: RosParameter.Type.DOUBLE,
@@ -99,32 +99,32 @@ _KIND_TYPES = {
 
 
 class ConflictingParameters(ParameterException):  # type: ignore[misc]
-    """One parameter was given twice, by two names."""
+    """A parameter was given under two names."""
 
     def __init__(self, alias: str, name: str) -> None:
-        super().__init__(f"give {name} or {alias}, which is another name of it, not both", alias)
+        super().__init__(f"{alias} is another name of {name}: give only one of them", alias)
 
 
 class ParameterRefused(ParameterException):  # type: ignore[misc]
-    """A parameter cannot have the value that it was given."""
+    """A parameter was given an invalid value."""
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(reason, name)
 
 
 def declare(node: Any, own: Iterable[Setting] = ()) -> dict[str, float]:
-    """Declare all parameters on a node, and settle the aliases.
+    """Declare all parameters on a node and resolve the aliases.
 
     Args:
         node: An rclpy node.
-        own: The settings of its class, beyond those of every node.
+        own: Settings of its class, in addition to those of every node.
 
     Returns:
-        Those of the robot's parameters that were given, by name, as the robot takes them.
+        The robot's parameters that were given, by name, as the robot expects them.
 
     Raises:
-        ParameterException: A value is of another type, or out of range.
-        ConflictingParameters: Alias and name were both given.
+        ParameterException: A value has a wrong type or is out of range.
+        ConflictingParameters: Both an alias and its name were given.
     """
     settings = {s.name: s for s in (*SETTINGS, *own)}
     for setting in settings.values():
@@ -135,11 +135,11 @@ def declare(node: Any, own: Iterable[Setting] = ()) -> dict[str, float]:
         )
     for alias, name in ALIASES.items():
         if node.has_parameter(name):
-            _settle(node, alias, name)
+            _resolve_alias(node, alias, name)
     for setting in settings.values():
         if not is_set(node, setting.name):
             _set(node, RosParameter(setting.name, value=setting.default))
-    _name_unknown(node)
+    _warn_of_unknown(node)
     given = [name for name in ROBOT_PARAMETERS if is_set(node, name)]
     return {name: float(node.get_parameter(name).value) for name in given}
 
@@ -150,17 +150,17 @@ def is_set(node: Any, name: str) -> bool:
 
 
 def from_robot(name: str, value: float) -> RosParameter:
-    """A robot's value as a ROS parameter."""
+    """Convert a robot's value to a ROS parameter."""
     kind = PARAMETER_BY_NAME[name].kind
     native = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}[kind](value)
     return RosParameter(name, value=native)
 
 
 def describe_robot(parameter: Parameter) -> ParameterDescriptor:
-    """Of one of the robot's parameters."""
+    """The descriptor of one of the robot's parameters."""
     descriptor = ParameterDescriptor(
         description=f"{parameter.doc} [{parameter.unit.value or 'no unit'}]",
-        additional_constraints="Lives on the robot: when not given, it is as the robot has it.",
+        additional_constraints="Stored on the robot: if not given, the robot's own value applies.",
     )
     _limit(descriptor, _KIND_TYPES[parameter.kind], parameter.minimum, parameter.maximum)
     return descriptor
@@ -184,12 +184,12 @@ def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float)
         descriptor.integer_range = [whole]
 
 
-def _name_unknown(node: Any) -> None:
-    """Of what it was given and nobody declared rclpy says nothing: a slip would go unseen.
+def _warn_of_unknown(node: Any) -> None:
+    """Warn of given parameters that nobody declared: rclpy ignores them, so a typo would go unseen.
 
-    No error: a file for `/**` may hold the parameters of other nodes.
+    Not an error, because a file for `/**` may have parameters of other nodes.
     """
-    # Nothing public tells these two.
+    # rclpy has no public access to these two.
     given = node._parameter_overrides
     known = list(node._parameters)
     unknown = [
@@ -198,11 +198,11 @@ def _name_unknown(node: Any) -> None:
         if not node.has_parameter(name)
     ]
     if unknown:
-        node.get_logger().warning(f"parameters that this node does not have: {', '.join(unknown)}")
+        node.get_logger().warning(f"unknown parameters, ignored: {', '.join(unknown)}")
 
 
-def _settle(node: Any, alias: str, name: str) -> None:
-    """Declare an alias; what it was given goes to the parameter that it names."""
+def _resolve_alias(node: Any, alias: str, name: str) -> None:
+    """Declare an alias, and give its value to the parameter that it stands for."""
     description = f"Another name of {name}, read at the start."
     node.declare_parameter(
         alias,
@@ -214,7 +214,7 @@ def _settle(node: Any, alias: str, name: str) -> None:
     if is_set(node, name):
         raise ConflictingParameters(alias, name)
     _set(node, RosParameter(name, value=node.get_parameter(alias).value))
-    node.get_logger().info(f"parameter {alias} is taken as {name}")
+    node.get_logger().info(f"parameter {alias} is read as {name}")
 
 
 def _set(node: Any, parameter: RosParameter) -> None:

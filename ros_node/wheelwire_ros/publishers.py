@@ -1,4 +1,4 @@
-"""The topics that say how the robot moves."""
+"""The topics on which the robot's motion is published."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from .estimator import RobotMotion
 
 try:
     from tf2_msgs.msg import TFMessage
-except ImportError:  # not among the wheels on PyPI; every ROS installation has it
+except ImportError:  # not on PyPI; every ROS installation has it
     TFMessage = None
 
 DEPTH = 10
 TF_DEPTH = 100
-"""As a tf2_ros TransformBroadcaster has it."""
+"""The same as tf2_ros's TransformBroadcaster."""
 
 
 class MotionTopics(NamedTuple):
-    """What is published, and under which names."""
+    """What is published, and its names."""
 
     frames: Frames
     joints: tuple[str, str]
-    """The left and the right wheel's."""
+    """The names of the left and the right joint."""
     transform: bool
     battery: bool
     pose_diagonal: Sequence[float]
@@ -39,7 +39,7 @@ class MotionPublisher:
 
     Args:
         node: The lifecycle node.
-        topics: See there. `transform` needs tf2_msgs; a warning tells that they are missing.
+        topics: What to publish. `transform` needs tf2_msgs; if it is missing, a warning says so.
     """
 
     def __init__(self, node: Any, topics: MotionTopics) -> None:
@@ -52,7 +52,7 @@ class MotionPublisher:
         self._joints = create(JointState, "joint_states", DEPTH)
         self._publishers = [self._odometry, self._joints]
         if topics.transform and TFMessage is None:
-            node.get_logger().warning("/tf is not published: tf2_msgs is not installed")
+            node.get_logger().warning("/tf is not published: install tf2_msgs (ros-jazzy-tf2-msgs)")
         if self._publishes_transform:
             self._transform = create(TFMessage, "/tf", TF_DEPTH)
             self._publishers.append(self._transform)
@@ -61,7 +61,7 @@ class MotionPublisher:
             self._publishers.append(self._battery)
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
-        """One sample's worth, with the time at which it was measured."""
+        """Publish the motion at one sample, stamped with the time of its measurement."""
         topics, stamp = self.topics, conversions.time_message(stamp_ns)
         odometry = conversions.odometry_message(
             motion, stamp, topics.frames, topics.pose_diagonal, self._twist_covariance
@@ -76,6 +76,6 @@ class MotionPublisher:
             )
 
     def destroy(self) -> None:
-        """Take the topics from the graph."""
+        """Remove the topics."""
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)

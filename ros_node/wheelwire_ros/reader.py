@@ -1,4 +1,4 @@
-"""The thread that takes a robot's samples as they come."""
+"""The thread that reads a robot's samples as they arrive."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from wheelwire import BaseDriver, LinkClosed, WheelSample, WheelwireError
 
 SILENCE_S = 0.25
 PAUSE_S = 0.05
-"""Between two looks at a link that is lost."""
+"""Between two attempts to read from a lost link."""
 JOIN_S = 2.0
 
 
 class SampleReader:
-    """Reads until `close`.
+    """Reads samples until `close`.
 
     Args:
         robot: An open driver.
         on_sample: Called with each sample, in this thread.
-        on_change: Called when a silence begins, and before the first sample after one or of
-            another boot, in this thread: the session may be another one.
-        on_failure: Called with what went wrong here, or in one of those; nothing is read any more.
+        on_change: Called in this thread when samples stop coming, and before the first sample after
+            that or after a reset of the device: the session may be a new one.
+        on_failure: Called with an error of this thread or of those callbacks; reading has ended.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class SampleReader:
         on_failure: Callable[[Exception], None],
     ) -> None:
         self.silence: WheelwireError | None = None
-        """Why no sample came lately; None while they come."""
+        """Why no sample has come recently; None while they come."""
         self._robot = robot
         self._on_sample = on_sample
         self._on_change = on_change
@@ -42,7 +42,7 @@ class SampleReader:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread; when this returns, nothing is called any more."""
+        """End the thread; no callback runs after this returns."""
         self._closing.set()
         if self._thread is not threading.current_thread():
             self._thread.join(JOIN_S)
@@ -59,7 +59,7 @@ class SampleReader:
             try:
                 sample = self._robot.read(SILENCE_S)
             except LinkClosed:
-                raise  # nothing will come any more: the node ends, and is started again
+                raise  # for good: the node ends, and its supervisor restarts it
             except WheelwireError as error:
                 self._note_silence(error)
                 boot_id = None

@@ -1,4 +1,4 @@
-"""What the node's parameters mean to the parts that it is made of. Needs no rclpy."""
+"""Conversion of the node's parameters to settings of its parts. Needs no rclpy."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .conversions import Frames
 from .publishers import MotionTopics
 
 Get = Callable[[str], Any]
-"""A parameter's value by its name."""
+"""Returns the value of a parameter by its name."""
 
 
 def tuning(get: Get) -> Tuning:
-    """What can change while the robot is open."""
+    """The settings that can change while the robot is open."""
     return Tuning(
         max_linear_mps=get("linear.x.max_velocity"),
         max_angular_radps=get("angular.z.max_velocity"),
@@ -25,14 +25,14 @@ def tuning(get: Get) -> Tuning:
 
 
 def frames(get: Get) -> Frames:
-    """With the prefix, if there is one, and one slash after it."""
+    """The frames' names, with the prefix and a slash if there is one."""
     prefix = get("tf_frame_prefix").strip("/")
     names = get("odom_frame_id"), get("base_frame_id")
     return Frames(*(f"{prefix}/{name}" if prefix else name for name in names))
 
 
 def topics(get: Get, *, has_battery: bool) -> MotionTopics:
-    """What is published."""
+    """The settings of what is published."""
     return MotionTopics(
         frames=frames(get),
         joints=(get("left_wheel_name"), get("right_wheel_name")),

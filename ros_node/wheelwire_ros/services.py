@@ -1,4 +1,4 @@
-"""The node's services. Each answers with success, or with the reason why not."""
+"""The node's services. Each answers with success or with the reason of its failure."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .estimator import MotionEstimator
 
 
 class RobotServices:
-    """Services below the node's name.
+    """The services, named below the node's name.
 
     Args:
         node: An rclpy node.
-        connection: To the robot.
-        estimator: Whose pose can be reset.
+        connection: The connection to the robot.
+        estimator: The estimator whose pose `reset_odometry` resets.
     """
 
     def __init__(self, node: Any, connection: RobotConnection, estimator: MotionEstimator) -> None:
@@ -36,7 +36,7 @@ class RobotServices:
             self._services.append(service)
 
     def destroy(self) -> None:
-        """Take the services from the graph."""
+        """Remove the services."""
         for service in self._services:
             self._node.destroy_service(service)
 

@@ -1,4 +1,4 @@
-"""The link's clock and ROS's: `time.monotonic()` seconds to nanoseconds of the ROS clock."""
+"""Conversion of the link's clock, `time.monotonic()`, to the ROS clock."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ ATTEMPTS = 5
 
 
 class TimeBase:
-    """One offset between two clocks, measured anew from time to time.
+    """The offset between the two clocks, measured again from time to time.
 
-    NTP slews and steps the ROS clock, never the monotonic one, in which the device's samples are.
+    Samples are stamped with the monotonic clock. NTP may step the ROS clock, but never that one,
+    so the offset does not stay the same.
 
     Args:
-        ros_ns: The ROS clock. [ns]
-        monotonic_ns: The clock of the samples' stamps. [ns]
+        ros_ns: Reads the ROS clock. [ns]
+        monotonic_ns: Reads the clock of the samples' stamps. [ns]
     """
 
     def __init__(
@@ -27,24 +28,28 @@ class TimeBase:
         self._monotonic_ns = monotonic_ns
         self._offset_ns = 0
         self.error_s = 0.0
-        """Bound of the offset's error when it was measured. [s]"""
+        """Error bound of the offset when it was measured. [s]"""
         self.measure()
 
     def measure(self) -> None:
-        """Read both clocks; the reading that was interrupted least is the best."""
+        """Measure the offset: of several readings the quickest, which was interrupted least."""
         width_ns, self._offset_ns = min(self._read() for _ in range(ATTEMPTS))
         self.error_s = width_ns / 2e9
 
     def to_ros_ns(self, stamp_s: float) -> int:
-        """The ROS time of a monotonic one that has passed; never in the future."""
+        """Convert a past monotonic time to ROS time; the result is never in the future."""
         stamp_ns = round(stamp_s * 1e9)
         ros_ns = stamp_ns + self._offset_ns
-        if ros_ns > self._ros_ns():  # the ROS clock was set back
+        # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
+        # was set back since the offset was measured.
+        if ros_ns > self._ros_ns():
             self.measure()
             ros_ns = min(stamp_ns + self._offset_ns, self._ros_ns())
         return ros_ns
 
     def _read(self) -> tuple[int, int]:
+        # The ROS clock was read between the two readings of the other one: at their middle, within
+        # half the time between them.
         before_ns = self._monotonic_ns()
         ros_ns = self._ros_ns()
         after_ns = self._monotonic_ns()

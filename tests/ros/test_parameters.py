@@ -118,9 +118,9 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"wheel_base": 0.2, "wheel_separation": 0.2}, "not both"),
+        ({"wheel_base": 0.2, "wheel_separation": 0.2}, "give only one of them"),
         ({"wheel_base": 9.0}, "wheel_separation out of range"),
-        ({"max_speed": 1}, "a real number has a point"),
+        ({"max_speed": 1}, "write a real number with a decimal point"),
         ({"publish_rate": 0.0}, "publish_rate out of range"),
     ],
 )
@@ -142,7 +142,7 @@ def test_parameters_that_there_are_not_are_named() -> None:
     }
     with open_graph() as graph, RobotNode(graph, **given) as node:
         graph.wait_active()
-        (warning,) = [line for line in node.errors().splitlines() if "does not have" in line]
+        (warning,) = [line for line in node.errors().splitlines() if "unknown parameters" in line]
         assert "wheelradius (did you mean wheel_radius?)" in warning
         assert "angular.z.max_acceleration" in warning
         assert "open_loop" in warning
@@ -159,7 +159,7 @@ def test_a_robots_own_file_is_no_parameter_file() -> None:
         check=False,
     )
     assert node.returncode == 1
-    assert "ROS takes values below `/**:`" in node.stderr.splitlines()[-1]
+    assert "a ROS parameter file has its values below `/**:`" in node.stderr.splitlines()[-1]
     assert "Traceback" not in node.stderr
 
 
@@ -168,9 +168,9 @@ def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:
     with RobotNode(graph, port=simulator.port, publish_rate=2.0) as node:
 
         def comes_without_a_silence() -> bool:
-            silences, seen = node.errors().count("out of reach"), len(odometry)
+            silences, seen = node.errors().count("cannot be reached"), len(odometry)
             wait(lambda: len(odometry) > seen + 3, "some odom")
-            return node.errors().count("out of reach") == silences
+            return node.errors().count("cannot be reached") == silences
 
         wait(comes_without_a_silence, "odom without a silence")
     steps = [b - a for a, b in pairwise(stamp_s(message) for message in tuple(odometry))]

@@ -12,7 +12,7 @@ PERIOD_S = 0.002
 
 
 def is_open(robot: BaseDriver) -> bool:
-    """Whether the driver has its robot in reach."""
+    """Whether the driver can reach its robot."""
     try:
         robot.geometry  # noqa: B018
     except LinkLost:

@@ -1,4 +1,4 @@
-"""The demonstration: a simulated robot driven through the public API, and what it measured."""
+"""The demonstration: drives a simulated robot through the public API and measures it."""
 
 from .report import Report as Report
 from .scenario import run as run

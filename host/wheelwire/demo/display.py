@@ -1,4 +1,4 @@
-"""What a person sees during the demonstration: a live table, or plain lines without a terminal."""
+"""The display of the demonstration: a live table, or plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BAR_WIDTH = 21
 
 
 class View(NamedTuple):
-    """One moment of the demonstration."""
+    """The state of the demonstration at one moment."""
 
     phase: str
     seconds: float
@@ -31,7 +31,7 @@ class View(NamedTuple):
 
 
 class Display(Protocol):
-    """Shows a view, or leaves it out when the last one was shown just now."""
+    """Shows views; may skip one that follows another too soon."""
 
     def show(self, view: View) -> None:
         """Show `view`."""
@@ -39,15 +39,15 @@ class Display(Protocol):
 
 @contextmanager
 def open_display(console: Console) -> Iterator[Display]:
-    """A live table on a terminal, else plain lines."""
+    """Open a live table on a terminal, else print plain lines."""
     if not console.is_terminal:
-        yield _Lines(console)
+        yield _LineDisplay(console)
         return
     with Live(console=console, refresh_per_second=LIVE_REFRESH_HZ) as area:
-        yield _Table(area)
+        yield _TableDisplay(area)
 
 
-class _Lines:
+class _LineDisplay:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._next_s = 0.0
@@ -67,7 +67,7 @@ class _Lines:
         )
 
 
-class _Table:
+class _TableDisplay:
     def __init__(self, area: Live) -> None:
         self._area = area
 
@@ -98,7 +98,7 @@ class _Table:
 
 
 def _bar(speed_mps: float, duty: float) -> str:
-    """A bar around a middle of zero duty, with the numbers."""
+    """A bar with zero duty in its middle, and the numbers."""
     middle = BAR_WIDTH // 2
     filled = round(duty * middle)
     cells = ["·"] * BAR_WIDTH

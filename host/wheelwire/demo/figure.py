@@ -1,7 +1,7 @@
-"""The figure eight: a twist for every moment, and the path that it commands.
+"""The figure eight: the twist at each time, and the path that results.
 
-At constant speed and with the heading B (1 - cos phi), phi from 0 to 2 pi, the path closes where
-the integrals of cos and sin of the heading over phi vanish. Both are multiples of the Bessel
+At constant speed and with the heading B (1 - cos phi), phi from 0 to 2 pi, the path closes if the
+integrals of cos and sin of the heading over phi vanish. Both are multiples of the Bessel
 function J0(B), so B is its first zero. The turn rate is smooth and the path crosses itself once.
 """
 
@@ -15,7 +15,7 @@ from wheelwire.motion.odometry import Pose
 SPEED_MPS = 0.25
 LAP_S = 20.0
 RAMP_S = 1.0
-"""The speed rises from 0 in this time, so that the path can be followed from its first metre."""
+"""Time of the speed's rise from 0, so that a real robot can follow the path from its start."""
 SWING_RAD = 2.404825557695773
 """The first zero of J0."""
 
@@ -23,7 +23,7 @@ DURATION_S = LAP_S + RAMP_S / 2
 
 
 def twist_at(seconds: float) -> Twist:
-    """The twist commanded `seconds` after the start; straight on after DURATION_S."""
+    """The twist to command `seconds` after the start; straight ahead after DURATION_S."""
     if seconds >= DURATION_S:
         return Twist(SPEED_MPS, 0.0)
     rate = min(1.0, seconds / RAMP_S)
@@ -34,7 +34,7 @@ def twist_at(seconds: float) -> Twist:
 
 
 def commanded_path(seconds: float, step_s: float = 0.01) -> list[Pose]:
-    """The poses that a robot without inertia would take, `step_s` apart."""
+    """The poses of a robot that follows the commands exactly, `step_s` apart."""
     poses = [Pose()]
     for step in range(round(seconds / step_s)):
         linear_mps, angular_radps = twist_at((step + 0.5) * step_s)

@@ -1,4 +1,4 @@
-"""The picture of a run: commanded, odometry and true path."""
+"""The plot of a run: commanded, estimated and true path."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def save_trajectory(
         ImportError: matplotlib is not installed.
         OSError: The file cannot be written.
     """
-    from matplotlib.figure import Figure  # without pyplot: no display is touched
+    from matplotlib.figure import Figure  # not pyplot, which needs a display
 
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()

@@ -1,4 +1,4 @@
-"""What the demonstration measured."""
+"""The results of the demonstration."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Report:
-    """The figures of one run. Errors and distances are those of the plant, not of the odometry."""
+    """The results of one run. Distances are the plant's, not those of the odometry."""
 
     distance_m: float
     position_error_m: float
-    """Between odometry and truth, after standstill."""
+    """Distance between the odometry and the true pose at standstill."""
     heading_error_rad: float
     frames_sent: int
     frames_received: int
@@ -25,14 +25,14 @@ class Report:
     drive_removed_after_deadline_us: int
     standstill_after_deadline_us: int
     stopping_distance_m: float
-    """Driven between the removal of the drive and standstill."""
+    """Distance between the removal of the drive and standstill."""
     picture: str | None
-    """Its file."""
+    """Path of the plot."""
     picture_error: str | None
-    """Why there is no picture."""
+    """Why there is no plot."""
 
     def rows(self) -> list[tuple[str, str]]:
-        """Pairs of what and how much, for a table."""
+        """Pairs of name and value, for a table."""
         return [
             ("distance driven", f"{self.distance_m:.3f} m"),
             (

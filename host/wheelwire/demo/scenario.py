@@ -1,4 +1,4 @@
-"""The run itself: a figure eight through the public API, then a program that hangs."""
+"""The scenario: a figure eight, then a program that hangs."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from .report import Report
 COMMAND_PERIOD_S = 0.02
 TTL_S = 0.3
 STRAIGHT_S = 1.0
-"""Driven after the figure, so that the hang meets a robot at speed."""
+"""Time driven after the figure, so that the robot is at speed when the program hangs."""
 STANDSTILL_TIMEOUT_S = 10.0
-PICTURE = "trajectory.png"
+PLOT_FILE = "trajectory.png"
 
 
 Save: TypeAlias = Callable[[Path, Sequence[Pose], Sequence[Pose], Sequence[Pose]], None]
@@ -36,13 +36,13 @@ def run(folder: Path, console: Console, save: Save = save_trajectory) -> Report:
     """Drive a simulated robot; takes about 25 s.
 
     Args:
-        folder: Where `trajectory.png` is written; made if it is not there.
-        console: Where progress is shown.
-        save: Writes the picture.
+        folder: Folder for `trajectory.png`; created if it does not exist.
+        console: Console for the progress.
+        save: Writes the plot.
 
     Raises:
         SimulatorNotFound: The simulator is not built.
-        OutputFailed: Nothing can be written in `folder`; nothing was driven.
+        OutputFailed: `folder` is not writable; nothing was driven.
         WheelwireError: The link failed, or the robot did not stop.
     """
     _check_folder(folder)
@@ -74,7 +74,7 @@ class _Demonstration:
         return self._report(folder)
 
     def _drive(self, phase: str, seconds: float) -> None:
-        """Command the figure, a setpoint every COMMAND_PERIOD_S."""
+        """Command the figure, one setpoint every COMMAND_PERIOD_S."""
         begin = time.monotonic()
         next_command = begin
         while (now := time.monotonic()) < begin + seconds:
@@ -84,7 +84,7 @@ class _Demonstration:
             self._watch(phase)
 
     def _hang(self) -> None:
-        """Command no more, as a program that hangs: the firmware must stop the robot."""
+        """Send no more commands, like a program that hangs: the firmware must stop the robot."""
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
         while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
             if time.monotonic() > end:
@@ -102,7 +102,7 @@ class _Demonstration:
         self._display.show(View(phase, seconds, pose, sample, self._robot.statistics))
 
     def _report(self, folder: Path) -> Report:
-        picture = folder / PICTURE
+        picture = folder / PLOT_FILE
         picture_error = self._save(picture)
         last, removed = self._true[-1], _drive_removed(self._true)
         pose, statistics = self._path[-1], self._robot.statistics
@@ -125,22 +125,21 @@ class _Demonstration:
         )
 
     def _save(self, picture: Path) -> str | None:
-        """Write the picture; returns why it could not be written. The figures are told anyway."""
+        """Write the plot; returns the reason if it failed. The results are reported anyway."""
         true_path = [Pose(state.x_m, state.y_m, state.heading_rad) for state in self._true]
         commanded = commanded_path(DURATION_S + STRAIGHT_S)
         try:
             self._save_picture(picture, commanded, self._path, true_path)
         except ImportError as error:
-            return (
-                f"it needs {(error.name or '').partition('.')[0]}: pip install 'wheelwire[tools]'"
-            )
+            package = (error.name or "").partition(".")[0]
+            return f"it needs {package}: run pip install 'wheelwire[tools]'"
         except OSError as error:
             return f"{picture}: {error.strerror}"
         return None
 
 
 def _check_folder(folder: Path) -> None:
-    """Find out now what would cost the picture after the run."""
+    """Check now, before the run, that the plot can be written after it."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):

@@ -1,1 +1,1 @@
-"""What wheels do to a body: kinematics and odometry."""
+"""Kinematics and odometry of a differential drive."""

@@ -1,4 +1,4 @@
-"""How uncertain a dead-reckoned pose is: error propagation along the odometry's updates.
+"""Covariance of a dead-reckoned pose: error propagation over the odometry's updates.
 
 The motion model, its Jacobians and the error model are those of Siegwart and Nourbakhsh,
 Introduction to Autonomous Mobile Robots, section 5.2.4.
@@ -22,11 +22,11 @@ Matrix = npt.NDArray[np.float64]
 class PoseCovariance:
     """The covariance of (x, y, heading), in m and rad, since the last reset.
 
-    Each wheel's travel has an error of its own, whose variance grows with the distance.
+    Each wheel's travel has an independent error, whose variance grows with the distance.
 
     Args:
-        left_variance_m: Variance of the left wheel's travel per metre of it. [m^2/m]
-        right_variance_m: As `left_variance_m`.
+        left_variance_m: Variance of the left wheel's travel per metre travelled. [m^2/m]
+        right_variance_m: The same for the right wheel. [m^2/m]
     """
 
     def __init__(self, left_variance_m: float, right_variance_m: float) -> None:
@@ -59,7 +59,7 @@ class PoseCovariance:
         return self.matrix
 
     def reset(self) -> None:
-        """The pose is known again."""
+        """Reset the covariance to zero."""
         self.matrix = np.zeros((3, 3))
 
 

@@ -31,15 +31,15 @@ class WheelVelocities(NamedTuple):
 
 @dataclass(frozen=True)
 class DifferentialDrive:
-    """The numbers of one robot.
+    """The geometry of one robot.
 
     Attributes:
         wheel_separation: Between the wheels' contact points. [m]
         wheel_radius: [m]
         counts_per_revolution: Ticks per wheel turn, after x4 decoding and the gearbox.
-        max_velocity_mps: Limit of either wheel. [m/s]
-        left_radius_multiplier: The left wheel's real radius over `wheel_radius`, by calibration.
-        right_radius_multiplier: As `left_radius_multiplier`.
+        max_velocity_mps: Limit of each wheel. [m/s]
+        left_radius_multiplier: Real radius divided by `wheel_radius`, from calibration.
+        right_radius_multiplier: The same for the right wheel.
 
     Raises:
         ParameterOutOfRange: One of them is not a positive finite number.
@@ -61,11 +61,11 @@ class DifferentialDrive:
 
     @property
     def metres_per_tick(self) -> float:
-        """Travel of a rim of `wheel_radius` per tick, in metres."""
+        """Travel per tick of a wheel with `wheel_radius`, in metres."""
         return 2 * math.pi * self.wheel_radius / self.counts_per_revolution
 
     def wheel_velocities(self, twist: Twist) -> WheelVelocities:
-        """The velocities that make `twist`, of rims of `wheel_radius`, without any limit."""
+        """The wheel velocities for `twist`, as of wheels with `wheel_radius`; not limited."""
         difference = twist.angular_radps * self.wheel_separation / 2
         return WheelVelocities(
             (twist.linear_mps - difference) / self.left_radius_multiplier,
@@ -73,13 +73,13 @@ class DifferentialDrive:
         )
 
     def twist(self, wheels: WheelVelocities) -> Twist:
-        """The body's velocity when rims of `wheel_radius` would move at `wheels`."""
+        """The body's velocity for velocities of wheels with `wheel_radius`."""
         left = wheels.left_mps * self.left_radius_multiplier
         right = wheels.right_mps * self.right_radius_multiplier
         return Twist((right + left) / 2, (right - left) / self.wheel_separation)
 
     def saturate(self, wheels: WheelVelocities) -> WheelVelocities:
-        """Scale both wheels by one factor, so that the faster one keeps to the limit.
+        """Scale both wheels by one factor, so that the faster one is within the limit.
 
         The path's radius is (L/2)(r + l)/(r - l): one factor keeps it, clamping each bends it.
         """

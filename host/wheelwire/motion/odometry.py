@@ -10,11 +10,11 @@ from ..samples import WheelSample
 from .kinematics import DifferentialDrive, Twist
 
 STRAIGHT_RAD = 1e-6
-"""Below this turn the arc's formula divides by almost zero, and the midpoint rule is exact."""
+"""Below this turn the arc's formula divides by almost zero; the midpoint rule is exact then."""
 
 
 class Pose(NamedTuple):
-    """Where the robot is, in the frame where it was at the last reset of the odometry."""
+    """The robot's pose in the frame that it had at the last reset of the odometry."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -41,24 +41,24 @@ class Pose(NamedTuple):
 
 
 class OdometryUpdate(NamedTuple):
-    """What one sample changed."""
+    """The change by one sample."""
 
     pose: Pose
     twist: Twist
-    """Mean over the interval, by the device's clock; zero over no time."""
+    """Mean over the interval, by the device's clock; zero if no time has passed."""
     distance_m: float
     turn_rad: float
     dt_s: float
     rebased: bool
-    """The device was reset: the pose stayed where it was."""
+    """Whether the device was reset; the pose is unchanged then."""
 
 
 class Odometry:
-    """Integrates samples into a pose. One sample each, in order.
+    """Integrates samples to a pose. Feed each sample once, in order.
 
     Args:
-        drive: The robot's numbers.
-        pose: Where to begin.
+        drive: The robot's geometry.
+        pose: The initial pose; by default the origin.
     """
 
     def __init__(self, drive: DifferentialDrive, pose: Pose | None = None) -> None:
@@ -67,11 +67,11 @@ class Odometry:
         self.drive = drive
         self.pose = pose or Pose()
         self.rebases = 0
-        """How often the device's counters began anew."""
+        """How often the odometry was rebased after a reset of the device."""
         self._last: WheelSample | None = None
 
     def update(self, sample: WheelSample) -> OdometryUpdate:
-        """Advance the pose by the travel since the last sample; the first only sets the start."""
+        """Advance the pose by the travel since the previous sample; the first sets the start."""
         if not isinstance(sample, WheelSample):
             raise InvalidArgument(f"sample = {shown(sample)}: give what `read()` returns")
         last, self._last = self._last or sample, sample
@@ -87,7 +87,7 @@ class Odometry:
         return OdometryUpdate(self.pose, twist, distance, turn, dt, travel.rebased)
 
     def reset(self, pose: Pose | None = None) -> None:
-        """Put the robot at `pose`, by default the origin.
+        """Set the pose, by default to the origin.
 
         The next sample is measured from the previous one.
         """

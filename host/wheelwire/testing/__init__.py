@@ -1,4 +1,4 @@
-"""For authors of drivers: the tests that every driver passes. Needs pytest.
+"""The conformance tests that every driver passes, for authors of drivers. Needs pytest.
 
     from wheelwire.testing import Bench, DriverConformance
 
@@ -8,7 +8,7 @@
         @pytest.fixture
         def bench(self): yield MyBench()
 
-The entry point group `wheelwire.drivers` then offers the driver to `open_driver` by name.
+An entry point in the group `wheelwire.drivers` makes the driver available to `open_driver` by name.
 """
 
 import pytest

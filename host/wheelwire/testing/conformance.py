@@ -1,6 +1,6 @@
-"""The tests that every driver passes, whatever is behind it.
+"""The tests that every driver passes, whatever hardware is behind it.
 
-Tolerances are a user's, not a loop's: how well the velocity is kept is measured elsewhere.
+Their tolerances are wide: how well the controller holds a velocity is measured elsewhere.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .stopping import StoppingTests
 
 
 class DriverConformance(MotionTests, SamplingTests, StoppingTests, RefusingTests, LifecycleTests):
-    """Derive from it, and give it a fixture `bench`."""
+    """Derive a test class from this one and give it a fixture `bench`."""
 
     @pytest.fixture
     def driver(self, bench: Bench) -> Iterator[BaseDriver]:
@@ -30,5 +30,5 @@ class DriverConformance(MotionTests, SamplingTests, StoppingTests, RefusingTests
 
     @pytest.fixture
     def harness(self, driver: BaseDriver) -> DriveHarness:
-        """It, and what it measures."""
+        """The driver under test in a harness."""
         return DriveHarness(driver)

@@ -1,4 +1,4 @@
-"""Driving a driver through its samples, so that a test runs alike in real and in virtual time."""
+"""Tests a driver by its samples, so that a test works the same in real and in virtual time."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ TIMEOUT_S = 30.0
 """In the robot's time. Much longer than anything takes: a busy machine must not fail a test."""
 
 SPEED_MPS = 0.2
-"""What the tests drive at, where nothing else is said."""
+"""The default speed of the tests."""
 CLOSE = 0.1
-"""Relative."""
+"""Relative tolerance."""
 ATTEMPTS = 10
-"""At what another program may spoil that takes the processor for a while."""
+"""For measurements that another program can spoil by taking the processor for a while."""
 
 Result = TypeVar("Result")
 Condition = Callable[[WheelSample], bool]
 
 
 class DriveHarness:
-    """A driver and what it measured. Time is the samples' own, so nothing here sleeps."""
+    """A driver and the samples read from it. Time is that of the samples; nothing here sleeps."""
 
     def __init__(self, driver: BaseDriver) -> None:
         self.driver = driver
         self.samples: list[WheelSample] = []
 
     def next(self) -> WheelSample:
-        """The next sample."""
+        """Read the next sample."""
         sample = self.driver.read(TIMEOUT_S)
         self.samples.append(sample)
         return sample
 
     def watch(self, seconds: float) -> list[WheelSample]:
-        """The samples of the next `seconds`, without a command."""
+        """Read the samples of the next `seconds` without sending a command."""
         first = self.next()
         watched = [first]
         while watched[-1].t_us - first.t_us < seconds * 1e6:
@@ -47,11 +47,11 @@ class DriveHarness:
         return watched
 
     def wait(self, condition: Condition) -> WheelSample:
-        """The first sample that fulfils `condition`, without a command."""
+        """Wait for a sample that fulfils `condition`, without sending a command."""
         return self._until(condition, lambda: None)
 
     def drive(self, linear: float, angular: float, seconds: float) -> list[WheelSample]:
-        """Command a body velocity for `seconds`; returns the samples meanwhile."""
+        """Command a body velocity for `seconds`; returns the samples."""
         start = self.next()
         before = len(self.samples)
         self.drive_until(linear, angular, lambda s: s.t_us - start.t_us >= seconds * 1e6)
@@ -68,9 +68,9 @@ class DriveHarness:
     def steady(
         self, linear: float, angular: float, expected: Callable[[list[WheelSample]], bool]
     ) -> list[WheelSample]:
-        """The first second at a body velocity whose samples are as `expected`.
+        """Drive at a constant velocity until one second of samples is as `expected`.
 
-        A second in which this program or the robot's stood still is followed by another one.
+        It tries again, because this program or the robot's may have been delayed for a while.
         """
         self.drive(linear, angular, 1.0)
         return self.first(lambda: self.drive(linear, angular, 1.0), expected)
@@ -78,9 +78,9 @@ class DriveHarness:
     def time_to(
         self, begin: Callable[[], object], condition: Condition, limit_s: float
     ) -> WheelSample:
-        """What ends `limit_s` at most after `begin` has returned; the sample that shows the end.
+        """Call `begin` and wait for `condition`, which must come within `limit_s` of its return.
 
-        `begin` is repeated when the end was late: this program may have stood still meanwhile.
+        It tries again if the condition was late, because this program may have been delayed.
         """
 
         def attempt() -> tuple[WheelSample, float]:
@@ -93,7 +93,7 @@ class DriveHarness:
         return self.first(attempt, lambda result: result[1] < limit_s)[0]
 
     def rest(self) -> WheelSample:
-        """Stop, and wait until the wheels do not turn."""
+        """Stop, and wait until the wheels are at rest."""
         self.driver.stop()
         return self.wait(lambda s: s.left_mps == 0 and s.right_mps == 0)
 
@@ -107,20 +107,22 @@ class DriveHarness:
 
     @staticmethod
     def first(attempt: Callable[[], Result], good: Callable[[Result], bool]) -> Result:
-        """The first good result of an attempt, for what another program may spoil."""
+        """Repeat an attempt that another program may spoil, and return the first good result."""
         results = []
         for _ in range(ATTEMPTS):
             results.append(attempt())
             if good(results[-1]):
                 return results[-1]
-        raise AssertionError(f"none of {ATTEMPTS} attempts is as it should be: {results[-1]}")
+        raise AssertionError(f"none of {ATTEMPTS} attempts was good, the last one: {results[-1]}")
 
     def _until(self, condition: Condition, command: Callable[[], None]) -> WheelSample:
         command()
         sample = self.next()
         start_us = commanded_us = sample.t_us
         while not condition(sample):
-            assert sample.t_us - start_us < TIMEOUT_S * 1e6, f"it never came to that: {sample}"
+            assert sample.t_us - start_us < TIMEOUT_S * 1e6, (
+                f"the condition was never fulfilled, last sample: {sample}"
+            )
             if sample.t_us - commanded_us >= REPEAT_S * 1e6:
                 command()
                 commanded_us = sample.t_us
@@ -129,12 +131,12 @@ class DriveHarness:
 
 
 def turning(sample: WheelSample) -> bool:
-    """Both wheels are near SPEED_MPS."""
+    """Whether both wheels are near SPEED_MPS or faster."""
     return min(sample.left_mps, sample.right_mps) > 0.8 * SPEED_MPS
 
 
 def standing(sample: WheelSample) -> bool:
-    """No wheel turns, as far as is measured."""
+    """Whether both measured velocities are zero."""
     return sample.left_mps == 0 and sample.right_mps == 0
 
 

@@ -1,4 +1,4 @@
-"""The link and its loss, the end of a driver, and what it leaves behind: nothing."""
+"""Loss of the link, and the end of a driver, which must leave nothing behind."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ POLL_S = 0.01
 
 
 class LifecycleTests:
-    """From opening to oblivion."""
+    """A driver from opening to garbage collection."""
 
-    def test_a_lost_link_is_told_and_recovers_by_itself(
+    def test_a_lost_link_is_reported_and_recovers_by_itself(
         self, bench: Bench, harness: DriveHarness
     ) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
@@ -47,7 +47,7 @@ class LifecycleTests:
         assert not bench.is_driven()
         bench.restore_link()
 
-    def test_shutdown_stops_gives_back_everything_and_may_be_repeated(self, bench: Bench) -> None:
+    def test_shutdown_stops_and_releases_everything_and_may_be_repeated(self, bench: Bench) -> None:
         threads, files = _threads(), _open_files()
         driver = bench.open()
         harness = DriveHarness(driver)
@@ -72,7 +72,7 @@ class LifecycleTests:
             with bench.open() as driver:
                 DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
 
-    def test_a_forgotten_driver_stops_the_robot(self, bench: Bench) -> None:
+    def test_a_garbage_collected_driver_stops_the_robot(self, bench: Bench) -> None:
         threads = _threads()
         driver = bench.open()
         DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
@@ -83,7 +83,7 @@ class LifecycleTests:
 
 
 def _is_lost(driver: BaseDriver) -> bool:
-    """What was measured before the loss may still be read."""
+    """Whether reading fails; samples from before the loss may still be read first."""
     try:
         driver.read(timeout=0.05)
     except errors.LinkLost:

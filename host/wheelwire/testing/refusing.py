@@ -1,4 +1,4 @@
-"""What a driver does not do, and says so."""
+"""Invalid commands and parameters, which a driver must reject with an error."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..samples import WheelSample
 from .harness import CLOSE, SPEED_MPS, TIMEOUT_S, DriveHarness, mean_of
 
 
-def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
-    """Commands with a `value` that is no finite number in each place where one is taken."""
+def commands_with(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
+    """Commands that have `value` for each of their arguments in turn."""
     return [
         lambda: driver.set_velocity(value, 0.0),
         lambda: driver.set_velocity(0.0, value),
@@ -28,22 +28,26 @@ def meaningless(driver: BaseDriver, value: float) -> list[Callable[[], None]]:
 
 
 class RefusingTests:
-    """Commands and parameters that mean nothing."""
+    """Invalid commands and parameters."""
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-    def test_no_number_is_no_command(self, harness: DriveHarness, value: float) -> None:
-        for call in meaningless(harness.driver, value):
+    def test_a_value_that_is_not_finite_is_rejected(
+        self, harness: DriveHarness, value: float
+    ) -> None:
+        for call in commands_with(harness.driver, value):
             with pytest.raises(errors.InvalidCommand):
                 call()
         assert harness.next().state is not SupervisorState.DRIVING
 
     @pytest.mark.parametrize("ttl", [0.0, -0.5])
-    def test_no_time_to_live_is_no_command(self, driver: BaseDriver, ttl: float) -> None:
+    def test_a_command_without_time_to_live_is_rejected(
+        self, driver: BaseDriver, ttl: float
+    ) -> None:
         with pytest.raises(errors.InvalidCommand, match="ttl"):
             driver.set_velocity(0.1, 0.0, ttl=ttl)
 
     @pytest.mark.parametrize("ahead_s", [1.0, 1.7e9])
-    def test_a_stamp_of_another_clock_is_no_command(
+    def test_a_stamp_of_another_clock_is_rejected(
         self, harness: DriveHarness, ahead_s: float
     ) -> None:
         later = harness.next().stamp + TIMEOUT_S + ahead_s
@@ -60,7 +64,7 @@ class RefusingTests:
             harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2, stamp=made)
         assert harness.next().state is not SupervisorState.DRIVING
 
-    def test_a_duty_beyond_one_is_no_command(self, driver: BaseDriver) -> None:
+    def test_a_duty_beyond_one_is_rejected(self, driver: BaseDriver) -> None:
         with pytest.raises(errors.InvalidCommand):
             driver.set_duty(0.0, -1.01)
 
@@ -77,14 +81,12 @@ class RefusingTests:
         assert driver.geometry.max_velocity_mps == 0.15
         assert {info.name for info in parameters.list()} >= {"wheel_radius", "ttl_max_s"}
 
-    def test_a_limit_that_is_changed_is_kept_to(self, harness: DriveHarness) -> None:
+    def test_a_changed_limit_applies(self, harness: DriveHarness) -> None:
         harness.driver.parameters.set("max_velocity_mps", 0.15)
         close = pytest.approx(0.15, rel=CLOSE)
         harness.steady(0.4, 0.0, lambda samples: mean_of(samples, "left") == close)
 
-    def test_what_safety_rests_on_does_not_change_while_driving(
-        self, harness: DriveHarness
-    ) -> None:
+    def test_safety_parameters_do_not_change_while_driving(self, harness: DriveHarness) -> None:
         parameters = harness.driver.parameters
         before = {name: parameters[name] for name in ("counts_per_revolution", "ttl_max_s")}
         harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)

@@ -1,4 +1,4 @@
-"""What is measured: once, in order, without a jump, and completely."""
+"""Samples and ticks: complete, in order, each once, without a jump."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .bench import Bench
 from .harness import SPEED_MPS, DriveHarness
 
 BATCH_S = 0.05
-"""Some drivers hear of edges in batches, and on a busy machine late."""
+"""Some drivers receive edges in batches, and late on a busy machine."""
 
 
 class SamplingTests:
@@ -20,7 +20,7 @@ class SamplingTests:
         times = [harness.next().t_us for _ in range(20)]
         assert times == sorted(set(times))
 
-    def test_ticks_go_on_without_a_jump(self, harness: DriveHarness) -> None:
+    def test_ticks_continue_without_a_jump(self, harness: DriveHarness) -> None:
         samples = harness.drive(SPEED_MPS, 0.0, 1.0)
         per_metre = 1 / harness.driver.geometry.metres_per_tick
         for before, after in pairwise(samples):
@@ -35,7 +35,7 @@ class SamplingTests:
         harness.drive(SPEED_MPS, 1.0, 1.0)
         harness.drive(-SPEED_MPS, 0.0, 1.0)
         harness.rest()
-        harness.watch(0.2)  # what was under way has arrived
+        harness.watch(0.2)  # let the last edges arrive
         end, true_end = harness.driver.get_encoder_ticks(), bench.true_ticks()
         assert end[0] - start[0] == true_end[0] - true_start[0]
         assert end[1] - start[1] == true_end[1] - true_start[1]

@@ -1,4 +1,4 @@
-"""How driving ends: by a stop, a deadline, an e-stop, a fault."""
+"""How driving ends: by a stop, a deadline, an e-stop or a fault."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .bench import Bench
 from .harness import SPEED_MPS, DriveHarness, standing, turning
 
 WATCHDOG_MARGIN_S = 0.15
-"""One sample period and a busy machine."""
+"""Allows for one sample period and a busy machine."""
 
 
 def not_driving(sample: WheelSample) -> bool:
-    """Driving has ended, or has not begun."""
+    """Whether the robot is not in the state DRIVING."""
     return sample.state is not SupervisorState.DRIVING
 
 
 class StoppingTests:
-    """The supervisor, from outside."""
+    """The supervisor, seen through the driver."""
 
     def test_a_stop_removes_the_drive_and_the_wheels_come_to_rest(
         self, bench: Bench, harness: DriveHarness
@@ -50,15 +50,15 @@ class StoppingTests:
     def test_the_time_to_live_counts_from_the_stamp(self, harness: DriveHarness) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
 
-        def give_an_old_command() -> None:
+        def command_with_an_old_stamp() -> None:
             made = harness.next().stamp
             harness.drive(SPEED_MPS, 0.0, 0.8)
             harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1.4, stamp=made)
 
-        sample = harness.time_to(give_an_old_command, not_driving, 0.6 + WATCHDOG_MARGIN_S)
+        sample = harness.time_to(command_with_an_old_stamp, not_driving, 0.6 + WATCHDOG_MARGIN_S)
         assert sample.state is SupervisorState.TIMED_OUT
 
-    def test_reading_extends_no_setpoint(self, harness: DriveHarness) -> None:
+    def test_reading_does_not_extend_a_setpoint(self, harness: DriveHarness) -> None:
         harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2)
         start = harness.next()
         while harness.next().t_us - start.t_us < 0.6e6:
@@ -66,7 +66,7 @@ class StoppingTests:
             assert harness.driver.geometry.wheel_radius > 0
         assert harness.next().state is SupervisorState.TIMED_OUT
 
-    def test_an_endless_time_to_live_is_cut_short(self, harness: DriveHarness) -> None:
+    def test_a_time_to_live_is_limited(self, harness: DriveHarness) -> None:
         longest_s = harness.driver.parameters["ttl_max_s"]
         sample = harness.time_to(
             lambda: harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1e9),

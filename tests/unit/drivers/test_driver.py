@@ -23,7 +23,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
-from wheelwire.testing.refusing import meaningless
+from wheelwire.testing.refusing import commands_with
 from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -81,7 +81,7 @@ def test_a_duty_arrives_in_q15(robot: PtyDevice, driver: SerialDriver) -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_no_number_is_no_command(robot: PtyDevice, driver: SerialDriver, value: float) -> None:
-    for call in meaningless(driver, value):
+    for call in commands_with(driver, value):
         with pytest.raises(errors.InvalidCommand, match="give"):
             call()
     driver.stop()  # acknowledged: whatever was sent before it has arrived
