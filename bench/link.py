@@ -131,6 +131,13 @@ def library_load(port: str, rate_hz: int, duration_s: float, reads_hz: int = 0) 
         return load_while(lambda: read_for(duration_s, robot, reads_hz))
 
 
+def idle_load(port: str) -> Load:
+    """Of an open link on which only answers come."""
+    with round_trips.open_without_stream(port):
+        time.sleep(SETTLING_S)
+        return load_while(lambda: time.sleep(IDLE_S))
+
+
 def bare_load(port: str) -> Load:
     """Of the least that takes what the last session's device still sends."""
     with closing(BareHost(port, round_trips.ANY_BAUD)) as host:
@@ -158,7 +165,7 @@ def show_cpu() -> list[Target]:
     """Print what an idle and a busy link cost."""
     with Simulator() as simulator:
         port = simulator.port
-        idle = library_load(port, 0, IDLE_S)
+        idle = idle_load(port)
         # The bare host comes last: it reads the stream that the others leave behind.
         measures = {
             "library": lambda: library_load(port, RATE_HZ, CPU_S),

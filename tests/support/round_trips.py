@@ -61,7 +61,7 @@ def compare(folder: Path) -> dict[str, RoundTrips]:
         firmware = stack.enter_context(closing(BareHost(simulator.port, ANY_BAUD)))
         firmware.open_session(stream_rate_hz=0)
         port = stack.enter_context(Simulator()).port
-        robot = stack.enter_context(SerialDriver(port, stream_rate_hz=0))
+        robot = stack.enter_context(open_without_stream(port))
         return _in_rounds(
             {
                 ECHO: lambda: _exchanges(echo.echo),
@@ -70,6 +70,13 @@ def compare(folder: Path) -> dict[str, RoundTrips]:
                 REQUEST: lambda: _exchanges(lambda: _seconds(robot.device_counters)),
             }
         )
+
+
+def open_without_stream(port: str) -> SerialDriver:
+    """A link on which only answers come."""
+    with SerialDriver(port) as robot:
+        robot.parameters.set("stream_rate_hz", 0)
+    return SerialDriver(port)
 
 
 def on_slow_lines() -> dict[int, RoundTrips]:

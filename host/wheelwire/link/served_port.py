@@ -197,10 +197,8 @@ class ServedPort(ABC):
             or self._session.phase is not Phase.OPEN
         ):  # most reads bring state frames, which need none of this
             self._advance(transport, now_us)
-        while self._frames:
-            self._output += self._frames.popleft()
-        if self._output:
-            self._output = self._output[transport.write(self._output) :]
+        if self._frames or self._output:
+            self._write(transport)
 
     def _may_rest(self, now_us: int) -> bool:
         """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
@@ -250,10 +248,18 @@ class ServedPort(ABC):
         self._check_port(transport, now_us)
         self._session.advance(now_us)
         self._queue_output()
+        self._write(transport)  # before the rest: the round trip of a ping has begun
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
         self._work_pending = self._session.awaits_answer(now_us)
         self._tell_changes()
+
+    def _write(self, transport: Transport) -> None:
+        """Write what the port takes."""
+        while self._frames:
+            self._output += self._frames.popleft()
+        if self._output:
+            self._output = self._output[transport.write(self._output) :]
 
     def _queue_output(self) -> None:
         """Queue the session's output, or drop it if the port has accepted nothing for long.
