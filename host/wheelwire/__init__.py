@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wheelwire_protocol.codes import RefusalCode as RefusalCode
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
 
+    from . import aio as aio
     from .config import RobotConfig as RobotConfig
     from .config import load_config as load_config
     from .config import open_robot as open_robot
@@ -96,6 +97,7 @@ _MODULE_OF = {
 __all__ = [  # loaded when first used, so that the import stays quick
     *_MODULE_OF,
     "__version__",
+    "aio",
 ]
 
 
@@ -104,6 +106,8 @@ def __getattr__(name: str) -> Any:
         from .link.info import library_version
 
         return library_version()
+    if name == "aio":
+        return import_module(".aio", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_MODULE_OF[name], __name__), name)

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from support.aio_driver import AioDriver
+from wheelwire import aio
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
@@ -35,8 +37,20 @@ class SerialBench(Bench):
         self.simulator.set("left.encoder_dead", 1)
 
 
+class AioSerialBench(SerialBench):
+    def open(self) -> BaseDriver:
+        return AioDriver(aio.open_driver("serial", port=self.simulator.port))
+
+
 class TestSerial(DriverConformance):
     @pytest.fixture
     def bench(self, tmp_path: Path) -> Iterator[Bench]:
         with Simulator(link=tmp_path / "robot", seed=1) as simulator:
             yield SerialBench(simulator)
+
+
+class TestSerialOnAsyncio(DriverConformance):
+    @pytest.fixture
+    def bench(self, tmp_path: Path) -> Iterator[Bench]:
+        with Simulator(link=tmp_path / "robot", seed=1) as simulator:
+            yield AioSerialBench(simulator)

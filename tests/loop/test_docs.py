@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S
+from wheelwire import open_driver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -40,6 +41,25 @@ def test_the_readmes_program_drives() -> None:
         assert simulator.get("true.heading_rad") == pytest.approx(1.0, abs=0.25)
         assert simulator.get("drive_on") == 0
     assert "DRIVING" in result.stdout
+
+
+@pytest.mark.parametrize("number", [0, -1])
+def test_the_programs_for_python_drive(number: int) -> None:
+    program = blocks("docs/python.md", "python")[number]
+    assert PORT in program
+    with Simulator() as simulator:
+        carry_out([sys.executable, "-c", program.replace(PORT, simulator.port)])
+        assert simulator.get("true.distance_m") > 0.2
+        assert simulator.get("drive_on") == 0
+
+
+def test_the_parameters_are_used_as_the_page_for_python_says() -> None:
+    uses = blocks("docs/python.md", "python")[1]
+    with Simulator() as simulator, open_driver("serial", port=simulator.port) as robot:
+        results = [eval(line, {"robot": robot}) for line in uses.splitlines()]  # noqa: S307
+    assert results[0] == 0.033
+    assert results[2]["integral_gain"] == results[1]
+    assert results[3] is True
 
 
 TUTORIAL = sorted(page.relative_to(ROOT).as_posix() for page in ROOT.glob("docs/tutorial/*.md"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
+import signal
 import subprocess
 import sys
 import termios
@@ -68,6 +69,23 @@ def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
     missing = round((times[-1] - times[0]) / 0.01) + 1 - len(rows)
     assert missing <= int(output.split()[-2])  # every sample is there, or counted
     assert {row["state"] for row in rows} == {"IDLE"}
+
+
+def test_a_task_drives_while_another_one_watches() -> None:
+    with Simulator() as simulator:
+        output = end(start("asyncio_drive.py", "--port", simulator.port, "--seconds", "2"))
+        states = [line.split()[-1] for line in output.splitlines()]
+        assert states[-3:] == ["DRIVING", "IDLE", "done"]
+        assert simulator.get("true.distance_m") > 0.2
+
+
+def test_ctrl_c_stops_a_robot_on_asyncio() -> None:
+    with Simulator() as simulator:
+        process = start("asyncio_drive.py", "--port", simulator.port, "--seconds", "60")
+        wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
+        process.send_signal(signal.SIGINT)
+        end(process)
+        assert simulator.get("state") == SupervisorState.IDLE  # not by the deadline
 
 
 def test_the_e_stop_is_lived_through() -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from wheelwire import BaseDriver
+from wheelwire.drivers.driving import Driving
 from wheelwire.errors import LinkLost
 
 PERIOD_S = 0.002
 
 
-def is_open(robot: BaseDriver) -> bool:
+def is_open(robot: Driving) -> bool:
     """Whether the driver can reach its robot."""
     try:
         robot.geometry  # noqa: B018

@@ -87,7 +87,7 @@ def open_driver(name: str, **options: Any) -> BaseDriver:
         WheelwireError: What the driver itself raises.
     """
     make = _driver_class(name)
-    _check_options(name, make, options)
+    check_options(name, make, options)
     driver: BaseDriver = make(**options)
     return driver
 
@@ -111,7 +111,8 @@ def _driver_class(name: str) -> Any:
         ) from error
 
 
-def _check_options(name: str, make: Any, options: dict[str, Any]) -> None:
+def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
+    """Raise `InvalidArgument` if `make` does not take these options."""
     try:
         expected = signature(make)
     except ValueError:  # it is not written in Python, and checks them itself

@@ -145,7 +145,9 @@ class MockProcess:
 
     simulator: Simulator
 
-    def __init__(self, parameters: Mapping[str, float] | None, store: Path | None) -> None:
+    def __init__(
+        self, parameters: Mapping[str, float] | None = None, store: Path | None = None
+    ) -> None:
         self._values = checked_values(parameters)
         self._store = _converted(store)
         self._plugged = True

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 from ..errors import (
     DeviceRefused,
@@ -18,11 +19,12 @@ from ..errors import (
     WheelwireError,
 )
 from .clock import host_clock_us
-from .discovery import open_board
 from .info import DeviceInfo, LinkStatistics
 from .served_port import OpenPort, ServedPort
 from .session import Phase, Session
-from .transports import Transport, open_transport
+
+if TYPE_CHECKING:
+    from .transports import Transport
 
 PORT_TIMEOUT_S = 60.0
 """A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
@@ -197,6 +199,10 @@ class BaseLink(ABC):
 
 
 def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
+    # Here, for not every link needs what they import.
+    from .discovery import open_board
+    from .transports import open_transport
+
     if board_id is None:
         return open_transport(port, baud_rate)
     return open_board(port, board_id, baud_rate)

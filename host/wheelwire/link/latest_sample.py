@@ -122,8 +122,17 @@ class LatestSample:
 
         self._wait(timeout_s, take)
         if not taken:
-            raise self._why_none(timeout_s)
+            raise self.why_none(timeout_s)
         return taken[0].sample()
+
+    def poll(self) -> WheelSample | None:
+        """As `take`, without waiting: None when there is none yet."""
+        self._asked_us = host_clock_us()
+        with suppress(IndexError):
+            return self._unread.popleft().sample()
+        if self._failure is not None:
+            raise self._failure.with_traceback(None)
+        return None
 
     def ticks(self, timeout_s: float) -> tuple[int, int]:
         """The unbounded tick counts of the newest sample, waiting for a current one.
@@ -136,7 +145,7 @@ class LatestSample:
         """
         self._wait(timeout_s, lambda: self._current)
         if not self._current:
-            raise self._why_none(timeout_s)
+            raise self.why_none(timeout_s)
         return self._ticks
 
     @property
@@ -157,7 +166,8 @@ class LatestSample:
             self._changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
             self._asked_us = host_clock_us()
 
-    def _why_none(self, timeout_s: float) -> WheelwireError:
+    def why_none(self, timeout_s: float) -> WheelwireError:
+        """Why no sample came within `timeout_s`."""
         if self._failure is not None:
             return self._failure.with_traceback(None)
         return RequestTimeout(

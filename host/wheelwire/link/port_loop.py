@@ -14,13 +14,16 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
+from typing import TYPE_CHECKING
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .served_port import CLOSED, Changed, Done, OpenPort, ServedPort, Task
 from .session import Session
-from .transports import Transport
+
+if TYPE_CHECKING:
+    from .transports import Transport
 
 _log = logging.getLogger("wheelwire")
 

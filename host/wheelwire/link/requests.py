@@ -200,6 +200,22 @@ class RequestQueue:
         self._finish(key, error, now_us)
         return True
 
+    def withdraw(self, done: Done) -> None:
+        """Whoever waited for `done` has given up.
+
+        What was not sent yet is not sent. What was sent may have been carried out, but is not sent
+        again: a late copy would undo what is asked for next. Other requests still wait until it is
+        answered, or its time is up.
+        """
+        self._waiting = deque([r for r in self._waiting if r.done != done])
+        for key, request in list(self._open.items()):
+            if request.done != done:
+                continue
+            if request.urgent:
+                del self._open[key]
+            else:
+                request.attempts = ATTEMPTS
+
     def abort(self, error: WheelwireError) -> None:
         """End all requests with `error`."""
         requests = [*self._open.values(), *self._waiting]

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from wheelwire_protocol.framing import MAX_ENCODED
 
@@ -26,7 +26,9 @@ from .reconnect import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
-from .transports import Transport
+
+if TYPE_CHECKING:
+    from .transports import Transport
 
 IDLE_US = 1_000_000
 """How long nothing may be done when nothing is due."""
@@ -36,7 +38,7 @@ CLOSED = "the link is closed; open it again"
 MAX_FRAME = MAX_ENCODED + 2
 BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
-OpenPort: TypeAlias = Callable[[int], Transport]
+OpenPort: TypeAlias = "Callable[[int], Transport]"
 """Opens the port at a baud rate, or raises a WheelwireError."""
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
 Task: TypeAlias = Callable[[Done, int], None]

@@ -379,6 +379,10 @@ class Session:
         self.check_open()
         self._requests.submit(message._replace(session_id=self._id), done, now_us)
 
+    def withdraw(self, done: Done) -> None:
+        """Whoever waits for `done` has given up: no copy of the request is sent any more."""
+        self._requests.withdraw(done)
+
     def _frame(
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
     ) -> bytes:

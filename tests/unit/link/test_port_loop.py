@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 
 import pytest
 
+from support.answering_port import Port
 from support.fake_device import FakeDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
@@ -16,54 +16,9 @@ from wheelwire.link.served_port import OUTPUT_LIMIT
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier
-from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage, Estop, Hello, SetDuty, Stop
+from wheelwire_protocol.types import Estop, Hello, SetDuty, Stop
 
 pytestmark = pytest.mark.timeout(20)
-
-
-class Port(Transport):
-    """A port with a device at its other end, or none.
-
-    Args:
-        device: Answers whatever is written.
-        accepts: Asked at each write: False takes no byte.
-    """
-
-    def __init__(
-        self, device: FakeDevice | None = None, accepts: Callable[[], bool] = lambda: True
-    ) -> None:
-        self.ours, self.theirs = socket.socketpair()
-        self.written: list[bytes] = []
-        self._device = device
-        self._accepts = accepts
-
-    def fileno(self) -> int:
-        return self.ours.fileno()
-
-    def read(self) -> bytes:
-        return self.ours.recv(4096)
-
-    def write(self, data: bytes) -> int:
-        if not self._accepts():
-            return 0
-        self.written.append(data)
-        if self._device:
-            now_us = host_clock_us()
-            self._device.feed(data, now_us)
-            self._device.advance(now_us)
-            self.theirs.sendall(self._device.take_output())
-        return len(data)
-
-    def close(self) -> None:
-        self.ours.close()
-        self.theirs.close()
-
-    def abandon(self) -> None:
-        self.close()
-
-    def messages(self) -> list[AnyMessage]:
-        return Decoder().feed(b"".join(self.written))
 
 
 class Rig:

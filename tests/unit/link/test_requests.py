@@ -238,3 +238,46 @@ def test_a_stop_without_a_session_is_sent_all_the_same() -> None:
     assert isinstance(outcomes[0], LinkLost)
     line.run(0.01)
     assert any(isinstance(message, Stop) for message in line.device.received)
+
+
+@pytest.mark.parametrize("kind", [Stop, Estop])
+def test_a_stop_that_is_withdrawn_is_not_repeated(kind: type[Stop | Estop]) -> None:
+    line = VirtualLine().open()
+    outcomes: list[object] = []
+    line.device.mute = True
+    begin(line, kind, outcomes)
+    line.run(0.06)
+    copies = len(line.sent_of(kind))
+    assert copies > 1
+    line.session.withdraw(outcomes.append)
+    line.run(0.5)
+    assert len(line.sent_of(kind)) == copies
+    assert outcomes == []
+
+
+def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass() -> None:
+    line = VirtualLine().open()
+    withdrawn: list[object] = []
+    outcomes: list[object] = []
+    line.device.mute = True
+    line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    line.run(0.01)
+    line.session.withdraw(withdrawn.append)
+    line.device.mute = False
+    line.run_until(lambda: bool(outcomes))
+    assert isinstance(outcomes[0], ParameterValue)
+    assert len(line.sent_of(ClearEstop)) == 1
+
+
+def test_a_request_that_is_withdrawn_before_its_turn_is_not_sent() -> None:
+    line = VirtualLine().open()
+    withdrawn: list[object] = []
+    outcomes: list[object] = []
+    line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
+    line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
+    line.session.withdraw(withdrawn.append)
+    line.session.request(ParameterGet(0, 0, 2), outcomes.append, line.now_us)
+    line.run_until(lambda: len(outcomes) == 2)
+    assert line.sent_of(ClearEstop) == []
+    assert withdrawn == []

@@ -1,0 +1,58 @@
+"""Drive in one task and watch in another: python examples/asyncio_drive.py --port /dev/ttyUSB0.
+
+Ctrl-C, an error in either task, or the end of the time: the robot is stopped whatever ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import math
+from contextlib import suppress
+
+from wheelwire import LinkLost, aio
+
+PERIOD_S = 0.05
+TTL_S = 0.3  # a setpoint expires after this, even if this program hangs
+
+
+async def weave(robot: aio.Driver, seconds: float) -> None:
+    """Drive forward, turning left and right in turn."""
+    for step in range(round(seconds / PERIOD_S)):
+        try:
+            robot.set_velocity(0.2, math.sin(step * PERIOD_S), ttl=TTL_S)
+        except LinkLost as lost:
+            print(f"waiting: {lost}")  # the driver opens the port again by itself
+        await asyncio.sleep(PERIOD_S)
+    await robot.stop()
+
+
+async def watch(robot: aio.Driver) -> None:
+    """Print the state whenever it changes."""
+    state = None
+    async for sample in robot.samples():
+        if sample.state is not state:
+            state = sample.state
+            print(f"{sample.t_us / 1e6:.2f} s: {state.name}")
+
+
+async def main() -> None:
+    """Weave for some seconds."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("--seconds", type=float, default=5.0)
+    arguments = parser.parse_args()
+
+    async with aio.open_driver("serial", port=arguments.port) as robot:
+        watching = asyncio.create_task(watch(robot))
+        await weave(robot, arguments.seconds)
+        await asyncio.sleep(0.5)  # to see the wheels stop
+        watching.cancel()
+        with suppress(asyncio.CancelledError):
+            await watching
+    print("done")
+
+
+if __name__ == "__main__":
+    with suppress(KeyboardInterrupt):
+        asyncio.run(main())

@@ -1,0 +1,414 @@
+"""The drivers for asyncio, without a thread.
+
+async with wheelwire.aio.open_driver("serial", port="/dev/ttyUSB0") as robot:
+    async for sample in robot.samples():
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        print(sample)
+
+Each method does what its namesake of `wheelwire.BaseDriver` does, and raises the same errors. What
+waits for the robot is a coroutine. A robot belongs to the loop that it was opened in, and
+only its thread may use it.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Mapping
+from contextlib import AbstractAsyncContextManager
+from dataclasses import replace
+from importlib import import_module
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
+
+from wheelwire_protocol.parameters import PARAMETERS, Parameter
+from wheelwire_protocol.types import (
+    ClearEstop,
+    ClearFault,
+    ControlCounters,
+    ControlCountersGet,
+    LinkCounters,
+    LinkCountersGet,
+)
+
+from .arguments import timeout_s
+from .drivers.base import FIRST_SAMPLE_S
+from .drivers.device_parameters import ParameterOperations, Steps
+from .drivers.factory import check_options
+from .drivers.linked import LinkedRobot
+from .errors import DriverUnavailable, InvalidArgument, LinkLost, shown
+from .link.async_connection import AsyncLink
+from .link.base_link import LinkOptions
+from .link.latest_sample import ITERATOR_WAIT_S, LatestSample
+from .link.sample_iterator import SampleIterator as _SampleQueue
+from .parameters import ParameterInfo, ParameterMapping
+from .samples import WheelSample
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .drivers.mock import MockProcess
+    from .drivers.pins import PinProcess
+    from .linux_mcu.pins import Pins
+    from .simulation.simulator import Simulator
+
+__all__ = ["Driver", "MockDriver", "Parameters", "PinDriver", "SampleIterator", "open_driver"]
+
+Result = TypeVar("Result")
+DriverT = TypeVar("DriverT", bound="Driver")
+
+
+class Driver(LinkedRobot):
+    """A robot with two driven wheels, on the running loop. Made by `open_driver`.
+
+    `set_velocity`, `set_wheel_velocity`, `set_duty` and the properties are plain: they wait for
+    nothing. Cancelling a coroutine withdraws what it has asked for: no copy of it is sent any more.
+    What was sent before may have been carried out. Used as an asynchronous context manager, it
+    stops the robot at the exit.
+
+    All methods that reach the robot raise `LinkLost` while it is out of reach.
+    """
+
+    def __init__(self, options: LinkOptions) -> None:
+        self._latest_sample = LatestSample()
+        everything = tuple(definition.id for definition in PARAMETERS)
+        self._link: AsyncLink = AsyncLink(replace(options, watched=everything), self._latest_sample)
+        self._parameters = Parameters(self._link)
+        # When it is forgotten, the robot is stopped, as far as the loop still runs.
+        self._finalizer = weakref.finalize(self, self._link.finish)
+
+    async def stop(self) -> None:
+        """Stop both wheels and wait for the acknowledgement.
+
+        Raises:
+            LinkLost: There is no session; the stop was sent if the port is there.
+            RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
+        """
+        await self._link.stop()
+
+    async def estop(self) -> None:
+        """Stop both wheels and latch; otherwise as `stop`."""
+        await self._link.estop()
+
+    async def clear_estop(self) -> None:
+        """End the emergency stop; `DeviceRefused` while its cause lasts."""
+        await self._link.request(ClearEstop(0, 0))
+
+    async def clear_fault(self) -> None:
+        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
+        await self._link.request(ClearFault(0, 0))
+
+    async def read(self, timeout: float = 1.0) -> WheelSample:
+        """Return the newest unread sample, waiting for one if necessary.
+
+        Waits through a reconnection if `timeout` [s], at most an hour, is long enough.
+
+        Raises:
+            InvalidArgument: The timeout is not a valid number.
+            LinkLost: The robot was still out of reach after `timeout`, or the link is closed.
+            RequestTimeout: The robot is in reach, but sent no new sample.
+        """
+        timeout = timeout_s("timeout", timeout)
+        taken: WheelSample | None = None
+
+        def take() -> bool:
+            nonlocal taken
+            taken = self._latest_sample.poll()
+            return taken is not None
+
+        await self._link.changed.wait_for(take, timeout)
+        if taken is None:
+            self._check_link()
+            raise self._latest_sample.why_none(timeout)
+        return taken
+
+    def samples(self) -> SampleIterator:
+        """All samples from now on, for `async for sample in robot.samples():`.
+
+        Each iterator has a queue of its own that holds one second of samples; its `dropped` counts
+        those that were not taken in time. It waits while the robot is out of reach, however long,
+        and ends when the driver is closed.
+        """
+        return SampleIterator(self._latest_sample, self._link)
+
+    async def get_encoder_ticks(self) -> tuple[int, int]:
+        """(left, right) ticks of the newest sample, forward positive, without bounds.
+
+        They continue across wraps of the device's counters and across its resets.
+
+        Raises:
+            LinkLost: The robot is out of reach.
+            RequestTimeout: The robot is in reach, but sends no samples.
+        """
+        self._check_link()
+        latest, link = self._latest_sample, self._link
+        await link.changed.wait_for(lambda: latest.is_current or link.has_ended, FIRST_SAMPLE_S)
+        if not latest.is_current:
+            self._check_link()  # it may have been lost meanwhile
+            raise latest.why_none(FIRST_SAMPLE_S)
+        return latest.ticks(0)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The device's parameters, by name: a mapping of their values in this session."""
+        return self._parameters
+
+    async def device_counters(self) -> LinkCounters:
+        """What the device has counted at its end of the link since its reset."""
+        return cast("LinkCounters", await self._link.request(LinkCountersGet(0, 0)))
+
+    async def control_counters(self) -> ControlCounters:
+        """What the device's control loop and encoders have counted since its reset."""
+        return cast("ControlCounters", await self._link.request(ControlCountersGet(0, 0)))
+
+    async def close(self) -> None:
+        """Stop the robot and release all resources. Safe to call more than once.
+
+        When it is cancelled, the robot is stopped and the port closed all the same.
+        """
+        self._latest_sample.close()
+        await self._link.close()
+        self._finalizer.detach()
+
+    async def __aenter__(self: DriverT) -> DriverT:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def _open(self) -> None:
+        await self._link.open()
+
+
+class PinDriver(Driver):
+    """A robot on this computer's pins, or behind a pigpio daemon."""
+
+    def __init__(self, process: PinProcess) -> None:
+        self._process = process
+        super().__init__(process.options)
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """What this wiring cannot do, in sentences; logged once as warnings."""
+        return self._process.limits
+
+
+class MockDriver(Driver):
+    """A simulated robot, in real time."""
+
+    def __init__(self, process: MockProcess) -> None:
+        self._process = process
+        super().__init__(process.options)
+
+    @property
+    def simulator(self) -> Simulator:
+        """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
+        return self._process.simulator
+
+    def unplug(self) -> None:
+        """The robot is out of reach from now on."""
+        self._process.unplug()
+
+    def plug(self) -> None:
+        """It is back in reach, a moment later."""
+        self._process.plug()
+
+
+class SampleIterator(AsyncIterator[WheelSample]):
+    """As `wheelwire.SampleIterator`, for `async for`."""
+
+    def __init__(self, latest_sample: LatestSample, link: AsyncLink) -> None:
+        self._queue: _SampleQueue = latest_sample.iterate()
+        self._link = link
+
+    @property
+    def dropped(self) -> int:
+        """Samples that were not taken in time."""
+        return self._queue.dropped
+
+    async def __anext__(self) -> WheelSample:
+        """The next sample.
+
+        Raises:
+            StopAsyncIteration: The driver was closed.
+            WheelwireError: The link has ended otherwise.
+        """
+        while True:
+            try:
+                sample = self._queue.poll()
+            except StopIteration:
+                raise StopAsyncIteration from None
+            if sample is not None:
+                return sample
+            await self._link.changed.wait_for(self._queue.is_ready, ITERATOR_WAIT_S)
+
+
+class Parameters(ParameterMapping):
+    """The parameters of one robot: a mapping of the newest values that it reported.
+
+    All of them are read whenever a session is opened, so using the mapping never waits. A change
+    that was cancelled or not answered (`RequestTimeout`) may have been made or not; `refresh`
+    tells.
+
+    Raises, in every coroutine: `LinkLost`, `RequestTimeout`, `DeviceRefused`; in every one that
+    takes a name: `UnknownParameter`.
+    """
+
+    def __init__(self, link: AsyncLink) -> None:
+        self._operations = ParameterOperations(link)
+        self._request = link.request
+
+    async def set(self, name: str, value: float) -> float:
+        """Change a value until the next reset of the device; returns the value in force.
+
+        Raises:
+            ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
+        """
+        return await self._run(self._operations.set(name, value))
+
+    async def refresh(self, name: str | None = None) -> None:
+        """Ask the device anew for one value, or for all."""
+        await self._run(self._operations.refresh(name))
+
+    async def list(self) -> tuple[ParameterInfo, ...]:
+        """All parameters, with the bounds that the device holds them to."""
+        return await self._run(self._operations.list())
+
+    async def save(self, name: str | None = None) -> None:
+        """Keep values across resets: one, or all. Only while stopped."""
+        await self._run(self._operations.save(name))
+
+    async def reset(self) -> None:
+        """Go back to the defaults, and forget what was saved. Only while stopped."""
+        await self._run(self._operations.reset())
+
+    def _value(self, definition: Parameter) -> float:
+        value = self._operations.newest(definition.id)
+        if value is None:  # a new session has just begun
+            raise LinkLost("a new session is being opened; wait a moment")
+        return value
+
+    async def _run(self, steps: Steps[Result]) -> Result:
+        """Do an operation by requests that are awaited, one after the other."""
+        try:
+            message = next(steps)
+            while True:
+                message = steps.send(await self._request(message))
+        except StopIteration as end:
+            return cast("Result", end.value)
+
+
+class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
+    """What `open_driver` returns: for `async with`, which also closes the robot, or `await`."""
+
+    def __init__(self, make: Callable[[], DriverT]) -> None:
+        self._make = make
+        self._robot: DriverT | None = None
+
+    def __await__(self) -> Generator[Any, None, DriverT]:
+        return self._open().__await__()
+
+    async def __aenter__(self) -> DriverT:
+        self._robot = await self._open()
+        return self._robot
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._robot is not None:
+            await self._robot.close()
+
+    async def _open(self) -> DriverT:
+        robot = self._make()
+        await robot._open()
+        return robot
+
+
+_DRIVERS: dict[str, tuple[type[Driver], str, str]] = {
+    "l298n": (PinDriver, "l298n", "l298n_process"),
+    "mock": (MockDriver, "mock", "MockProcess"),
+    "pigpio": (PinDriver, "pigpio", "pigpio_process"),
+    "serial": (Driver, "serial", "serial_link"),
+}
+"""Name -> the class, and what checks the options in which module of `drivers`."""
+
+
+@overload
+def open_driver(
+    name: Literal["serial"],
+    *,
+    port: str,
+    baud_rate: int = ...,
+    connect_timeout: float = ...,
+    stream_rate_hz: int | None = ...,
+    board_id: str | None = ...,
+    any_board: bool = ...,
+    parameters: Mapping[str, float] | None = ...,
+) -> Opening[Driver]: ...
+@overload
+def open_driver(
+    name: Literal["l298n"],
+    *,
+    pins: Pins | None = ...,
+    pwm_chip: int | None = ...,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+    pwm_directory: Path = ...,
+    core_timeout_ms: int = ...,
+) -> Opening[PinDriver]: ...
+@overload
+def open_driver(
+    name: Literal["pigpio"],
+    *,
+    host: str = ...,
+    port: int = ...,
+    pins: Pins | None = ...,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+    core_timeout_ms: int = ...,
+) -> Opening[PinDriver]: ...
+@overload
+def open_driver(
+    name: Literal["mock"],
+    *,
+    parameters: Mapping[str, float] | None = ...,
+    store: Path | None = ...,
+) -> Opening[MockDriver]: ...
+@overload
+def open_driver(name: str, **options: Any) -> Opening[Driver]: ...
+def open_driver(name: str, **options: Any) -> Opening[Any]:
+    """Open a robot by the name of its driver: by `async with`, which closes it too, or `await`.
+
+    The options are checked at once, without opening anything.
+
+    Args:
+        name: `serial`, `l298n`, `pigpio` or `mock`.
+        **options: As those of `wheelwire.open_driver`. `mock` has real time only.
+
+    Raises:
+        DriverUnavailable: No driver has this name, or what it needs is not installed or not there.
+        InvalidArgument: The driver has no such option, or needs one that is missing.
+        WheelwireError: What the driver itself raises.
+    """
+    if not isinstance(name, str) or name not in _DRIVERS:
+        known = ", ".join(_DRIVERS)
+        raise DriverUnavailable(
+            f"no driver for asyncio is called {shown(name)}; there are: {known}"
+        )
+    driver, module, checks = _DRIVERS[name]
+    if name == "mock" and not options.pop("realtime", True):
+        raise InvalidArgument(
+            "driver 'mock': in virtual time, time passes while a call waits, which no asyncio loop "
+            "does; leave out realtime=False, or use wheelwire.open_driver"
+        )
+    check: Any = getattr(import_module(f"{__package__}.drivers.{module}"), checks)
+    check_options(name, check, options)
+    checked = check(**options)
+    return Opening(lambda: driver(checked))

@@ -1,0 +1,131 @@
+"""The driver for asyncio on the simulated robot: the firmware's core in real time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+
+from support.lines import GOOD, simulator_on
+from support.waiting import is_open
+from wheelwire import aio, errors
+from wheelwire.samples import WheelSample
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import Fault, SupervisorState
+
+PATIENCE_S = 30.0
+
+
+async def sample_that(
+    robot: aio.Driver, condition: Callable[[WheelSample], bool], command: Callable[[], None]
+) -> WheelSample:
+    """The first sample that fulfils `condition`, the command given with each."""
+    samples = robot.samples()
+    while True:
+        sample = await asyncio.wait_for(anext(samples), PATIENCE_S)
+        if condition(sample):
+            return sample
+        command()
+
+
+def nothing() -> None:
+    """No command."""
+
+
+async def use_every_verb(simulator: Simulator) -> None:
+    async with aio.open_driver("serial", port=simulator.port, connect_timeout=PATIENCE_S) as robot:
+
+        def forward() -> None:
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+
+        def turn() -> None:
+            robot.set_wheel_velocity(-0.15, 0.15, ttl=0.5)
+
+        def push() -> None:
+            robot.set_duty(0.5, -0.5, ttl=0.5)
+
+        ticks = await robot.get_encoder_ticks()
+        await sample_that(robot, lambda s: min(s.left_mps, s.right_mps) > 0.15, forward)
+        assert (await robot.get_encoder_ticks()) > ticks
+        await sample_that(robot, lambda s: s.left_mps < -0.1 < 0.1 < s.right_mps, turn)
+        sample = await sample_that(robot, lambda s: s.left_duty > 0.49, push)
+        assert sample.right_duty == pytest.approx(-0.5, abs=1e-3)
+        forward()
+        await sample_that(robot, lambda s: s.state is SupervisorState.TIMED_OUT, nothing)
+        await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
+        await robot.stop()
+        await sample_that(robot, lambda s: s.state is SupervisorState.IDLE, nothing)
+
+        await robot.estop()
+        with pytest.raises(errors.DeviceRefused):
+            await sample_that(robot, lambda _: False, forward)
+        await robot.clear_estop()
+        simulator.set("left.encoder_dead", 1)
+        with pytest.raises(errors.DeviceRefused):
+            await sample_that(robot, lambda _: False, forward)
+        sample = await sample_that(robot, lambda s: s.state is SupervisorState.FAULT, nothing)
+        assert sample.faults & Fault.LEFT_NOT_COUNTING
+        simulator.set("left.encoder_dead", 0)
+        await robot.clear_fault()
+
+        assert (await robot.device_counters()).frames_received > 0
+        assert (await robot.control_counters()).left_illegal >= 0
+        await robot.parameters.set("integral_gain", 7.5)
+        await robot.parameters.save("integral_gain")
+        simulator.reset()
+        boot_id = sample.boot_id
+        await sample_that(robot, lambda s: s.boot_id != boot_id, nothing)
+        assert robot.parameters["integral_gain"] == 7.5
+        assert robot.sessions == 2
+        await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
+
+
+def test_every_verb(line: str) -> None:
+    with simulator_on(line) as simulator:
+        asyncio.run(use_every_verb(simulator))
+        if line == GOOD:
+            assert simulator.get("state") == SupervisorState.IDLE
+
+
+def test_unplugged_and_plugged_in_again() -> None:
+    async def use(simulator: Simulator) -> None:
+        async with aio.open_driver("serial", port=simulator.port) as robot:
+
+            def forward() -> None:
+                robot.set_velocity(0.2, 0.0, ttl=0.3)
+
+            for count in range(1, 4):
+                await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
+                simulator.unplug()
+                while is_open(robot):
+                    await asyncio.sleep(0.01)
+                with pytest.raises(errors.LinkLost):
+                    forward()
+                simulator.plug()
+                while robot.sessions == count:
+                    await robot.read(PATIENCE_S)
+
+    with Simulator() as simulator:
+        asyncio.run(use(simulator))
+
+
+def test_a_thousand_samples_a_second_are_all_taken() -> None:
+    async def use(simulator: Simulator) -> None:
+        opening = aio.open_driver(
+            "serial",
+            port=simulator.port,
+            stream_rate_hz=500,
+            parameters={"control_rate_hz": 500, "overrun_limit_us": 1e6},
+        )
+        async with opening as robot:
+            samples, times = robot.samples(), []
+            async for sample in samples:
+                times.append(sample.t_us)
+                if len(times) == 1000:
+                    break
+            lost = robot.statistics.frames_lost + samples.dropped
+            assert round((times[-1] - times[0]) / 2000) + 1 - len(times) <= lost
+
+    with Simulator() as simulator:
+        asyncio.run(use(simulator))

@@ -1,0 +1,682 @@
+"""The drivers for asyncio, with a device that answers within the write, or behind a pty."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import gc
+import inspect
+import os
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.answering_port import Port
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.waiting import is_open
+from wheelwire import aio, errors
+from wheelwire.link.base_link import LinkOptions
+from wheelwire.link.clock import host_clock_us
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import (
+    ClearEstop,
+    ParameterGet,
+    ParameterSet,
+    SetDuty,
+    SetWheelVelocity,
+    Stop,
+)
+
+pytestmark = pytest.mark.timeout(60)
+
+Call = Callable[[aio.Driver], Awaitable[object]]
+
+CALLS: dict[str, Call] = {
+    "clear_estop": lambda robot: robot.clear_estop(),
+    "clear_fault": lambda robot: robot.clear_fault(),
+    "read": lambda robot: robot.read(),
+    "samples": lambda robot: anext(robot.samples()),
+    "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
+    "device_counters": lambda robot: robot.device_counters(),
+    "control_counters": lambda robot: robot.control_counters(),
+    "set": lambda robot: robot.parameters.set("integral_gain", 7.5),
+    "refresh": lambda robot: robot.parameters.refresh(),
+    "list": lambda robot: robot.parameters.list(),
+    "save": lambda robot: robot.parameters.save(),
+    "reset": lambda robot: robot.parameters.reset(),
+}
+"""All that is awaited, but for what stops."""
+
+STOPS: dict[str, Call] = {
+    "stop": lambda robot: robot.stop(),
+    "estop": lambda robot: robot.estop(),
+}
+MOST_ITERATIONS = 60
+
+
+class Place:
+    """Where a device is: opens ports to it."""
+
+    def __init__(self) -> None:
+        self.device = FakeDevice(clock_offset_us=0)
+        self.ports: list[Port] = []
+        self.accepts = True
+
+    def open(self, _baud_rate: int) -> Port:
+        port = Port(self.device, lambda: self.accepts)
+        self.ports.append(port)
+        return port
+
+    def opening(self) -> aio.Opening[aio.Driver]:
+        return aio.Opening(lambda: aio.Driver(LinkOptions("place", open_port=self.open)))
+
+    @property
+    def is_open(self) -> bool:
+        return any(port.fileno() >= 0 for port in self.ports)
+
+    def state(self) -> SupervisorState:
+        """The device's, its deadline allowed for."""
+        self.device.advance(host_clock_us())
+        return self.device.supervisor
+
+    def count(self, kind: type) -> int:
+        return sum(isinstance(message, kind) for message in self.device.received)
+
+
+@pytest.fixture
+def place() -> Place:
+    return Place()
+
+
+def open_files() -> int:
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def other_tasks() -> list[str]:
+    return [task.get_name() for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+
+
+async def until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        await asyncio.sleep(0.002)
+
+
+async def drive(place: Place, robot: aio.Driver) -> None:
+    """Have the device drive, and go on driving for long."""
+    place.device.obeyed.clear()
+    robot.set_velocity(0.2, 0.0, ttl=60.0)
+    await until(lambda: place.device.obeyed)
+    assert place.state() is SupervisorState.DRIVING
+
+
+async def cancelled_after(iterations: int, awaitable: Awaitable[object]) -> bool:
+    """Cancel it after so many iterations of the loop; False when it ended before."""
+    task = asyncio.ensure_future(awaitable)
+    for _ in range(iterations):
+        await asyncio.sleep(0)
+    in_time = task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+    return in_time
+
+
+# --- the verbs ---------------------------------------------------------------------------------
+
+
+def test_setpoints_are_plain_methods_that_write_at_once(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            robot.set_velocity(0.2, 1.0, ttl=0.3)
+            robot.set_wheel_velocity(0.1, 0.2)
+            robot.set_duty(-1.0, 0.5)
+            first, second, third = place.device.obeyed  # without an iteration of the loop
+            assert isinstance(first, SetWheelVelocity)
+            assert (first.left_mps, first.right_mps) == pytest.approx((0.1, 0.3))
+            assert isinstance(second, SetWheelVelocity)
+            assert isinstance(third, SetDuty)
+            for bad in (float("nan"), float("inf")):
+                with pytest.raises(errors.InvalidCommand):
+                    robot.set_velocity(bad, 0.0)
+                with pytest.raises(errors.InvalidCommand):
+                    robot.set_velocity(0.1, 0.0, ttl=bad)
+            assert len(place.device.obeyed) == 3
+
+    asyncio.run(use())
+
+
+def test_the_port_is_opened_by_await_as_well(place: Place) -> None:
+    async def use() -> None:
+        robot = await place.opening()
+        assert "open" in repr(robot)
+        await robot.close()
+        assert not place.is_open
+        await robot.close()
+        for name, call in {**CALLS, **STOPS}.items():
+            ends = StopAsyncIteration if name == "samples" else errors.LinkClosed
+            with pytest.raises(ends):
+                await call(robot)
+        with pytest.raises(errors.LinkClosed):
+            robot.set_velocity(0.1, 0.0)
+
+    asyncio.run(use())
+
+
+def test_all_parameters_are_known_without_waiting(place: Place) -> None:
+    gain = PARAMETER_BY_NAME["integral_gain"]
+
+    async def use() -> None:
+        async with place.opening() as robot:
+            parameters = robot.parameters
+            asked = place.count(ParameterGet)
+            assert set(parameters) == set(PARAMETER_BY_NAME)
+            assert parameters["wheel_radius"] == 0.033
+            assert dict(parameters)["integral_gain"] == gain.default
+            assert parameters.get("integral_gian") is None
+            assert place.count(ParameterGet) == asked
+            assert await parameters.set("integral_gain", 7.5) == 7.5
+            assert parameters["integral_gain"] == 7.5
+            with pytest.raises(errors.ParameterOutOfRange):
+                await parameters.set("integral_gain", -1.0)
+            with pytest.raises(errors.UnknownParameter):
+                await parameters.set("integral_gian", 1.0)
+            place.device.parameters[gain.id] = 2.5
+            await parameters.refresh("integral_gain")
+            assert parameters["integral_gain"] == 2.5
+            assert {info.name: info.value for info in await parameters.list()} == dict(parameters)
+            await parameters.save()
+            await parameters.reset()
+            assert parameters["integral_gain"] == gain.default
+            assert robot.geometry.wheel_radius == 0.033
+
+    asyncio.run(use())
+
+
+def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
+    async def use() -> None:
+        robot = await place.opening()
+        place.device.rate_hz = 1000
+        samples = robot.samples()
+        times = []
+        async for sample in samples:
+            times.append(sample.t_us)
+            robot.set_velocity(0.1, 0.0)  # the device speaks when it is spoken to
+            if len(times) == 20:
+                await robot.close()
+        assert times == sorted(set(times))
+        assert len(times) >= 20
+        assert samples.dropped == 0
+
+    asyncio.run(use())
+
+
+def test_no_sample_is_a_timeout(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            place.device.rate_hz = 0
+            with suppress(errors.RequestTimeout):
+                while True:
+                    await robot.read(0.05)
+            with pytest.raises(errors.RequestTimeout, match=r"no sample came within 0\.05 s"):
+                await robot.read(0.05)
+            with pytest.raises(errors.InvalidArgument):
+                await robot.read(float("nan"))
+
+    asyncio.run(use())
+
+
+def test_a_request_that_is_not_answered_times_out(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            place.device.lost_answers = {ClearEstop}
+            with pytest.raises(errors.RequestTimeout):
+                await robot.clear_estop()
+            await robot.clear_fault()
+
+    asyncio.run(use())
+
+
+def test_requests_of_several_tasks_are_each_answered(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            names = list(PARAMETER_BY_NAME)
+            await asyncio.gather(*[robot.parameters.refresh(name) for name in names])
+            await drive(place, robot)
+            with pytest.raises(errors.DeviceRefused, match=r"ttl_max_s = 0\.5"):
+                await robot.parameters.set("ttl_max_s", 0.5)
+
+    asyncio.run(use())
+
+
+def test_two_robots_share_a_loop() -> None:
+    first, second = Place(), Place()
+
+    async def use() -> None:
+        async with first.opening() as one, second.opening() as two:
+            await asyncio.gather(drive(first, one), drive(second, two))
+            await one.stop()
+            assert first.state() is SupervisorState.IDLE
+            assert second.state() is SupervisorState.DRIVING
+        assert second.state() is SupervisorState.IDLE
+        assert other_tasks() == []
+
+    asyncio.run(use())
+
+
+# --- cancellation ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_call_that_is_cancelled_anywhere_leaves_nothing_behind(place: Place, name: str) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            tasks, files = other_tasks(), open_files()
+            iterations = 0
+            while iterations < MOST_ITERATIONS:
+                if name not in ("save", "reset", "set"):  # only while stopped
+                    await drive(place, robot)
+                if not await cancelled_after(iterations, CALLS[name](robot)):
+                    break
+                if name not in ("clear_estop", "clear_fault", "save", "reset", "set"):
+                    assert place.state() is SupervisorState.DRIVING
+                assert other_tasks() == tasks
+                assert open_files() == files
+                await asyncio.wait_for(robot.parameters.refresh("wheel_radius"), 5)
+                iterations += 1
+            assert iterations > 0
+            assert robot.sessions == 1
+            await asyncio.wait_for(robot.stop(), 5)
+
+    asyncio.run(use())
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_a_stop_that_is_cancelled_does_not_stop_what_drives_later(place: Place, name: str) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            iterations = 0
+            while True:
+                await drive(place, robot)
+                place.device.mute = iterations % 2 == 1  # then it would be repeated for a second
+                in_time = await cancelled_after(iterations, STOPS[name](robot))
+                place.device.mute = False
+                if not in_time:
+                    break
+                if place.device.supervisor is SupervisorState.ESTOPPED:
+                    await robot.clear_estop()
+                iterations += 1
+            assert iterations > 1
+            if name == "estop":
+                await robot.clear_estop()
+            await drive(place, robot)
+            await asyncio.sleep(0.1)
+            assert place.state() is SupervisorState.DRIVING
+
+    asyncio.run(use())
+
+
+def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            await robot.estop()
+            place.device.mute = True
+            first = asyncio.ensure_future(robot.parameters.refresh("wheel_radius"))
+            await asyncio.sleep(0)
+            assert await cancelled_after(3, robot.clear_estop())
+            place.device.mute = False
+            await first
+            await robot.parameters.refresh()
+            assert place.count(ClearEstop) == 0
+            assert place.state() is SupervisorState.ESTOPPED
+
+    asyncio.run(use())
+
+
+def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            await robot.estop()
+            place.device.mute = True
+            assert await cancelled_after(3, robot.clear_estop())
+            assert place.count(ClearEstop) == 1
+            place.device.mute = False
+            await robot.parameters.refresh()  # waits for its turn, not for ever
+            assert place.count(ClearEstop) == 1
+            assert place.state() is SupervisorState.ESTOPPED
+
+    asyncio.run(use())
+
+
+def test_a_change_that_is_cancelled_is_still_heard_of(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            await robot.parameters.list()
+            iterations = 0
+            while not place.count(ParameterSet):
+                iterations += 1
+                await cancelled_after(iterations, robot.parameters.set("wheel_radius", 0.05))
+            await robot.parameters.refresh("integral_gain")  # comes after it
+            assert robot.parameters["wheel_radius"] == 0.05
+            assert robot.geometry.wheel_radius == 0.05
+
+    asyncio.run(use())
+
+
+def numbers() -> list[int]:
+    """Iterations after which opening is cancelled: it takes some hundreds, and a thread."""
+    found = [0]
+    while found[-1] < 100_000:
+        found.append(found[-1] + 1 + found[-1] // 4)
+    return found
+
+
+def test_an_opening_that_is_cancelled_anywhere_leaves_nothing_behind(place: Place) -> None:
+    async def use() -> None:
+        await (await place.opening()).close()  # the executor's own descriptors
+        files = open_files()
+        for iterations in numbers():
+            opening = asyncio.ensure_future(open_and_close(place))
+            in_time = await cancelled_after(iterations, opening)
+            await until(lambda: not place.is_open and not other_tasks())
+            await until(lambda: open_files() == files)
+            if not in_time:
+                return
+        pytest.fail("it never opened")
+
+    asyncio.run(use())
+
+
+async def open_and_close(place: Place) -> None:
+    robot = await place.opening()
+    await robot.close()
+
+
+def test_a_closing_that_is_cancelled_goes_on(place: Place) -> None:
+    async def use() -> None:
+        for iterations in range(MOST_ITERATIONS):
+            robot = await place.opening()
+            await drive(place, robot)
+            closing = robot.close()
+            if not await cancelled_after(iterations, closing):
+                return
+            if iterations == 0:
+                await robot.close()  # it was cancelled before it began
+            await until(lambda: not place.is_open and not other_tasks())
+            assert place.state() is SupervisorState.IDLE
+            await robot.close()
+
+    asyncio.run(use())
+
+
+def test_leaving_the_block_stops_the_robot_whatever_ended_it(place: Place) -> None:
+    async def fail() -> None:
+        async with place.opening() as robot:
+            await drive(place, robot)
+            raise ZeroDivisionError
+
+    async def hang() -> None:
+        async with place.opening() as robot:
+            await drive(place, robot)
+            await asyncio.Event().wait()
+
+    async def use(ends: Callable[[], Coroutine[Any, Any, None]], error: type[Exception]) -> None:
+        with pytest.raises(error):
+            await asyncio.wait_for(ends(), 0.5)
+        assert place.state() is SupervisorState.IDLE
+        assert not place.is_open
+        assert other_tasks() == []
+
+    asyncio.run(use(fail, ZeroDivisionError))
+    asyncio.run(use(hang, asyncio.TimeoutError))
+
+
+# --- the end of a loop -------------------------------------------------------------------------
+
+
+def test_a_loop_that_dies_stops_the_robot(place: Place) -> None:
+    robots = []
+
+    async def use() -> None:
+        robots.append(await place.opening())
+        await drive(place, robots[0])
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        asyncio.run(use())
+    assert place.state() is SupervisorState.IDLE
+    assert not place.is_open
+    with pytest.raises(errors.LinkClosed):
+        robots[0].set_velocity(0.1, 0.0)
+
+
+def test_a_loop_that_dies_while_the_port_is_lost_leaves_nothing_behind(place: Place) -> None:
+    files = open_files()
+
+    async def use() -> None:
+        robot = await place.opening()
+        place.device.mute = True
+        place.ports[0].theirs.close()
+        await until(lambda: len(place.ports) > 1)
+        with pytest.raises(errors.LinkLost):
+            robot.set_velocity(0.1, 0.0)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        asyncio.run(use())
+    assert not place.is_open
+    assert open_files() == files
+
+
+def test_a_loop_that_is_closed_without_a_word_closes_the_port(place: Place) -> None:
+    files = open_files()
+    loop = asyncio.new_event_loop()
+    loop.set_exception_handler(lambda _loop, _context: None)  # it tells of the pending task
+    robots = [loop.run_until_complete(asyncio.wait_for(place.opening(), 10))]
+    loop.run_until_complete(loop.shutdown_default_executor())
+    loop.close()
+    robots.clear()
+    gc.collect()
+    del loop
+    gc.collect()
+    assert not place.is_open
+    assert open_files() == files
+
+
+def test_a_forgotten_robot_is_stopped(place: Place) -> None:
+    async def use() -> None:
+        robots = [await place.opening()]
+        await drive(place, robots[0])
+        robots.clear()
+        gc.collect()
+        await until(lambda: not other_tasks())
+        assert place.state() is SupervisorState.IDLE
+        assert not place.is_open
+
+    asyncio.run(use())
+
+
+def test_a_forked_process_leaves_the_link_to_its_parent(tmp_path: Path) -> None:
+    async def use() -> None:
+        async with aio.open_driver("serial", port=str(tmp_path / "robot")) as robot:
+            await robot.read()
+            child = os.fork()
+            if child == 0:
+                status = 1
+                with suppress(BaseException):
+                    try:
+                        robot.set_velocity(0.1, 0.0)
+                    except errors.LinkClosed:
+                        status = 0
+                os._exit(status)
+            assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+            for _ in range(5):
+                await robot.read()
+            await robot.parameters.refresh()
+
+    script = PtyDevice(tmp_path / "robot")
+    with script:
+        asyncio.run(use())
+
+
+# --- the port and its loss ---------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def serial(path: Path, **options: Any) -> AsyncIterator[aio.Driver]:
+    async with aio.open_driver("serial", port=str(path), **options) as robot:
+        yield robot
+
+
+def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with serial(device.path) as robot:
+            samples = robot.samples()
+            await anext(samples)
+            gain = robot.parameters["integral_gain"]
+            device.unplug()
+            await until(lambda: not is_open(robot))
+            with pytest.raises(errors.LinkLost):
+                robot.set_velocity(0.1, 0.0)
+            for call in (robot.stop, robot.get_encoder_ticks, robot.parameters.refresh):
+                with pytest.raises(errors.LinkLost):
+                    await call()
+            with pytest.raises(errors.LinkLost):
+                robot.parameters["integral_gain"]
+            with suppress(errors.LinkLost):
+                await robot.read(0.05)  # what was measured before may still be read
+            with pytest.raises(errors.LinkLost):
+                await robot.read(0.05)
+            device.device.parameters[PARAMETER_BY_NAME["integral_gain"].id] = gain / 2
+            device.device.reset()
+            device.plug()
+            assert (await robot.read(10)).boot_id == device.device.boot_id
+            assert robot.parameters["integral_gain"] == gain / 2
+            assert robot.sessions == 2
+            assert robot.statistics.reconnects == 1
+            async for sample in samples:  # it has waited
+                if sample.boot_id == device.device.boot_id:
+                    break
+            robot.set_velocity(0.1, 0.0)
+
+    with PtyDevice(tmp_path / "robot") as device:
+        asyncio.run(use(device))
+
+
+def test_cancelling_while_the_port_is_lost(tmp_path: Path) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with serial(device.path) as robot:
+            await robot.read()
+            device.unplug()
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(robot.read(30), 0.3)
+            samples = robot.samples()
+            with pytest.raises(asyncio.TimeoutError):
+                await asyncio.wait_for(anext(samples), 0.1)
+        assert other_tasks() == []
+
+    with PtyDevice(tmp_path / "robot") as device:
+        asyncio.run(use(device))
+
+
+def test_a_full_port_keeps_a_setpoint_and_refuses_many(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            place.accepts = False
+            refused: list[str] = []
+            while not refused:
+                try:
+                    robot.set_duty(0.1, 0.1, ttl=60.0)
+                except errors.LinkLost as error:  # noqa: PERF203 - until it comes
+                    refused.append(str(error))
+            assert "accepts no data" in refused[0]
+            assert place.device.obeyed == []
+            place.accepts = True
+            await until(lambda: place.device.obeyed)
+
+    asyncio.run(use())
+
+
+def test_no_session_says_why(tmp_path: Path) -> None:
+    async def silent(port: str) -> None:
+        tasks, files = other_tasks(), open_files()
+        with pytest.raises(errors.DeviceSilent, match="57600"):
+            async with serial(Path(port), connect_timeout=0.3, baud_rate=57_600):
+                pass
+        assert other_tasks() == tasks
+        await until(lambda: open_files() == files)
+
+    async def missing() -> None:
+        with pytest.raises(errors.PortUnavailable, match="no such port"):
+            await aio.open_driver("serial", port=str(tmp_path / "nothing"))
+        assert other_tasks() == []
+
+    async def mismatch(device: PtyDevice) -> None:
+        device.device.schema_hash ^= 1
+        with pytest.raises(errors.ProtocolMismatch):
+            await aio.open_driver("serial", port=str(device.path))
+
+    asyncio.run(missing())
+    with PtyDevice(tmp_path / "robot", FakeDevice(mute=True)) as device:
+        asyncio.run(silent(str(device.path)))
+        device.device.mute = False
+        asyncio.run(mismatch(device))
+
+
+def test_the_last_stop_is_repeated_on_a_bad_line(place: Place) -> None:
+    async def use() -> None:
+        async with place.opening() as robot:
+            await drive(place, robot)
+            place.device.mute = True
+        assert place.count(Stop) > 5
+
+    asyncio.run(use())
+
+
+# --- options -----------------------------------------------------------------------------------
+
+
+def test_options_are_checked_before_anything_is_opened() -> None:
+    with pytest.raises(errors.DriverUnavailable, match="there are: l298n, mock, pigpio, serial"):
+        aio.open_driver("cereal")
+    with pytest.raises(errors.InvalidArgument, match="'port'"):
+        aio.open_driver("serial", baud_rate=3)
+    with pytest.raises(errors.InvalidArgument, match="baud_rate"):
+        aio.open_driver("serial", port="x", baud_rate=-3)
+    with pytest.raises(errors.UnknownParameter):
+        aio.open_driver("mock", parameters={"wheel_radios": 1})
+    with pytest.raises(errors.InvalidArgument, match="virtual time"):
+        aio.open_driver("mock", realtime=False)
+
+
+@pytest.mark.parametrize("name", sorted(aio._DRIVERS))
+def test_a_type_checker_knows_the_options_of_every_driver(name: str) -> None:
+    tree = ast.parse(inspect.getsource(aio))
+    overloads = [node for node in tree.body if getattr(node, "name", "") == "open_driver"]
+    (options,) = [
+        {argument.arg for argument in node.args.kwonlyargs}
+        for node in overloads
+        if isinstance(node, ast.FunctionDef) and f"Literal['{name}']" in ast.unparse(node)
+    ]
+    _, module, check = aio._DRIVERS[name]
+    checks = getattr(import_module(f"wheelwire.drivers.{module}"), check)
+    assert options == set(inspect.signature(checks).parameters)
+
+
+def test_importing_it_opens_nothing_and_imports_no_driver() -> None:
+    code = (
+        "import os, sys; before = os.listdir('/proc/self/fd'); import wheelwire.aio\n"
+        "assert os.listdir('/proc/self/fd') == before\n"
+        "slow = {'serial', 'numpy', 'yaml', 'pydantic', 'gpiozero', 'pigpio', 'rclpy', 'typer'}\n"
+        "assert not slow & set(sys.modules), slow & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
