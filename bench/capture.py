@@ -1,4 +1,4 @@
-"""Captures decoded in bulk, against C, and up to 1 GB: `make bench`, or this file alone."""
+"""Bulk decoding of captures up to 1 GB, compared with C: `make bench`, or this file alone."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from wheelwire_protocol.types import WheelState
 ROUNDS = 15
 FRAMES = 50_000
 SIZES_MB = (1, 10, 100, 1000)
-AT_ONCE_MB = 100
-"""Up to here a capture is also decoded into one array."""
+LARGEST_ARRAY_MB = 100
+"""The largest capture that is also decoded into one array."""
 
 BULK = "`decode_capture`"
 STREAM = "`Decoder`, in parts of 4096 bytes"
@@ -36,7 +36,7 @@ NUMPY = "numpy alone, where there is no library"
 LOOP = "C: a loop for this message, CRC by zlib"
 LOOP_BY_EIGHT = "C: the same, CRC eight bytes a step"
 TARGET = 0.9
-"""Of the speed of a C loop that takes eight bytes of the CRC a step."""
+"""Target, relative to a C loop that processes eight bytes of the CRC per step."""
 
 METHOD = f"""\
 {FRAMES} frames of WheelState, 49 bytes each, to rows of a structured array, or in C to an array of
@@ -78,7 +78,7 @@ class CLoop:
 
 
 def measure_speeds(folder: Path) -> dict[str, list[float]]:
-    """Nanoseconds a frame, by way and round."""
+    """Nanoseconds per frame, by method and round."""
     data = capture(FRAMES)
     out = ctypes.create_string_buffer(len(data))
     loop = CLoop(folder)
@@ -114,7 +114,7 @@ class Sized(NamedTuple):
 
 
 def measure_sizes(folder: Path) -> list[Sized]:
-    """Decode files of growing size, one file at a time on the disk."""
+    """Decode files of growing size; only one at a time is on the disk."""
     block = capture(20_000)
     found = []
     for megabytes in SIZES_MB:
@@ -124,7 +124,7 @@ def measure_sizes(folder: Path) -> list[Sized]:
                 file.write(block)
             file.write(block[: megabytes * 1_000_000 - file.tell()])
         found.append(decode_apart(path, "in parts", megabytes))
-        if megabytes <= AT_ONCE_MB:
+        if megabytes <= LARGEST_ARRAY_MB:
             found.append(decode_apart(path, "at once", megabytes))
         path.unlink()
     return found
@@ -160,7 +160,7 @@ def draw(sizes: list[Sized], file: Path) -> None:
 
 
 def speed_rows(times: dict[str, list[float]]) -> list[list[str]]:
-    """A row a way: time, and the bulk decoder's speed as a share of it."""
+    """One row per method: time, and the bulk decoder's speed relative to it."""
     return [
         [way, f"{median(of_way):.0f}", f"{ratio(of_way, times[BULK]):.2f}"]
         for way, of_way in times.items()
@@ -168,7 +168,7 @@ def speed_rows(times: dict[str, list[float]]) -> list[list[str]]:
 
 
 def size_rows(sizes: list[Sized]) -> list[list[str]]:
-    """A row a file and way."""
+    """One row per file and method."""
     return [
         [
             f"{sized.megabytes} MB, {sized.way}",
@@ -180,7 +180,7 @@ def size_rows(sizes: list[Sized]) -> list[list[str]]:
 
 
 def main() -> int:
-    """Measure, print, draw; 1 when the target is missed."""
+    """Measure, print, draw; returns 1 if the target is missed."""
     folder = output_folder(__doc__)
     with TemporaryDirectory(dir=folder) as scratch:
         times = measure_speeds(Path(scratch))

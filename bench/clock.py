@@ -1,4 +1,4 @@
-"""How well and how honestly the device's clock is known, over drifts, steps and delays.
+"""Accuracy of the clock estimate and reliability of its error bound, over drifts and delays.
 
 `make reliability`
 """
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.clocks import CALM, STORMY, USB, Clocks, Coverage, Ways, session
+from support.clocks import LONG_DELAYS, SHORT_DELAYS, USB, Clocks, Coverage, LineDelays, session
 from wheelwire.link.info import quantile
 
 TARGET = 0.999
@@ -22,8 +22,8 @@ STEP_US = 100_000
 STEPS = 4
 
 
-def measure(drift_ppm: float, ways: Ways, steps: int = 0) -> Coverage:
-    """Of `SESSIONS` sessions."""
+def measure(drift_ppm: float, ways: LineDelays, steps: int = 0) -> Coverage:
+    """The results of `SESSIONS` sessions."""
     coverage = Coverage()
     for seed in range(SESSIONS):
         clocks = Clocks(seed, drift_ppm * 1e-6, ways)
@@ -32,10 +32,10 @@ def measure(drift_ppm: float, ways: Ways, steps: int = 0) -> Coverage:
 
 
 def main() -> int:
-    """Print the table; fail when a bound covers too little."""
+    """Print the table; fail if a bound is too often exceeded."""
     cases = {f"{drift:+d} ppm, as on USB": measure(drift, USB) for drift in DRIFTS_PPM}
-    cases["+200 ppm, a calm line"] = measure(200, CALM)
-    cases["+200 ppm, delays of 50 ms"] = measure(200, STORMY)
+    cases["+200 ppm, a calm line"] = measure(200, SHORT_DELAYS)
+    cases["+200 ppm, delays of 50 ms"] = measure(200, LONG_DELAYS)
     cases[f"+50 ppm, {STEPS} steps of {STEP_US / 1e3:g} ms"] = measure(50, USB, STEPS)
     table = Table(title="Error of a sample's time on the host's clock", title_justify="left")
     table.add_column("case")

@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
 ROUNDS = 9
 FRAMES = 5000
-"""As many as outweigh what a decoder's first frames cost."""
+"""Enough frames to outweigh a decoder's first ones."""
 BATCH_FRAMES = 20_000
-"""A batch must outweigh its calls."""
+"""Large enough to outweigh the cost of the calls."""
 PART_SIZES = (4096, 64)
 STARTS = 5
 
 TARGET = 16
-"""Times pymavlink's speed of decoding, by our stream of typed messages."""
+"""Target: our speed of decoding a stream, as a multiple of pymavlink's."""
 
 METHOD = f"""\
 From the numbers to a frame, and back from a stream that arrives in parts of 4096 or 64 bytes to
@@ -55,11 +55,11 @@ HEADER = (
     *("library", "version", "encode [us]", "decode, 4096 [us]", "decode, 64 [us]"),
     *("recovered", "wrong", "bytes", "import [ms]", "remark"),
 )
-NOT_DONE = "-"
+NOT_MEASURED = "-"
 
 
 class Candidate:
-    """One library with frames of its own."""
+    """One library with its own frames."""
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
@@ -100,7 +100,7 @@ class Results:
         self.imports = import_ms(sorted({peer.module for peer in peers}), STARTS)
 
     def decoding_us(self, peer: type[Peer] | Peer, part_size: int = PART_SIZES[0]) -> list[float]:
-        """A library's times a frame, by round."""
+        """A library's times per frame, by round."""
         return self.times[f"{peer.name} {part_size}"]
 
     def against(self, ours: type[Peer], theirs: type[Peer] | Peer) -> float:
@@ -108,7 +108,7 @@ class Results:
         return ratio(self.decoding_us(theirs), self.decoding_us(ours))
 
     def rows(self) -> Iterator[list[str]]:
-        """The cells of `HEADER`, a row a library."""
+        """The cells below `HEADER`, one row per library."""
         for candidate in self.candidates:
             peer = candidate.peer
             names = (f"{peer.name} {what}" for what in ("encode", *PART_SIZES))
@@ -116,21 +116,21 @@ class Results:
             survived = self.survivals[peer.name]
             yield [
                 *(peer.name, version(peer.distribution)),
-                *(NOT_DONE if of is None else f"{median(of):.2f}" for of in times),
+                *(NOT_MEASURED if of is None else f"{median(of):.2f}" for of in times),
                 *(f"{survived.recovered:.1%}", str(survived.wrong)),
                 *(f"{candidate.frame_size:.1f}", f"{self.imports[peer.module]:.0f}", peer.remark),
             ]
         for name, reason in ABSENT.items():
-            yield [name, *[NOT_DONE] * (len(HEADER) - 2), reason]
+            yield [name, *[NOT_MEASURED] * (len(HEADER) - 2), reason]
 
     def wrong(self) -> int:
-        """Messages that our decoders made up."""
+        """Messages that our decoders delivered but nobody sent."""
         survivals: list[Survival] = [self.survivals[ours.name] for ours in OURS]
         return sum(survived.wrong for survived in survivals)
 
 
 def targets(results: Results) -> list[Target]:
-    """Speed, and no message made up."""
+    """The targets: speed, and no invented message."""
     stream, wrong = results.against(Streaming, Pymavlink), results.wrong()
     return [
         Target(
@@ -150,7 +150,7 @@ def ratios(results: Results) -> str:
 
 
 def draw(results: Results, file: Path) -> None:
-    """Times and survivals, a bar a library."""
+    """Times and survivals, one bar per library."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4.5), layout="constrained")
@@ -178,7 +178,7 @@ def _bars(
 
 
 def main() -> int:
-    """Measure, print, draw; 1 when a target is missed."""
+    """Measure, print, draw; returns 1 if a target is missed."""
     folder = output_folder(__doc__)
     results = Results()
     draw(results, folder / "codec.png")

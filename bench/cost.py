@@ -1,4 +1,4 @@
-"""What the firmware's core takes on RV32IMC at -Os, and took at the last release: `make bench`."""
+"""Cost of the firmware's core on RV32IMC at -Os, compared with the last release: `make bench`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ every 10. A growth of {100 * rv32_baseline.GROWTH_LIMIT:g} % or more in any row 
 
 
 def row(figure: str, now: int, before: int | None) -> list[str]:
-    """One figure beside what it was and what it may be."""
+    """One figure, its previous value and its limit."""
     work, _, kind = figure.partition(", ")
     was = ["-", "-"] if before is None else [str(before), f"{now / before - 1:+.1%}"]
     target = f"< {TARGETS[figure]}" if figure in TARGETS else ""
@@ -41,7 +41,7 @@ def row(figure: str, now: int, before: int | None) -> list[str]:
 
 
 def main() -> int:
-    """Print the table; 1 when a figure grew too much."""
+    """Print the table; returns 1 if a figure grew too much."""
     output_folder(__doc__)
     sys.stdout.write("## The firmware's core on RV32\n\n")
     if not rv32.available():

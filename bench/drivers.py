@@ -1,4 +1,4 @@
-"""What each driver loses as the wheels turn faster and the computer is busier: `make bench`.
+"""Tick loss of each driver over wheel speed and computer load: `make bench`.
 
 docs/drivers.md says what the stand-ins are, and what not to conclude.
 """
@@ -27,7 +27,7 @@ LOADS = (0, 2, 4)
 BROKEN = 1e-3
 """Fraction of the ticks lost."""
 SOURCE_KEEPS_UP = 0.85
-"""Of the rate asked for; below it the stand-in is the limit, and nothing is said of the driver."""
+"""Fraction of the requested rate; below it the stand-in is too slow to judge the driver."""
 
 METHOD = """\
 Behind pigpio and l298n are stand-ins that make edges at a given rate in a process of their own; the
@@ -75,7 +75,7 @@ def measure() -> list[Series]:
 
 
 def counting_rows(series: list[Series]) -> list[list[str]]:
-    """A row a driver, load and rate."""
+    """One row per driver, load and rate."""
     return [
         [
             *(one.label, f"{c.asked_tps:.0f}", str(c.true_ticks), str(c.counted_ticks)),
@@ -87,7 +87,7 @@ def counting_rows(series: list[Series]) -> list[list[str]]:
 
 
 def timing_rows(series: list[Series]) -> list[list[str]]:
-    """A row a driver and load."""
+    """One row per driver and load."""
     found = []
     for one in series:
         if one.timing:

@@ -19,11 +19,11 @@ from support.endurance import (
 from wheelwire.link.info import quantile
 
 CYCLES = 100
-"""Interruptions in one run; each run has a robot of its own."""
+"""Interruptions in one run; each run has its own robot."""
 
 
 def main() -> int:
-    """Print the tables; fail when a tick is not accounted for or a pose jumps."""
+    """Print the tables; fail if a tick is unaccounted for or a pose jumps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=4000, help="resets and unpluggings")
     arguments = parser.parse_args()

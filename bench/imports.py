@@ -1,4 +1,4 @@
-"""What imports take in a fresh interpreter: `make bench`, or this file alone."""
+"""Import times in a fresh interpreter: `make bench`, or this file alone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MODULES = {
 
 
 def main() -> int:
-    """Print the table; 1 when the target is missed."""
+    """Print the table; returns 1 if the target is missed."""
     output_folder(__doc__)
     times = import_ms(MODULES, ROUNDS)
     rows = [["`python -c pass`, for comparison", f"{times['']:.0f}", ""]]

@@ -1,4 +1,4 @@
-"""10 000 signals at random moments into a program that uses a robot: `make reliability`."""
+"""Sends 10 000 signals at random moments to a program that uses a robot: `make reliability`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import table
-from support.interrupts import storm
+from support.interrupts import interrupt_program
 
 COUNT = 10_000
 SEED = 7
 
 
 def main() -> None:
-    """Print what came of it; fail when anything but nothing did."""
+    """Print the results; fail if a signal did any harm."""
     rows = []
     for mode, what in (("raise", "raises KeyboardInterrupt"), ("stop", "calls stop()")):
-        result = storm(COUNT, mode, SEED)
+        result = interrupt_program(COUNT, mode, SEED)
         report = result.report
         failed = sum(report["errors"].values())
         rows.append(

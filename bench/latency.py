@@ -1,4 +1,4 @@
-"""From a command to the motors, and how even the control steps are: `make bench`, or this file."""
+"""Latency of commands and jitter of the control steps: `make bench`, or this file alone."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ States: TypeAlias = "SimpleQueue[TrueState]"
 
 @contextmanager
 def full_load(robot: SerialDriver) -> Iterator[None]:
-    """A thread that asks, and asks again when it is answered."""
+    """A thread that sends one request after the other."""
     end = threading.Event()
 
     def ask() -> None:
@@ -86,7 +86,7 @@ def under_loads(
 
 
 def to_pwm_us(robot: SerialDriver, states: States) -> list[float]:
-    """From the command to the drive, again and again."""
+    """The latencies from commands to the drive."""
     robot.parameters.set(
         "stop_mode", StopMode.COAST
     )  # a bridge that brakes first lets go for a step
@@ -111,14 +111,14 @@ def _next_change(states: States) -> TrueState:
 
 
 def late_us(_robot: SerialDriver, states: States) -> list[float]:
-    """By how much each step is later than the earliest one, both against simulated time."""
+    """Delay of each step relative to the earliest one, measured against simulated time."""
     taken = [states.get(timeout=TIMEOUT_S) for _ in range(STEPS)]
     delays = [state.host_us - state.t_us for state in taken]
     return [float(delay - min(delays)) for delay in delays]
 
 
 def in_virtual_time() -> str:
-    """What the steps are by themselves, while the line is full both ways."""
+    """The jitter of the steps while the line is full in both directions."""
     host = RawHost()
     host.sim.set("baud", BAUD)
     host.open()
@@ -147,7 +147,7 @@ def in_virtual_time() -> str:
 
 
 def draw(commands: Mapping[str, list[float]], steps: Mapping[str, list[float]], file: Path) -> None:
-    """Which share takes longer than so long."""
+    """The fraction that takes longer than each time."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.5), layout="constrained")

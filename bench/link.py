@@ -71,7 +71,7 @@ least that a program of one thread has to do: the same message through the same 
 
 
 def at_most(what: str, measured: float, limit: float, unit: str = "") -> Target:
-    """The limit itself will do."""
+    """The limit itself is reached."""
     number, bound = (f"{number:.3g}{unit}" for number in (measured, limit))
     return Target(what, number, f"<= {bound}", measured <= limit)
 
@@ -125,27 +125,27 @@ def show_slow_lines() -> list[Target]:
 
 
 def library_load(port: str, rate_hz: int, duration_s: float, reads_hz: int = 0) -> Load:
-    """Of an open link, while somebody asks for samples or nobody does."""
+    """Load of an open link, with or without reading samples."""
     with SerialDriver(port, stream_rate_hz=rate_hz) as robot:
         time.sleep(SETTLING_S)
         return load_while(lambda: read_for(duration_s, robot, reads_hz))
 
 
 def idle_load(port: str) -> Load:
-    """Of an open link on which only answers come."""
+    """Load of an open link without state frames."""
     with round_trips.open_without_stream(port):
         time.sleep(SETTLING_S)
         return load_while(lambda: time.sleep(IDLE_S))
 
 
 def bare_load(port: str) -> Load:
-    """Of the least that takes what the last session's device still sends."""
+    """Load of a minimal host that reads what the device still sends."""
     with closing(BareHost(port, round_trips.ANY_BAUD)) as host:
         return load_while(lambda: host.discard(CPU_S))
 
 
 def iterated_load(port: str) -> Load:
-    """Of an open link of which every sample is read, at the slow rate."""
+    """Load of an open link at the slow rate, with every sample read."""
     with SerialDriver(port, stream_rate_hz=SLOW_HZ) as robot:
         samples = robot.samples()
         time.sleep(SETTLING_S)
@@ -153,7 +153,7 @@ def iterated_load(port: str) -> Load:
 
 
 def decoding() -> float:
-    """CPU of decoding the stream's frames, of one core."""
+    """CPU of decoding the stream's frames, as a fraction of one core."""
     stream = capture(DECODED)
     size = len(stream) // DECODED
     frames = [stream[start : start + size] for start in range(0, len(stream), size)]
@@ -162,11 +162,11 @@ def decoding() -> float:
 
 
 def show_cpu() -> list[Target]:
-    """Print what an idle and a busy link cost."""
+    """Print the load of an idle and of a busy link."""
     with Simulator() as simulator:
         port = simulator.port
         idle = idle_load(port)
-        # The bare host comes last: it reads the stream that the others leave behind.
+        # The bare host comes last: it reads the stream that the others have started.
         measures = {
             "library": lambda: library_load(port, RATE_HZ, CPU_S),
             "read": lambda: library_load(port, RATE_HZ, CPU_S, READS_HZ),
@@ -236,7 +236,7 @@ def _load_row(name: str, load: Load) -> list[str]:
 
 
 def show_calls() -> list[Target]:
-    """Print what a setpoint costs the thread that gives it."""
+    """Print the time that a setpoint takes in the calling thread."""
     master, slave = os.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)
@@ -277,7 +277,7 @@ def show_calls() -> list[Target]:
 
 
 def show_fast_stream() -> list[Target]:
-    """Print what is lost of a fast stream."""
+    """Print the losses of a fast stream."""
     with Simulator() as simulator:
         with SerialDriver(simulator.port) as robot:
             robot.parameters.set("control_rate_hz", FAST_HZ)
@@ -296,7 +296,7 @@ def show_fast_stream() -> list[Target]:
 
 
 def main() -> int:
-    """Measure and print; 1 when a target is missed."""
+    """Measure and print; returns 1 if a target is missed."""
     output_folder(__doc__)
     sys.stdout.write("## The serial link\n\n")
     targets = [

@@ -1,4 +1,4 @@
-"""How the cost of links grows, with robots per host and state rate: `make bench`, or this file."""
+"""CPU of links over robots per host and state rate: `make bench`, or this file."""
 
 from __future__ import annotations
 
@@ -45,25 +45,25 @@ the decoding grows.
 
 @dataclass
 class Point:
-    """What some links cost, and whether they worked."""
+    """The load of some links, and whether they worked."""
 
     links: int
     rate_hz: int
     load: Load
     simulators_cpu: float
-    """Of all simulated devices, of one core."""
+    """CPU of all simulated devices, as a fraction of one core."""
     received: int
     lost: int
     round_trips_us: Sequence[float]
 
     @property
     def frame_us(self) -> float:
-        """CPU a state frame."""
+        """CPU per state frame."""
         return 1e6 * self.load.cpu / (self.links * self.rate_hz)
 
 
 def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
-    """Open the links, let them run, close them; somebody may ask the first for samples."""
+    """Open the links, let them run, close them; samples of the first may be read."""
     with ExitStack() as stack:
         simulators = [stack.enter_context(Simulator()) for _ in range(links)]
         robots = [_opened(stack, simulator, rate_hz) for simulator in simulators]
@@ -85,7 +85,7 @@ def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
 
 
 def _opened(stack: ExitStack, simulator: Simulator, rate_hz: int) -> SerialDriver:
-    """A link at a rate that the control loop may first have to be made fit for."""
+    """Open a link at a rate for which the control rate may have to be raised."""
     if rate_hz > 1000:
         with SerialDriver(simulator.port) as robot:
             robot.parameters.set("control_rate_hz", rate_hz)
@@ -128,7 +128,7 @@ def show_rates(points: Sequence[Point], title: str) -> str:
 def draw(
     links: Sequence[Point], unread: Sequence[Point], read: Sequence[Point], file: Path
 ) -> None:
-    """CPU over both."""
+    """Plot CPU over both."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.5), layout="constrained")
@@ -151,7 +151,7 @@ def _draw(axes: Axes, x: Sequence[int], points: Sequence[Point], name: str, colo
 
 
 def main() -> int:
-    """Measure, print, draw; 1 when frames were lost."""
+    """Measure, print, draw; returns 1 if frames were lost."""
     folder = output_folder(__doc__)
     links = [measure(count, LINK_HZ) for count in LINKS]
     unread, read = [], []

@@ -1,4 +1,4 @@
-"""How far the robot leaves its path, for the loop's stages, in virtual time: docs/control.md."""
+"""Path error for the stages of the control loop, in virtual time: docs/control.md."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CONDITIONS: dict[str, dict[str, float]] = {
 
 
 def plot(paths: dict[tuple[str, str], list[PathPoint]], file: Path) -> None:
-    """One panel a condition, one line a law."""
+    """One panel per condition, one line per control law."""
     figure = Figure(figsize=(10, 3.4), layout="constrained")
     panels = figure.subplots(1, len(CONDITIONS), sharey=True)
     for axes, condition in zip(panels, CONDITIONS, strict=True):
@@ -35,7 +35,7 @@ def plot(paths: dict[tuple[str, str], list[PathPoint]], file: Path) -> None:
 
 
 def main() -> None:
-    """Print the table, draw the picture."""
+    """Print the table and plot it."""
     folder = output_folder(__doc__)
     paths = {
         (law, condition): figure_eight(parameters, **settings)

@@ -1,4 +1,4 @@
-"""Failing encoders, and hours of driving that must trip nothing, in virtual time."""
+"""Failing encoders, and hours of normal driving that must not trip a fault; in virtual time."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _failures() -> list[list[str]]:
 
 
 def main() -> int:
-    """Print the table; 1 when ordinary driving tripped."""
+    """Print the table; returns 1 if normal driving tripped a fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=1.0, help="of driving, twice")
     hours = parser.parse_args().hours

@@ -1,4 +1,4 @@
-"""Puts the last run of `make bench` into docs/benchmarks.md, word for word, and its plots beside.
+"""Copies the report of the last `make bench` into docs/benchmarks.md, and its plots beside it.
 
 `python bench/publish.py`, after a run on a machine that has nothing else to do.
 """
@@ -20,7 +20,7 @@ PLOT = re.compile(r"(?<=\]\()[\w.-]+\.png(?=\))")
 
 
 def published(page: str, report: str, plots: str) -> str:
-    """The page with the report, a heading level deeper, in the place of the last one.
+    """The page with its report replaced; its headings are one level deeper.
 
     Args:
         page: The page's text; all behind `MARK` goes.

@@ -1,4 +1,4 @@
-"""From a port's return, or a reset, to the first fresh sample, in real time: `make reliability`."""
+"""Time to reconnect after an unplugging or a reset, in real time: `make reliability`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def bad_line(cycles: int) -> list[float]:
 
 
 def main() -> int:
-    """Print the table; fail when the port's return takes too long."""
+    """Print the table; fail if reconnecting takes too long."""
     logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=100)

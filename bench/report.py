@@ -1,4 +1,4 @@
-"""Runs every benchmark and joins what they print to build/bench/report.md: `make bench`."""
+"""Runs every benchmark and collects their output in build/bench/report.md: `make bench`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BENCHES = (
     *("link", "latency", "links_per_host", "ros"),
     *("control", "drivers", "cost"),
 )
-"""In the order of the report."""
+"""The benchmarks, in the order of the report."""
 
 SCRIPTS = tuple(Path(__file__).with_name(f"{bench}.py") for bench in BENCHES)
 
@@ -27,7 +27,7 @@ CPU_INFO = Path("/proc/cpuinfo")
 
 
 def machine() -> str:
-    """The heading: what the figures below were measured on."""
+    """The heading: the computer that the figures were measured on."""
     facts = {
         "processor": f"{_processor()}, {os.cpu_count()} cores",
         "system": platform.platform(),
@@ -55,7 +55,7 @@ def _commit() -> str:
 
 
 def _packages() -> list[str]:
-    """Names and versions of what wheelwire and its extra `bench` stand on."""
+    """Names and versions of the requirements of wheelwire and its extra `bench`."""
     found = []
     for requirement in requires("wheelwire") or ():
         name = re.split(r"[^\w.-]", requirement)[0]
@@ -69,7 +69,7 @@ def _packages() -> list[str]:
 
 
 def run(script: Path, folder: Path, report: TextIO) -> int:
-    """Run one benchmark, passing on what it prints; returns its exit code."""
+    """Run one benchmark and forward its output; returns its exit code."""
     command = [sys.executable, str(script), "--output", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for line in process.stdout or ():
@@ -87,7 +87,7 @@ def _write(text: str, report: TextIO) -> None:
 
 
 def main() -> int:
-    """Run all; 1 when one failed, by its name."""
+    """Run all; returns 1 and prints the names if any failed."""
     folder = output_folder(__doc__)
     with (folder / "report.md").open("w") as report:
         _write(machine(), report)

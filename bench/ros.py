@@ -1,4 +1,4 @@
-"""The ROS node beside a bare rclpy node: `make bench`, or this file alone."""
+"""The ROS node compared with a bare rclpy node: `make bench`, or this file alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 5
 COMMANDS = 80
-"""In a round; those of the first warm up, and are left out."""
+"""Commands per round; the first ones warm up and are left out."""
 RATES_HZ = (50.0, 100.0, 200.0)
 
 TITLE = "## The ROS node\n\n"
@@ -85,7 +85,7 @@ def show_streams(folder: Path) -> None:
 
 
 def streams(folder: Path, rate_hz: float) -> tuple[Stream, Stream]:
-    """Of the node, then of the peer."""
+    """The node's, then the peer's."""
     from support.ros import open_graph
     from support.ros_load import bare_node, watch
     from support.ros_process import RobotNode
@@ -108,7 +108,7 @@ def _cells(stream: Stream) -> list[str]:
 
 
 def main() -> None:
-    """Print all, or why there is nothing."""
+    """Print the results, or why there are none."""
     output_folder(__doc__)
     if find_spec("rclpy") is None:
         sys.stdout.write(f"{TITLE}Not measured: rclpy is not installed (`make ros`).\n")

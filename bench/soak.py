@@ -18,11 +18,11 @@ from support.soak import CORRUPT, STATE_HZ, Lap, run
 from wheelwire.link.info import quantile
 
 GROWTH_KIB = 4096
-"""Within what a flat memory may vary between the run's second and last third."""
+"""Largest growth of the memory from the second to the last third that counts as none."""
 
 
 def growth_kib(laps: list[Lap], process: int) -> int:
-    """How much more memory the run's last third had than the second, by their medians."""
+    """Growth of the memory from the second third of the run to the last, by medians."""
     third = max(1, len(laps) // 3)
     resident = [lap.resident_kib[process] for lap in laps]
     return round(statistics.median(resident[-third:]) - statistics.median(resident[third:-third]))
@@ -58,7 +58,7 @@ def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
 
 
 def main() -> int:
-    """Run, print, and fail when a target is missed."""
+    """Run, print, and fail if a target is missed."""
     logging.getLogger("wheelwire").setLevel(logging.ERROR)  # each loss is meant
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=2.0)

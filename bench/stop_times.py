@@ -1,4 +1,4 @@
-"""Stop times under every loss of the link, from the plant: `make reliability`."""
+"""Stop times after every kind of link loss, measured on the plant: `make reliability`."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def row(times: list[StopTime]) -> tuple[str, ...]:
 
 
 def in_time(time: StopTime) -> bool:
-    """The drive was removed within one control period."""
+    """Whether the drive was removed within one control period."""
     late = time.failure_to_removed_us if time.late_us is None else time.late_us
     return late <= PERIOD_US
 
 
 def main() -> int:
-    """Print both tables; fail when a drive was removed too late."""
+    """Print both tables; fail if a drive was removed too late."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--virtual", type=int, default=100, help="runs in virtual time")
     parser.add_argument("--real", type=int, default=5, help="runs in real time")

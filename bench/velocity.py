@@ -1,4 +1,4 @@
-"""Error and noise of the measured velocity over the speed: docs/control.md."""
+"""Error and noise of the measured velocity over speed: docs/control.md."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from support.benchmark import ROOT, output_folder, table
 
 PROGRAM = ROOT / "build" / "host" / "wheelwire-velocity-curve"
 DEFAULT_HZ = 1000
-"""The control rate of the picture."""
+"""The control rate for the plot."""
 TARGETS = {100: 0.003, 200: 0.003, 500: 0.002, DEFAULT_HZ: 0.002}
-"""Of the mean's error, for each control rate. [Hz]"""
+"""Target for the mean's error, by control rate. [Hz]"""
 
 Rows = list[dict[str, float]]
 
@@ -53,12 +53,12 @@ def plot(rows: Rows, file: Path) -> None:
 
 
 def worst(rows: Rows, prefix: str = "") -> float:
-    """Error of the mean where it is greatest."""
+    """The greatest error of the mean."""
     return max(abs(row[f"{prefix}mean_error"]) for row in rows)
 
 
 def summary(rate_hz: int, rows: Rows) -> list[list[str]]:
-    """A row for each encoder and estimator: worst error of the mean, noise over all speeds."""
+    """One row per encoder and estimator: greatest error of the mean, noise over all speeds."""
     found = []
     for counts in (360, 1440):
         chosen = [row for row in rows if row["counts_per_revolution"] == counts]
@@ -70,7 +70,7 @@ def summary(rate_hz: int, rows: Rows) -> list[list[str]]:
 
 
 def main() -> int:
-    """Print the table, draw the picture; 1 when the target is missed."""
+    """Print the table and plot it; returns 1 if the target is missed."""
     folder = output_folder(__doc__)
     rows = {rate_hz: run(rate_hz) for rate_hz in TARGETS}
     plot(rows[DEFAULT_HZ], folder / "velocity.png")

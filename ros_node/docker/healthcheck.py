@@ -24,7 +24,7 @@ class LinkListener:
         self.status: DiagnosticStatus | None = None
         self._subject = f"{robot}: link"
 
-    def hear(self, report: DiagnosticArray) -> None:
+    def receive(self, report: DiagnosticArray) -> None:
         """Handle a message."""
         for status in report.status:
             if status.name == self._subject:
@@ -37,7 +37,7 @@ def main() -> str | None:
     listener = LinkListener(robot)
     rclpy.init(args=[])
     node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)
-    node.create_subscription(DiagnosticArray, "/diagnostics", listener.hear, 10)
+    node.create_subscription(DiagnosticArray, "/diagnostics", listener.receive, 10)
     end = time.monotonic() + TIMEOUT_S
     while listener.status is None and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.1)

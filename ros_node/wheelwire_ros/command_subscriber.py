@@ -37,7 +37,7 @@ class CommandSubscriber:
         self._topic = self._subscription.topic_name
         node.get_logger().info(f"{self._topic} is {self._type_name} (parameter use_stamped_vel)")
 
-    def unheard_types(self) -> list[str]:
+    def ignored_types(self) -> list[str]:
         """Other message types published on this topic, which the middleware silently drops."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         return sorted({publisher.topic_type for publisher in publishers} - {self._type_name})

@@ -32,7 +32,7 @@ class Report:
     """Error bound of the ROS clock's offset."""
     rebases: int
     """How often the odometry was rebased after a reset of the device."""
-    unheard_types: list[str]
+    ignored_types: list[str]
     """Message types that others publish on cmd_vel but this node does not subscribe to."""
 
 
@@ -132,10 +132,10 @@ def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     ignored = {f"ignored_{r.name.lower()}": n for r, n in sorted(gate.ignored.items(), key=str)}
     values = {"obeyed": gate.obeyed, "ignored": sum(gate.ignored.values()), **ignored}
     level, message = OK, f"{gate.obeyed} obeyed, {sum(gate.ignored.values())} ignored"
-    if report.unheard_types:
+    if report.ignored_types:
         level = WARN
         message = (
-            f"commands of type {', '.join(report.unheard_types)} are ignored: "
+            f"commands of type {', '.join(report.ignored_types)} are ignored: "
             "set use_stamped_vel to match their type"
         )
     return _status(f"{name}: commands", level, message, hardware, values)

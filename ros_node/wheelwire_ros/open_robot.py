@@ -86,7 +86,7 @@ class OpenRobot:
             self._reader.silence,
             self._time_base.error_s,
             self._estimator.rebases,
-            self._commands.unheard_types(),
+            self._commands.ignored_types(),
         )
         return diagnostics.open_statuses(name, driver_type, report)
 

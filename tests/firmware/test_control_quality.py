@@ -94,7 +94,7 @@ def test_no_wheel_catches_up_beyond_max_velocity() -> None:
 def test_no_more_is_caught_up_than_the_error_limit(limit_m: float) -> None:
     robot = VirtualRobot().open()
     robot.set_parameter("path_error_limit_m", limit_m)
-    owed_m = quality.owed_after_a_load(robot, 0.2)
+    owed_m = quality.missing_after_a_load(robot, 0.2)
     assert owed_m == pytest.approx(0, abs=0.002) if limit_m > 0.01 else owed_m > 0.004
 
 

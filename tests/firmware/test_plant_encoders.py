@@ -1,4 +1,4 @@
-"""From the wheel's edges through the chip's counter to the ticks that the host is told."""
+"""From the wheel's edges through the chip's counter to the ticks that the host is reported."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ COUNTER_LIMIT = 32767
 FINE = 100_000  # counts per revolution: a turn is three times round the counter
 
 
-def told(robot: VirtualRobot) -> tuple[int, int]:
+def reported(robot: VirtualRobot) -> tuple[int, int]:
     """The ticks of the newest state frame, signed."""
     robot.run(0.05)
     sample = robot.sample
@@ -22,7 +22,7 @@ def true_ticks(robot: VirtualRobot) -> tuple[int, int]:
     return int(robot.sim.get("true.left_ticks")), int(robot.sim.get("true.right_ticks"))
 
 
-def come_to_rest(robot: VirtualRobot) -> None:
+def wait_for_rest(robot: VirtualRobot) -> None:
     robot.stop()
     robot.run_until(lambda: bool(robot.sim.get("stands_still")))
 
@@ -30,11 +30,11 @@ def come_to_rest(robot: VirtualRobot) -> None:
 def test_ticks_are_exact_far_beyond_the_counter_both_ways() -> None:
     robot = VirtualRobot(counts_per_revolution=FINE).open()
     robot.drive_duty(0.6, -0.6, 4.0)
-    come_to_rest(robot)
+    wait_for_rest(robot)
     left, right = true_ticks(robot)
     assert left > 10 * COUNTER_LIMIT
     assert right < -10 * COUNTER_LIMIT
-    assert told(robot) == (left, right)
+    assert reported(robot) == (left, right)
 
 
 def test_ticks_are_exact_when_hovering_about_the_limit() -> None:
@@ -49,29 +49,29 @@ def test_ticks_are_exact_when_hovering_about_the_limit() -> None:
         robot.drive_duty(duty, duty, 0.1)
         crossings += above != (true_ticks(robot)[0] > COUNTER_LIMIT)
         above = true_ticks(robot)[0] > COUNTER_LIMIT
-    come_to_rest(robot)
+    wait_for_rest(robot)
     assert crossings > 5
-    assert told(robot) == true_ticks(robot)
+    assert reported(robot) == true_ticks(robot)
 
 
 def test_uneven_edges_are_off_by_one_tick_at_most() -> None:
     robot = VirtualRobot(**{"left.encoder_error_ticks": 0.4}).open()
     robot.drive(0.3, 0.3, 5.0)
-    come_to_rest(robot)
-    assert told(robot)[0] == pytest.approx(true_ticks(robot)[0], abs=1)
+    wait_for_rest(robot)
+    assert reported(robot)[0] == pytest.approx(true_ticks(robot)[0], abs=1)
 
 
 def test_a_dead_encoder_tells_nothing_while_the_wheel_turns() -> None:
     robot = VirtualRobot(**{"left.encoder_dead": 1}).open()
     robot.drive_duty(0.4, 0.4, 0.4)
-    assert told(robot)[0] == 0
+    assert reported(robot)[0] == 0
     assert true_ticks(robot)[0] > 50
 
 
 def test_a_reversed_encoder_tells_the_opposite() -> None:
     robot = VirtualRobot(**{"right.encoder_reversed": 1}).open()
     robot.drive_duty(0.2, 0.2, 1.0)
-    come_to_rest(robot)
-    left, right = told(robot)
+    wait_for_rest(robot)
+    left, right = reported(robot)
     assert (left, -right) == true_ticks(robot)
     assert left > 50

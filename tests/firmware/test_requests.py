@@ -259,8 +259,8 @@ def test_transitions_are_told_as_events(host: RawHost) -> None:
     host.received.clear()
     host.send(SetWheelVelocity(host.session_id, 1, host.device_us + 100_000, 0.2, 0.2))
     host.run_ms(200)
-    told = [(event.before, event.after) for event in host.of(Event)]
-    assert told == [
+    reported = [(event.before, event.after) for event in host.of(Event)]
+    assert reported == [
         (SupervisorState.IDLE, SupervisorState.DRIVING),
         (SupervisorState.DRIVING, SupervisorState.TIMED_OUT),
     ]

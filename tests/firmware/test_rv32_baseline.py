@@ -38,7 +38,7 @@ def test_the_committed_baseline_is_whole() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ([], "required: release"),
         (["--help"], "such as 0.1.0"),
@@ -48,7 +48,7 @@ def test_the_committed_baseline_is_whole() -> None:
 )
 def test_a_wrong_command_line_says_what_is_wanted_and_writes_nothing(
     arguments: list[str],
-    told: str,
+    reported: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -56,7 +56,7 @@ def test_a_wrong_command_line_says_what_is_wanted_and_writes_nothing(
     monkeypatch.setattr(rv32_baseline, "write", written.append)
     with pytest.raises(SystemExit):
         rv32_baseline.main(arguments)
-    assert told in "".join(capsys.readouterr())
+    assert reported in "".join(capsys.readouterr())
     assert not written
 
 

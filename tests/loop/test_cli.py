@@ -43,19 +43,19 @@ def test_info(simulator: Simulator) -> None:
     text = run("info", simulator.port).stdout
     assert "SIMULATED" in text
     assert "IDLE" in text
-    told = run_json("info", simulator.port)
-    assert told["link"]["port"] == simulator.port
-    assert told["faults"] == []
-    assert told["device_counters"]["frames_received"] > 0
+    reported = run_json("info", simulator.port)
+    assert reported["link"]["port"] == simulator.port
+    assert reported["faults"] == []
+    assert reported["device_counters"]["frames_received"] > 0
 
 
 def test_info_says_when_a_core_dump_is_there(simulator: Simulator) -> None:
     assert run_json("info", simulator.port)["core_dump"] is False
     simulator.set("core_dump", 1)
     simulator.reset(ResetReason.PANIC)
-    told = run_json("info", simulator.port)
-    assert told["core_dump"] is True
-    assert "CORE_DUMP" in told["link"]["device"]["capabilities"]
+    reported = run_json("info", simulator.port)
+    assert reported["core_dump"] is True
+    assert "CORE_DUMP" in reported["link"]["device"]["capabilities"]
     assert "of a crash, in flash" in run("info", simulator.port).stdout
     simulator.set("core_dump", 0)
     simulator.reset()
@@ -81,8 +81,8 @@ def test_an_estop_holds_until_it_is_cleared(simulator: Simulator) -> None:
         f"`wheelwire clear {simulator.port}` ends it"
         in run("info", simulator.port, COLUMNS="200").stdout
     )
-    told = {"ended": "ESTOPPED", "state": "IDLE", "faults": []}
-    assert run_json("clear", simulator.port) == told
+    reported = {"ended": "ESTOPPED", "state": "IDLE", "faults": []}
+    assert run_json("clear", simulator.port) == reported
     assert run("clear", simulator.port).stdout == "nothing was latched\n"
     assert run_json("info", simulator.port)["state"] == "IDLE"
 
@@ -126,9 +126,9 @@ def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(quiet: Simul
     text = run("drive", quiet.port, "--linear", "0.2", "--seconds", "1").stdout
     assert "no wheel" not in text
     assert "m of it while stopping" in text
-    told = run_json("drive", quiet.port, "--linear", "-5", "--seconds", "0.3")
-    assert told["linear_mps"] == pytest.approx(-0.4)
-    assert 0 < told["rolled_out_m"] < -told["x_m"]
+    reported = run_json("drive", quiet.port, "--linear", "-5", "--seconds", "0.3")
+    assert reported["linear_mps"] == pytest.approx(-0.4)
+    assert 0 < reported["rolled_out_m"] < -reported["x_m"]
 
 
 def test_monitor_lines_are_json(simulator: Simulator) -> None:
@@ -204,8 +204,8 @@ def file(quiet: Simulator, tmp_path: Path) -> str:
 
 
 def test_a_robots_file_is_an_address(quiet: Simulator, file: str) -> None:
-    told = run_json("drive", file, "--linear", "0.2", "--seconds", "0.5")
-    assert told["x_m"] > 0.05
+    reported = run_json("drive", file, "--linear", "0.2", "--seconds", "0.5")
+    assert reported["x_m"] > 0.05
     assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 0.5}
     assert run_json("params", "set", file, "path_gain", "1") == {"path_gain": 1, "saved": False}
     check_error(run("params", "set", file, "max_duty", "1"), errors.InvalidArgument)

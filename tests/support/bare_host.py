@@ -1,4 +1,4 @@
-"""The least that a host can be: one thread, `poll`, `read` and `write`; and its peer in C."""
+"""The simplest possible host, one thread with `poll`, `read` and `write`, and an echo in C."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NONCE = 0x12345678
 REQUEST_ID = 1
 PING_SIZE = len(Encoder().encode(Ping(NONCE, REQUEST_ID, 0)))
 PONG_SIZE = len(Encoder().encode(Pong(NONCE, REQUEST_ID, 0, 0, 0)))
-"""Of the whole frames: a message has one size, whatever is in it."""
+"""Size of the whole frame: it does not depend on the content."""
 TIMEOUT_S = 5.0
 REPEAT_S = 0.1
 
@@ -43,8 +43,8 @@ class BareHost:
     """A host without sessions, threads or clocks of its own.
 
     Args:
-        port: Of the firmware or the echo.
-        baud_rate: Of the port.
+        port: Port of the firmware or the echo.
+        baud_rate: Baud rate of the port.
     """
 
     def __init__(self, port: str, baud_rate: int) -> None:
@@ -55,7 +55,7 @@ class BareHost:
         self._session_id = 0
 
     def close(self) -> None:
-        """Close the port; the device goes on."""
+        """Close the port; the device keeps running."""
         self._transport.close()
 
     def open_session(self, stream_rate_hz: int) -> None:
@@ -73,7 +73,7 @@ class BareHost:
         return self._exchange(PING_SIZE)
 
     def discard(self, seconds: float) -> None:
-        """Read what comes for so long, and keep nothing."""
+        """Read and discard what arrives in this time."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._read()
@@ -93,7 +93,7 @@ class BareHost:
         return self._transport.read()
 
     def _ask(self, request: AnyMessage, answer: type[AnyMessage]) -> Any:
-        """Say it until it is answered: a device that starts hears nothing."""
+        """Repeat it until it is answered: a device that is still starting does not receive it."""
         decoder = Decoder()
         end = time.monotonic() + TIMEOUT_S
         while time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""What benchmarks share: Markdown on stdout, interleaved rounds, one folder for plots."""
+"""Shared by the benchmarks: Markdown on stdout, interleaved rounds, a folder for plots."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def output_folder(description: str | None) -> Path:
-    """The folder for plots from the command line, made if it is missing."""
+    """The folder for plots, from the command line; created if it does not exist."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench")
     folder: Path = parser.parse_args().output
@@ -26,7 +26,7 @@ def output_folder(description: str | None) -> Path:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table: the first column to the left, the others to the right."""
+    """A Markdown table; the first column is aligned left, the others right."""
     rule = "|-|" + "-:|" * (len(header) - 1)
     return "\n".join([_row(header), rule, *map(_row, rows), ""])
 
@@ -36,7 +36,7 @@ def _row(cells: Sequence[str]) -> str:
 
 
 class Target(NamedTuple):
-    """What is to be reached, in words, and whether it was."""
+    """A target in words, and whether it was reached."""
 
     what: str
     measured: str
@@ -45,13 +45,13 @@ class Target(NamedTuple):
 
 
 def table_of_targets(targets: Iterable[Target]) -> str:
-    """A row a target."""
+    """One row per target."""
     rows = [[*target[:3], "reached" if target.reached else "**missed**"] for target in targets]
     return table(("", "measured", "target", ""), rows)
 
 
 def seconds(work: Callable[[], object], clock: Callable[[], float] = perf_counter) -> float:
-    """What one call takes, by `clock`."""
+    """The time of one call, by `clock`."""
     gc.collect()
     begin = clock()
     work()
@@ -59,15 +59,15 @@ def seconds(work: Callable[[], object], clock: Callable[[], float] = perf_counte
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """What one call takes of this process's CPU: not the time that others had the processor."""
+    """The CPU time of one call, without the time that other processes had the processor."""
     return seconds(work, process_time)
 
 
 def interleaved(measures: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, list[float]]:
-    """Take every measure once a round: what slows a round slows all of it.
+    """Interleave the measurements: a disturbance then affects all of them in the same round.
 
     Returns:
-        By name the value of each round. One more round comes first, to warm up, and is left out.
+        The value of each round, by name. An additional first round warms up and is left out.
     """
     values: dict[str, list[float]] = {name: [] for name in measures}
     for _ in range(1 + rounds):
@@ -82,9 +82,9 @@ def ratio(numerators: Sequence[float], denominators: Sequence[float]) -> float:
 
 
 def import_ms(modules: Iterable[str], rounds: int) -> dict[str, float]:
-    """Milliseconds that importing takes in a fresh interpreter, by module.
+    """Milliseconds of each module's import in a fresh interpreter.
 
-    Those of an interpreter that does nothing are taken off; they are under the name "".
+    The start of an empty interpreter is subtracted; it is listed under the name "".
     """
     statements = {"": "pass"} | {module: f"import {module}" for module in modules}
     starts = {name: partial(_start_ms, statement) for name, statement in statements.items()}

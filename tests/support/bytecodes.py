@@ -1,4 +1,4 @@
-"""A call that is interrupted before the bytecode of one's choice, as by a signal handler."""
+"""Interrupts a call before a chosen bytecode, like a signal handler."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 
 
 def interrupted(call: Callable[[], object], step: int, handler: Callable[[], object]) -> bool:
-    """Make `call`, and `handler` before its `step`th bytecode; False when it has fewer.
+    """Run `call`, and `handler` before its bytecode number `step`; False if it has fewer.
 
-    Only this thread's bytecodes count; the handler's do not.
+    Only this thread's bytecodes count, and not the handler's.
     """
     left = step
 
@@ -22,7 +22,7 @@ def interrupted(call: Callable[[], object], step: int, handler: Callable[[], obj
         left -= 1
         return left == 0
 
-    # The interpreter swallows what is raised in a callback of its garbage collection.
+    # The interpreter swallows exceptions in callbacks of its garbage collection.
     collects = gc.isenabled()
     gc.disable()
     try:

@@ -1,4 +1,4 @@
-"""Decodes a capture in a process of its own, so that its memory can be told: file, way."""
+"""Decodes a capture in a separate process, to measure its memory. Arguments: FILE METHOD."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ READ_SIZE = 1 << 22
 
 
 def in_parts(path: Path) -> int:
-    """Frames, never more than `READ_SIZE` of the file in memory."""
+    """Number of frames, with at most `READ_SIZE` of the file in memory."""
     with path.open("rb") as file:
         parts = iter(partial(file.read, READ_SIZE), b"")
         return sum(len(states) for states in iter_capture(parts, WheelState))
 
 
 def at_once(path: Path) -> int:
-    """Frames, by way of one array."""
+    """Number of frames, decoded into one array."""
     return len(decode_capture(path.read_bytes(), WheelState))
 
 
 def peak_mib() -> float:
-    """The most memory that this process ever had."""
+    """The peak memory of this process."""
     status = Path("/proc/self/status").read_text()
     found = re.search(r"VmHWM:\s*(\d+) kB", status)
     if found is None:

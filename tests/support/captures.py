@@ -1,4 +1,4 @@
-"""What a robot that drives a curve sends: telemetry for benchmarks."""
+"""Telemetry of a robot that drives a curve, for benchmarks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Two clocks with a bad line between them, and how honest the estimate of one by the other is."""
+"""Two clocks with a bad line between them, to test the estimate of one by the other."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from wheelwire.link.clock import ClockEstimator, Exchange
 BURST = 8
 BURST_GAP_US = 5_000
 GAP_US = 500_000
-"""As the session pings."""
+"""The session's ping period."""
 PROBES = 10
-"""Samples between two exchanges that are mapped and judged."""
+"""Samples between two exchanges that are converted and checked."""
 
 
 @dataclass(frozen=True)
-class Ways:
-    """The delays of the line, each way.
+class LineDelays:
+    """The delays of the line in each direction.
 
     Attributes:
-        out_us: At least, towards the device.
-        back_us: At least, towards the host.
-        jitter_us: Mean of what is added, exponentially distributed.
-        burst: Chance of up to `burst_us` more.
+        out_us: Minimum towards the device.
+        back_us: Minimum towards the host.
+        jitter_us: Mean of an exponentially distributed addition.
+        burst: Probability of a further delay of up to `burst_us`.
         burst_us: See `burst`.
     """
 
@@ -34,15 +34,15 @@ class Ways:
     burst_us: float = 20_000.0
 
 
-USB = Ways()
-CALM = Ways(100.0, 100.0, 20.0, 0.0, 0.0)
-STORMY = Ways(200.0, 900.0, 3_000.0, 0.2, 50_000.0)
+USB = LineDelays()
+SHORT_DELAYS = LineDelays(100.0, 100.0, 20.0, 0.0, 0.0)
+LONG_DELAYS = LineDelays(200.0, 900.0, 3_000.0, 0.2, 50_000.0)
 
 
 class Clocks:
-    """A true device clock with an even drift, and a line with unequal, jittered ways."""
+    """A device clock with constant drift, and a line with asymmetric delays and jitter."""
 
-    def __init__(self, seed: int, drift: float, ways: Ways = USB) -> None:
+    def __init__(self, seed: int, drift: float, ways: LineDelays = USB) -> None:
         self.random = Random(seed)
         self.drift = drift
         self.ways = ways
@@ -60,7 +60,7 @@ class Clocks:
         return base_us + jitter_us + float(burst_us)
 
     def exchange(self, host_us: int) -> Exchange:
-        """A ping that is sent at the host's `host_us`."""
+        """The exchange of a ping sent at the host's `host_us`."""
         received = host_us + self.way_us(self.ways.out_us)
         sent = received + self.random.uniform(5, 100)
         back = sent + self.way_us(self.ways.back_us)
@@ -70,11 +70,11 @@ class Clocks:
 
 @dataclass
 class Coverage:
-    """How often the bound held.
+    """How often the error was within its bound.
 
     Attributes:
-        checked: Mapped samples.
-        missed: Of these, farther off than their bound.
+        checked: Number of converted samples.
+        missed: Number of those with an error beyond their bound.
         errors_us: Of all.
         bounds_us: Of all.
     """
@@ -85,7 +85,7 @@ class Coverage:
     bounds_us: list[float] = field(default_factory=list)
 
     def take(self, error_us: float, bound_us: float) -> None:
-        """One mapped sample."""
+        """Count one converted sample."""
         self.checked += 1
         self.missed += error_us > bound_us
         self.errors_us.append(error_us)
@@ -93,22 +93,22 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Of samples within their bound."""
+        """The fraction of samples within their bound."""
         return 1 - self.missed / self.checked
 
 
 def session(
     coverage: Coverage, clocks: Clocks, exchanges: int = 200, step_us: int = 0, steps: int = 0
 ) -> None:
-    """Ping as a session does, and map samples in between.
+    """Ping as a session does, and convert samples in between.
 
     Args:
-        coverage: Takes what was found.
+        coverage: Receives the results.
         clocks: The two.
         exchanges: Pings that are answered.
-        step_us: By how much the device's clock jumps against the host's, each way in turn.
-        steps: How often, evenly spread, and each just before an exchange: until then nobody can
-            know of it.
+        step_us: Size of the device clock's jumps, in alternating directions.
+        steps: Number of jumps, evenly spread, each just before an exchange: until then nobody
+            could notice it.
     """
     estimator = ClockEstimator()
     now = 10**9

@@ -1,4 +1,4 @@
-"""The command `wheelwire` in a process of its own, as a person or a script runs it."""
+"""Runs the command `wheelwire` in a separate process, like a user or a script."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TIMEOUT_S = 60.0
 
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run it to its end."""
+    """Run the command to its end."""
     return subprocess.run(
         [*PROGRAM, *arguments],
         capture_output=True,
@@ -27,7 +27,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
 
 
 def run_json(*arguments: str) -> Any:
-    """What it prints with `--json`."""
+    """The command's output with `--json`."""
     result = run(*arguments, "--json")
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)
@@ -36,7 +36,7 @@ def run_json(*arguments: str) -> Any:
 def check_error(
     result: subprocess.CompletedProcess[str], error: type[errors.WheelwireError]
 ) -> str:
-    """Its one line on stderr, once it has ended with this error and printed nothing else."""
+    """Check that it failed with this error only; returns its line on stderr."""
     assert result.returncode == error.exit_code, result.stderr
     assert result.stdout == ""
     (line,) = result.stderr.splitlines()

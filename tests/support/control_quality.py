@@ -1,6 +1,6 @@
-"""How well the firmware's velocity loop drives the simulated robot, measured on the plant itself.
+"""Quality of the firmware's velocity loop on the simulated robot, measured on the plant itself.
 
-All in virtual time: the same figures at every run, on any machine.
+All in virtual time: the figures are the same in every run, on any machine.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from .virtual import VirtualRobot
 
 COMMAND_PERIOD_S = 0.02
 SETTLED = 0.05
-"""Within this fraction of the target."""
+"""Fraction of the target within which a speed counts as settled."""
 CRAWL_EDGE_ERROR_TICKS = 0.2
-"""A cheap encoder: its edges are off by up to this."""
+"""Error of a cheap encoder's edges, at most."""
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,16 @@ class Step:
     """A step of the velocity setpoint."""
 
     settling_s: float
-    """From the command until the speed stays within SETTLED of the target."""
+    """Time from the command until the speed stays within SETTLED of the target."""
     overshoot: float
-    """Beyond the target, as a fraction of it."""
+    """Overshoot as a fraction of the target."""
     slew_s: float
     """The part of `settling_s` that the acceleration limit takes."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A wheel's true speed, a point each control period."""
+    """A wheel's true speed, one point per control period."""
 
     speeds_mps: list[float]
     period_s: float
@@ -82,8 +82,8 @@ def catching_up(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -
     return max(_trace(robot, target_mps, 1.0).speeds_mps)
 
 
-def owed_after_a_load(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -> float:
-    """What the left wheel rolled too little in all, after a load of half a second. [m]"""
+def missing_after_a_load(robot: VirtualRobot, target_mps: float, load_nm: float = 0.02) -> float:
+    """How much less the left wheel rolled in total, after a load of half a second. [m]"""
     owed_m = -(target_mps**2) / 2 / robot.parameter("max_acceleration_mps2")
     for load, seconds in ((0.0, 1.0), (load_nm, 0.5), (0.0, 2.0)):
         robot.sim.set("left.load_nm", load)
@@ -143,9 +143,9 @@ class PathPoint(NamedTuple):
 
     seconds: float
     distance_m: float
-    """Between where the robot is and where it was commanded to be."""
+    """Distance between the robot and its commanded position."""
     heading_rad: float
-    """How far it is turned to the left of what was commanded."""
+    """Heading error, positive to the left."""
 
 
 def figure_eight(
@@ -154,11 +154,11 @@ def figure_eight(
     """Drive the demonstration's figure with 50 setpoints a second.
 
     Args:
-        parameters: Of the firmware, other than the defaults.
+        parameters: Parameters of the firmware that differ from the defaults.
         settings: The simulator's variables while it drives.
 
     Returns:
-        The path error on the plant, a point each setpoint, the last one at the figure's end.
+        The path error on the plant, one point per setpoint, the last at the figure's end.
     """
     robot = VirtualRobot().open()
     for name, value in (parameters or {}).items():
@@ -191,7 +191,7 @@ def acceleration(target_mps: float = 0.4, over_s: float = 0.02) -> float:
 
 
 def acceleration_after_waiting(robot: VirtualRobot, held: str, waits: str) -> float:
-    """The greatest one of a wheel that has waited and need not any more, in its limit.
+    """The greatest one after a wheel no longer has to wait for the other, relative to its limit.
 
     One wheel is held fast at 0.2 m/s while the other waits for it. Then the host turns on the spot
     of the wheel that is held, which ends the waiting.
@@ -211,12 +211,12 @@ def acceleration_after_waiting(robot: VirtualRobot, held: str, waits: str) -> fl
 
 
 class Obstacle(NamedTuple):
-    """What became of a robot that was held fast and let go."""
+    """The result of holding a robot's wheels and letting them go."""
 
     overshoot: float
-    """Beyond the target, of the wheel that was held, as a fraction."""
+    """Overshoot of the wheel that was held, as a fraction of the target."""
     heading_rad: float
-    """Lost for good."""
+    """Distance that is not caught up."""
 
 
 def obstacle(target_mps: float, wheels: tuple[str, ...], after_s: float = 1.5) -> Obstacle:

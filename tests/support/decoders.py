@@ -1,4 +1,4 @@
-"""The firmware's decoder and the one in Python, so that one can be held to the other."""
+"""The firmware's decoder and the one in Python, for comparison."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from wheelwire_protocol.types import AnyMessage
 
 
 class Decoded(NamedTuple):
-    """What a decoder made of a line's bytes.
+    """The result of decoding a line's bytes.
 
-    Messages are packed again, for a NaN is not equal to itself.
+    The messages are packed again, because a NaN is not equal to itself.
     """
 
     messages: list[bytes]

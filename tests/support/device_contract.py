@@ -1,4 +1,4 @@
-"""What every device must do as far as a host can see it, simulated or real."""
+"""The tests that every device must pass, simulated or real, as seen by a host."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ WATCH_S = 2.0
 TTL_S = 0.3
 CLOCK_ERROR_US = 5000
 LOST_IN_A_ROW = 10
-"""States, on a lossy line."""
+"""States in the sample of a lossy line."""
 
 
 @dataclass(frozen=True)
 class Bench:
-    """A device, and what the person beside it allows.
+    """A device, and what may be done to it.
 
     Attributes:
-        port: Where it is.
-        reset: Resets the chip; None where that cannot be done from here.
-        wheels_free: The wheels may turn: the robot stands on blocks.
-        lossy: Frames get lost on the way, on purpose.
+        port: Its port.
+        reset: Resets the chip; None if that is not possible.
+        wheels_free: Whether the wheels may turn: the robot stands on blocks.
+        lossy: Whether the line loses frames on purpose.
     """
 
     port: str
@@ -42,7 +42,7 @@ class Bench:
 
     @contextmanager
     def robot(self) -> Iterator[SerialDriver]:
-        """The device, with no e-stop and no fault latched by a former test."""
+        """The device, with no e-stop or fault latched by an earlier test."""
         with SerialDriver(self.port, connect_timeout=TIMEOUT_S) as robot:
             state = robot.read().state
             if state is SupervisorState.ESTOPPED:
@@ -69,7 +69,7 @@ def wait(robot: SerialDriver, condition: Callable[[WheelSample], bool]) -> Wheel
 
 
 def watch(robot: SerialDriver) -> list[WheelSample]:
-    """The samples of a stretch of the device's time."""
+    """The samples in a span of the device's time."""
     samples = [robot.read()]
     while samples[-1].t_us < samples[0].t_us + WATCH_S * 1e6:
         samples.append(robot.read())

@@ -1,4 +1,4 @@
-"""Runs full of resets and unpluggings in virtual time, checked against the plant tick by tick."""
+"""Runs with many resets and unpluggings in virtual time, compared with the plant tick by tick."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ COMMAND_MS = 20
 TTL_S = 0.3
 TOP_MPS = 0.3
 TRUTH_KEPT = 2000
-"""Milliseconds: longer than a sample is under way."""
+"""Milliseconds, longer than a sample takes to arrive."""
 GEOMETRY = DifferentialDrive(0.2, 0.033, 360, 0.6)
-"""The simulator's, as it is by default."""
+"""The simulator's default."""
 FIRST_WRAP_US = 1 << 32
-"""Of the unsigned time in a state frame."""
+"""Modulus of the unsigned time in a state frame."""
 FIRST_WRAP_TICKS = 1 << 31
-"""Of the signed ticks in a state frame."""
+"""Modulus of the signed ticks in a state frame."""
 
 
 class Unseen(NamedTuple):
-    """What a reset hides."""
+    """The motion during a reset, which the host cannot see."""
 
     milliseconds: float
     distance_m: float
@@ -43,13 +43,13 @@ class Unseen(NamedTuple):
 
 @dataclass
 class Account:
-    """What a run showed.
+    """The results of a run.
 
     Attributes:
-        samples: How many were compared with the plant.
-        wrong: Samples whose ticks are not the plant's at their latch, up to the boot's own zero.
+        samples: Number of samples compared with the plant.
+        wrong: Samples whose ticks differ from the plant's at the latch, counted from the boot.
         jumps: Resets at which the odometry moved.
-        unseen: For each reset, what really happened between the last sample before it and the
+        unseen: For each reset, the true motion between the last sample before it and the
             first after it.
         seen_ticks: What the host's running count says that the left wheel did.
         true_ticks: What the left wheel did between the first sample and the last.
@@ -71,7 +71,7 @@ class Account:
 
 
 class EnduranceRun:
-    """A robot that is driven about, and what is known of it.
+    """A robot that is driven at random, and its bookkeeping.
 
     The device's clock runs with simulated time, so that each control step, and with it each latch,
     falls on the end of a simulated millisecond: the plant is read at the very same moment.
@@ -116,12 +116,12 @@ class EnduranceRun:
             self.step()
 
     def reset(self) -> None:
-        """The chip starts anew, while driving."""
+        """Reset the chip while driving."""
         self.robot.reset()
         self.wait_open()
 
     def unplug(self, milliseconds: int) -> None:
-        """The cable is out for so long, while driving."""
+        """Unplug the cable for a while, while driving."""
         self.robot.unplug()
         for _ in range(milliseconds):
             self.step()
@@ -129,7 +129,7 @@ class EnduranceRun:
         self.wait_open()
 
     def until(self, condition: Callable[[], bool], timeout_ms: int = 10_000) -> None:
-        """Step until it holds; fails when it does not in time."""
+        """Step until the condition holds; fails if it does not in time."""
         for _ in range(timeout_ms):
             if condition():
                 return
@@ -137,7 +137,7 @@ class EnduranceRun:
         raise AssertionError("the condition never held")
 
     def step(self) -> None:
-        """One millisecond, and what it told."""
+        """Advance one millisecond and process its samples."""
         sim = self.robot.sim
         self.robot.step()
         moment = int(sim.get("boot_id")), int(sim.get("device_us"))
@@ -155,7 +155,7 @@ class EnduranceRun:
         return self._last_sample
 
     def finish(self) -> Account:
-        """The account of the whole run."""
+        """The results of the whole run."""
         left, _ = self._latest_sample.ticks(0.0)
         self.account.seen_ticks = left - self._started_at
         self.account.true_ticks = self._last[0] - self._first[0]
@@ -214,7 +214,7 @@ def across_the_time_wrap(seed: int) -> EnduranceRun:
 
 
 def across_the_tick_wrap(seed: int) -> EnduranceRun:
-    """Be pushed, fast and with fine encoders, until the 32-bit tick counts wrap."""
+    """Push the robot, fast and with fine encoders, until the 32-bit tick counts wrap."""
     pushed = {"left.load_nm": -0.04, "right.load_nm": -0.04}
     fine = {"counts_per_revolution": 200_000, "motor.no_load_rpm": 2000}
     run = EnduranceRun(seed, None, **pushed, **fine)

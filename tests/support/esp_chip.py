@@ -35,7 +35,7 @@ _FLASH_ID = 0x1640EF  # Winbond, 4 MB
 
 @dataclass(frozen=True)
 class ChipKind:
-    """What tells a chip: newer ones say their id, the ESP32 has a word in its ROM."""
+    """How a chip is identified: newer ones report an id, the ESP32 has a word in its ROM."""
 
     bootloader: int
     chip_id: int
@@ -48,7 +48,7 @@ ESP32C3 = ChipKind(0, 5)
 
 
 class EspChip:
-    """`flash` may be changed between two sessions; `erased` lists from where to where, in order."""
+    """`flash` may be changed between sessions; `erased` lists the erased ranges in order."""
 
     def __init__(self, kind: ChipKind = ESP32, device: FakeDevice | None = None) -> None:
         self.kind = kind
@@ -93,7 +93,7 @@ class EspChip:
     # --- the line -------------------------------------------------------------------------------
 
     def feed(self, data: bytes, now_us: int) -> None:
-        """Take bytes from the line."""
+        """Receive bytes from the line."""
         if self._loading and data[0] != _END and self._frame is None:
             self._loading = False
             self.device.reset()
@@ -113,7 +113,7 @@ class EspChip:
             self.device.advance(now_us)
 
     def take_output(self) -> bytes:
-        """What goes out on the line."""
+        """Take the bytes for the line."""
         output = bytes(self._output) if self._loading else self.device.take_output()
         self._output.clear()
         return output
@@ -185,9 +185,9 @@ class EspChip:
         return b""
 
     def _program(self, data: bytes) -> bytes:
-        """Flash can only clear bits: what was not erased spoils what is written.
+        """Write flash, which can only clear bits: data on flash that was not erased is corrupted.
 
-        The last block is filled up; what is beyond the announced size is not written.
+        The last block is padded; bytes beyond the announced size are not written.
         """
         data = data[: self._write_end - self._write_at]
         for index, byte in enumerate(data, self._write_at):

@@ -34,14 +34,14 @@ _SUBTYPES = {
 
 
 def our_layout() -> list[Row]:
-    """What `partitions.csv` says."""
+    """The partitions in `partitions.csv`."""
     lines = [line for line in PARTITIONS.read_text().splitlines() if not line.startswith("#")]
     rows = ([cell.strip() for cell in row] for row in csv.reader(lines))
     return [(name, kind, sub, int(at, 16), int(size, 16)) for name, kind, sub, at, size in rows]
 
 
 def table_bytes(rows: list[Row]) -> bytes:
-    """A partition table as it lies in flash, with its digest."""
+    """A partition table as stored in flash, with its digest."""
     entries = b"".join(
         struct.pack(
             "<2sBBII16sI", b"\xaa\x50", _TYPES[kind], _SUBTYPES[sub], at, size, name.encode(), 0
@@ -53,7 +53,7 @@ def table_bytes(rows: list[Row]) -> bytes:
 
 
 def code(kind: ChipKind, size: int, seed: int) -> bytes:
-    """Something with an image's header that is recognised byte by byte."""
+    """Data with an image's header, in which every byte can be recognised."""
     header = bytearray(Random(seed).randbytes(size))
     header[0] = IMAGE_MAGIC
     header[12:14] = kind.chip_id.to_bytes(2, "little")

@@ -1,4 +1,4 @@
-"""A device made of the protocol alone: no motors, no control, every rule of a session. Sans-IO."""
+"""A fake device: the whole protocol, but no motors and no control. Sans-IO."""
 
 from __future__ import annotations
 
@@ -61,10 +61,10 @@ Request = (
 
 @dataclass
 class FakeDevice:
-    """Answers a host as SPEC.md says.
+    """Answers a host as SPEC.md specifies.
 
-    `received` holds every message that arrived whole, `done` every request that was carried out,
-    `obeyed` every setpoint that was.
+    `received` has every message that arrived intact, `done` every request carried out, `obeyed`
+    every setpoint obeyed.
     """
 
     random: Random = field(default_factory=lambda: Random(1))
@@ -85,7 +85,7 @@ class FakeDevice:
         self.done: list[AnyMessage] = []
         self.obeyed: list[SetWheelVelocity | SetDuty] = []
         self.lost_answers: set[type[AnyMessage]] = set()
-        """Requests that are carried out, but whose answers do not arrive."""
+        """Number of requests to carry out without sending the answer."""
         self.supervisor = SupervisorState.IDLE
         self.parameters = {p.id: float(p.default) for p in PARAMETERS}
         self._next_state_us = 0
@@ -106,7 +106,7 @@ class FakeDevice:
         self._deadline_us = 0
 
     def reset(self) -> None:
-        """A reset of the chip: a new boot, all else forgotten."""
+        """Reset the chip: a new boot id, everything else is lost."""
         self._start()
 
     @property
@@ -120,14 +120,14 @@ class FakeDevice:
 
     @property
     def counters(self) -> Counters:
-        """Of what arrived since the reset."""
+        """Counters of what has arrived since the reset."""
         return self._decoder.counters
 
     def clock(self, now_us: int) -> int:
         return round(now_us * (1 + self.drift)) + self.clock_offset_us
 
     def feed(self, data: bytes, now_us: int) -> None:
-        """Take bytes from the line."""
+        """Receive bytes from the line."""
         for message in self._decoder.feed(data):
             self.received.append(message)
             if not self.mute:

@@ -19,14 +19,14 @@ TARGETS = ("decoder", "session", "parameters")
 INSTALL = "sudo apt install clang libclang-rt-dev"
 
 LONGEST = 4096
-"""Bytes of an input: some hundred messages."""
+"""The longest input in bytes: some hundred messages."""
 
 _MESSAGE, _PLAUSIBLE, _STEPS = b"\x01", b"\x02", b"\x03"
 _HEADER_SIZE, _CRC_SIZE = 3, 4
 
 
 def available() -> bool:
-    """Whether there is a clang with its run-time libraries, libFuzzer among them."""
+    """Whether clang is installed with its run-time libraries, including libFuzzer."""
     if shutil.which("clang++") is None:
         return False
     command = ["clang++", "-print-resource-dir"]
@@ -59,9 +59,9 @@ def read_case(path: Path) -> bytes:
 
 
 def fuzz(target: str, seconds: float) -> subprocess.CompletedProcess[str]:
-    """Fuzz one target for a time. What it finds new is kept, and the next run begins with it.
+    """Fuzz one target for a time. New inputs are kept for the next run.
 
-    An input that fails is written to `build/fuzz`, and its name told on stderr.
+    A failing input is written to `build/fuzz`, and its name to stderr.
     """
     corpus = BUILD / "corpus" / target
     corpus.mkdir(parents=True, exist_ok=True)

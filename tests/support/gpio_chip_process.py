@@ -15,8 +15,8 @@ class GpioChip(StandIn):
     """Runs from `with` to the end of its block.
 
     Args:
-        directory: An empty one.
-        kernel_pwm: There is a `pwm` in it, as /sys/class/pwm.
+        directory: An empty directory.
+        kernel_pwm: Whether to create `pwm` in it, like /sys/class/pwm.
     """
 
     def __init__(self, directory: Path, kernel_pwm: bool = True) -> None:
@@ -30,7 +30,7 @@ class GpioChip(StandIn):
             SOCKET: str(path),
             "PYTHONPATH": os.pathsep.join(filter(None, python_path)),
         }
-        """Of processes whose pins this chip is to be."""
+        """The environment of processes that are to use this chip."""
 
     def __enter__(self) -> GpioChip:
         return self

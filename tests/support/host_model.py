@@ -1,7 +1,7 @@
 """A small model of a host and a device: which values are possible, and until when wheels may turn.
 
-It knows what the host asked for and which answers came. What got lost on the way it does not know,
-so it keeps sets of what may be.
+It knows the host's requests and the answers that came, but not what was lost on the way. So it
+keeps sets of the possible values.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 Values = dict[int, frozenset[float]]
-"""Parameter id -> the values that it may have."""
+"""The values that a parameter may have, by its id."""
 
 
 @dataclass
@@ -20,9 +20,9 @@ class Model:
     Attributes:
         values: In the device's memory.
         saved: In its store.
-        boots: How often the device was reset: what was asked before is of no consequence after.
+        boots: How often the device was reset; requests before a reset have no effect after it.
         clears: How many requests to clear an e-stop may still be carried out.
-        latched: An e-stop was acknowledged, and its end was not asked for.
+        latched: An e-stop was acknowledged, and no request to clear it was sent.
     """
 
     values: Values
@@ -33,24 +33,24 @@ class Model:
     _expiries_us: list[int] = field(default_factory=list)
 
     def may_drive(self, now_us: int) -> bool:
-        """Some setpoint that nothing has made void is not expired."""
+        """Whether a setpoint may still be valid."""
         return not self.latched and any(now_us <= expiry_us for expiry_us in self._expiries_us)
 
     @property
     def setpoints(self) -> int:
-        """How many were sent; a later stop voids those before it."""
+        """The number of setpoints sent; a later stop cancels those before it."""
         return len(self._expiries_us)
 
     def sent_setpoint(self, expiry_us: int) -> None:
         self._expiries_us.append(expiry_us)
 
     def stopped(self, setpoints: int, boots: int) -> None:
-        """A stop was acknowledged that was asked for after so many setpoints and resets."""
+        """Note the acknowledgement of a stop that was sent after so many setpoints and resets."""
         if boots == self.boots:
             self._expiries_us[:setpoints] = [0] * setpoints
 
     def estopped(self, boots: int) -> None:
-        """An e-stop was acknowledged; it also refuses the setpoints that came after it."""
+        """Note the acknowledgement of an e-stop; setpoints after it are refused, too."""
         if boots == self.boots and not self.clears:
             self.stopped(self.setpoints, boots)
             self.latched = True

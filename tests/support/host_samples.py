@@ -1,4 +1,4 @@
-"""Samples out of nothing, for tests that look at one field."""
+"""Made-up samples, for tests of one field."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STANDING: dict[str, Any] = {
 
 
 def sample(**fields: Any) -> WheelSample:
-    """A standing robot's sample, with `fields` changed."""
+    """A sample of a robot at rest, with `fields` changed."""
     return WheelSample(**{**_STANDING, **fields})
 
 

@@ -1,8 +1,8 @@
 """A program that is interrupted by signals while it uses a robot; run as a process of its own.
 
 Usage: interrupted_host.py PORT SEED COUNT {raise,stop}. It ends after COUNT signals that arrived
-within a call; each raises KeyboardInterrupt there, or calls `stop()`. One line of JSON says what
-came of the calls.
+within a call; each raises KeyboardInterrupt there, or calls `stop()`. It prints the results of the
+calls as one line of JSON.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from support.threads import link_threads
 from wheelwire.drivers.serial import SerialDriver
 
 LONGEST_S = 6.0
-"""No call may take longer: that of the library's own thread, and what it waits for."""
+"""The longest time that any call may take."""
 TTL_S = 60.0
-"""However busy the computer is, no setpoint expires on its way."""
+"""Long enough that no setpoint expires on its way, even on a busy computer."""
 
 
 class Host:
-    """The program's state. `sent` holds the values of the calls that said they succeeded."""
+    """The program's state. `sent` has the values of the calls that succeeded."""
 
     def __init__(self, port: str, seed: int, mode: str) -> None:
         self.robot = SerialDriver(port)
@@ -66,7 +66,7 @@ class Host:
         self.longest_s = max(self.longest_s, time.monotonic() - began)
 
     def attempt(self) -> None:
-        """One call, and a note that it succeeded."""
+        """Make one call and note its success."""
         robot, kind = self.robot, self.random.randrange(7)
         if kind < 2:
             self.number = self.number % 32767 + 1

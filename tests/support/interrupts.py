@@ -1,4 +1,4 @@
-"""Signals at random moments into a program that uses a robot, and what came of its calls."""
+"""Sends signals at random moments to a program that uses a robot, and checks its calls."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ TIMEOUT_S = 600.0
 
 
 @dataclass
-class Storm:
-    """What a storm of signals left behind."""
+class Interruptions:
+    """The results of many signals."""
 
     report: dict[str, Any]
     unsent: list[str]
-    """Calls that said they succeeded, though the device never got their message."""
+    """Calls that reported success although the device never received their message."""
 
 
-def storm(count: int, mode: str, seed: int = 1) -> Storm:
+def interrupt_program(count: int, mode: str, seed: int = 1) -> Interruptions:
     """Interrupt a program `count` times; see `interrupted_host`."""
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -55,7 +55,7 @@ def storm(count: int, mode: str, seed: int = 1) -> Storm:
         finally:
             process.kill()
         told = json.loads(report.result())
-        return Storm(told, _unsent(told, robot))
+        return Interruptions(told, _unsent(told, robot))
 
 
 def _shoot(process: subprocess.Popen[str], moments: random.Random, report: Future[str]) -> None:

@@ -1,6 +1,6 @@
-"""As much of ROS's launch and launch_ros as it takes to see what a launch file would start.
+"""A minimal stand-in for ROS's launch and launch_ros, to see what a launch file would start.
 
-Neither is on PyPI. What a file asks for beyond this is an error here, so that nothing goes unseen.
+Neither is on PyPI. Anything else that a file uses raises an error, so that nothing is missed.
 """
 
 from __future__ import annotations

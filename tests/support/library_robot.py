@@ -1,4 +1,4 @@
-"""The core as a library, in virtual time, with a host on its line and counters turned by hand."""
+"""The core as a library in virtual time, with a host, and with ticks that a test sets."""
 
 from __future__ import annotations
 

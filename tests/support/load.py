@@ -1,4 +1,4 @@
-"""What a process costs, by the kernel's accounts, and what its links lose."""
+"""The load of a process, as counted by the kernel, and the losses of its links."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 class Load(NamedTuple):
-    """Of this process, over some time."""
+    """Load of this process over some time."""
 
     cpu: float
-    """Of one core, 0 to 1 and beyond."""
+    """CPU as a fraction of one core; may exceed 1."""
     wake_ups: float
-    """Times a second that one of its threads was woken."""
+    """Wake-ups of its threads per second."""
 
 
 def load_while(work: Callable[[], object]) -> Load:
@@ -54,5 +54,5 @@ def frames_lost(before: LinkStatistics, after: LinkStatistics) -> int:
 
 
 def _wake_ups() -> int:
-    """A thread that waits gives its core up of its own accord, and is woken later."""
+    """Counted by voluntary context switches: a thread that waits is woken later."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw

@@ -1,4 +1,4 @@
-"""Hypothesis strategies: messages with any values, captures with anything wrong in them."""
+"""Hypothesis strategies: messages with any values, and damaged captures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DEFINITIONS = {BY_ID[definition.id].type: definition for definition in MESSAGES
 
 
 def values_of(field: Field) -> st.SearchStrategy[Any]:
-    """Any value that a field holds. No NaN: it is not equal to itself."""
+    """Any value of a field except NaN, which is not equal to itself."""
     if field.format == "f":
         return st.floats(width=32, allow_nan=False)
     bits = 8 * struct.calcsize("<" + field.format)
@@ -44,7 +44,7 @@ any_message: st.SearchStrategy[AnyMessage] = st.sampled_from(list(BY_TYPE)).flat
 def corrupted_captures(
     draw: st.DrawFn, messages: st.SearchStrategy[AnyMessage] = any_message
 ) -> bytes:
-    """Frames in a row, then bytes changed, lost, doubled and inserted anywhere."""
+    """A sequence of frames with bytes changed, lost, doubled and inserted anywhere."""
     sent = draw(st.lists(messages, max_size=12))
     data = bytearray().join(encode_frame(message, seq) for seq, message in enumerate(sent))
     for _ in range(draw(st.integers(0, 6))):

@@ -1,4 +1,4 @@
-"""Mutations of the code that the tests have to notice: their data, and how one is tried.
+"""Mutations of the code that the tests must detect: their data, and how one is tried.
 
 A group is a file tests/mutants/*.toml: which tests run, what is built for them, and the mutations,
 each a text that occurs once in its file and what it is replaced by. It is tried in a private copy
@@ -43,7 +43,7 @@ LEAST_KILLED = 0.95
 
 
 class MutantError(Exception):
-    """The data or the tree is not fit for a run; the text says what to do."""
+    """The data or the tree is not usable; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Mutant:
         find: Occurs exactly once in `file`.
         replace: Put in its place.
         why: What a robot would do.
-        lives: Why no test can notice it; empty where one does.
+        lives: Why no test can detect it; empty if one does.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Group:
-    """Mutations that the same tests have to notice.
+    """Mutations that the same tests must detect.
 
     Attributes:
         targets: Of firmware/esp32/sim, built before the tests; empty for Python alone.
@@ -99,10 +99,10 @@ class Group:
     mutants: tuple[Mutant, ...]
 
     def stages(self, mutant: Mutant | None = None) -> list[tuple[str, ...]]:
-        """The tests as they are run one after another, until some of them fail.
+        """The tests in the order in which they are run, until one fails.
 
-        Those that bear the name of the mutated file come first and alone, for C++ its unit tests:
-        mostly one of them fails, and the others need not even be imported.
+        Those named after the mutated file come first and alone, for C++ its unit tests: usually
+        one of them fails, and the others need not even be imported.
         """
         if mutant is None:
             return [self.tests]
@@ -161,7 +161,7 @@ def judge(return_code: int, output: str) -> Verdict:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Keep other runs off the workspaces in `folder`: they would change them under our tests.
+    """Lock the workspaces in `folder`, so that no other run changes them meanwhile.
 
     Raises:
         MutantError: Another run is there.
@@ -177,7 +177,7 @@ def alone(folder: Path) -> Iterator[None]:
 
 @dataclass
 class Workspace:
-    """A private copy of a checkout, brought up to date whenever it is made anew.
+    """A private copy of a checkout, updated each time it is created.
 
     Args:
         folder: Holds the copy, and its build folder between runs.
@@ -237,7 +237,7 @@ class Workspace:
         return ""
 
     def test(self, group: Group, mutant: Mutant | None = None) -> Verdict:
-        """Build and test the tree as it is; `mutant` is in it already and says what comes first."""
+        """Build and test the tree as it is; the order of the tests is that for `mutant`."""
         begin = time.monotonic()
         complaints = self.build(group.targets)
         if complaints:

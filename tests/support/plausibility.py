@@ -1,4 +1,4 @@
-"""Encoders that lose edges, and robots that only look as if theirs did: in virtual time."""
+"""Encoders that lose edges, and healthy robots that only look as if theirs did; in virtual time."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ MEASURED_V = 7.4
 
 
 class Outcome(NamedTuple):
-    """What became of a robot whose encoder failed."""
+    """The result of an encoder failure."""
 
     faults: Fault
     seconds: float
     """From the failure to the fault, or to the end of the run."""
     distance_m: float
-    """That the wheel of the failed encoder rolled in it."""
+    """Distance that the wheel with the failed encoder rolled in that time."""
     top_mps: float
     """The wheel's highest speed."""
 
@@ -42,11 +42,11 @@ def fail(
     Args:
         failure: Simulator variables of one side, such as `{"encoder_lost": 0.9}`.
         side: Which wheel's.
-        target_mps: What is asked.
+        target_mps: The setpoint.
         driven_s: 0: it fails before the first setpoint.
-        battery_v: What the firmware measures; 0: nothing.
-        supply_v: What the motors have.
-        timeout_s: Of waiting for a fault.
+        battery_v: Battery voltage measured by the firmware; 0: not measured.
+        supply_v: True supply of the motors.
+        timeout_s: How long to wait for a fault.
     """
     robot = VirtualRobot(1, supply_v=supply_v, battery_v=battery_v).open()
     robot.drive(target_mps, target_mps, driven_s)
@@ -72,9 +72,9 @@ class Trip(NamedTuple):
 
 
 def healthy(seconds: float, seed: int, battery_measured: bool) -> list[Trip]:
-    """Drive by chance: starts, reversals, curves, crawling, loads, slopes, obstacles of 0.3 s.
+    """Drive at random: starts, reversals, curves, crawling, loads, slopes, obstacles of 0.3 s.
 
-    Every 12 s begin a new robot with another battery, load and slope. Without a measured battery
+    Every 12 s a new robot starts with another battery, load and slope. Without a measured battery
     there is a load or a slope, but not both.
     """
     random = Random(seed)

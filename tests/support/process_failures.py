@@ -203,7 +203,7 @@ class StandInRobot(ObservedRobot):
         self.driver = driver
         self.options = options
         self._stand_in = stand_in
-        stand_in.make_punctual()
+        stand_in.set_realtime()
 
     def is_driven(self) -> bool:
         return bool(self._stand_in.truth()["driven"])

@@ -8,12 +8,12 @@ from pathlib import Path
 
 
 def interruptible() -> None:
-    """For `preexec_fn`: SIGINT interrupts, even where it is ignored here, as in `make test &`."""
+    """For `preexec_fn`: restore SIGINT, which a background job such as `make test &` ignores."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def children(pid: int) -> list[int]:
-    """The processes that this one has started and not waited for; of its threads too."""
+    """The child processes that were not waited for, of all threads."""
     found = []
     for thread in Path(f"/proc/{pid}/task").iterdir():
         found += [int(child) for child in (thread / "children").read_text().split()]

@@ -15,7 +15,7 @@ from .fake_device import FakeDevice
 
 
 class LineEnd(Protocol):
-    """What is at the far end of the line."""
+    """What is at the other end of the line."""
 
     def feed(self, data: bytes, now_us: int) -> None: ...
     def advance(self, now_us: int) -> None: ...
@@ -23,7 +23,7 @@ class LineEnd(Protocol):
 
 
 class PtyDevice:
-    """Serves a fake device, or what stands `before` it, at `path`; can be unplugged."""
+    """Serves a fake device, or what is `before` it, at `path`; can be unplugged."""
 
     def __init__(
         self, path: Path, device: FakeDevice | None = None, before: LineEnd | None = None
@@ -47,7 +47,7 @@ class PtyDevice:
         self._thread.start()
 
     def unplug(self) -> None:
-        """The port vanishes under whoever has it open."""
+        """Remove the port, even while a program has it open."""
         self._end.set()
         if self._thread is not None:
             self._thread.join()
@@ -72,7 +72,7 @@ class PtyDevice:
             line_end.advance(now_us)
             output = line_end.take_output()
             if output:
-                with suppress(BlockingIOError):  # nobody reads: it is lost, as on a wire
+                with suppress(BlockingIOError):  # nobody reads: the bytes are lost, as on a wire
                     os.write(master, output)
         os.close(slave)
         os.close(master)

@@ -28,7 +28,7 @@ class Bench(Protocol):
 
 
 class RawDevice:
-    """The stand-in made of the protocol alone, as a raw host's device."""
+    """The fake device as a raw host's device."""
 
     def __init__(self) -> None:
         self.device = FakeDevice()
@@ -48,17 +48,17 @@ class RawDevice:
         self.device.advance(self._now_us)
 
     def get(self, name: str) -> float:
-        """`device_us`, or whether it drives."""
+        """A variable of the device: `device_us`, or whether it drives."""
         if name == "device_us":
             return self.device.clock(self._now_us)
         return float(self.device.supervisor is SupervisorState.DRIVING)
 
 
 class RawHost:
-    """Frames in and out, and nothing done by itself.
+    """Sends and receives frames, and does nothing else by itself.
 
     Args:
-        seed: Of the simulated firmware.
+        seed: Seed of the simulated firmware.
         store: Its file of saved parameters.
         device: Another one.
     """
@@ -77,7 +77,7 @@ class RawHost:
 
     @property
     def session_id(self) -> int:
-        """Of the session that `open` opened."""
+        """Id of the session that `open` opened."""
         return NONCE ^ self.boot_id
 
     def send(self, *messages: AnyMessage) -> None:
@@ -86,7 +86,7 @@ class RawHost:
             self.bench.write(self.encoder.encode(message))
 
     def run_ms(self, milliseconds: int) -> None:
-        """Let time pass and collect what the device says."""
+        """Let time pass and collect the device's messages."""
         for _ in range(milliseconds):
             self.bench.advance_us(1000)
             self.received += self.decoder.feed(self.bench.read())
@@ -100,11 +100,11 @@ class RawHost:
         return found
 
     def of(self, kind: type[M]) -> list[M]:
-        """What was received of one type."""
+        """The received messages of one type."""
         return [message for message in self.received if isinstance(message, kind)]
 
     def hello(self, nonce: int = NONCE) -> DeviceHello:
-        """Say hello with our own version and schema."""
+        """Send a Hello with our own version and schema."""
         return self.ask(Hello(nonce, PROTOCOL_VERSION, schema_hash()), DeviceHello)
 
     def open(self) -> RawHost:

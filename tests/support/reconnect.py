@@ -1,4 +1,4 @@
-"""How long a link needs to come back, in real time."""
+"""The time that a link takes to reconnect, in real time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.simulation.simulator import Simulator
 
 AIM_S = 0.25
-"""p99, from the port's return."""
+"""Target for the p99, from the port's return."""
 TIMEOUT_S = 30.0
 
 

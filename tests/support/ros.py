@@ -29,24 +29,24 @@ from rclpy.parameter import Parameter as RosParameter
 from support.waiting import wait_until
 
 TIMEOUT_S = 90.0
-"""On a busy computer a node alone takes half a minute to start."""
+"""On a busy computer, starting a node takes half a minute."""
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("ros_discovery.xml")),
 }
-"""Of every process on the graph."""
+"""Environment of all processes on the graph."""
 DOMAINS = 100
 _domains = itertools.count(os.getpid())
 
 
 def wait(condition: Callable[[], Any], what: str) -> None:
-    """Until it holds."""
+    """Wait until the condition holds."""
     wait_until(condition, TIMEOUT_S, what)
 
 
 def take_domain() -> tuple[int, socket.socket]:
-    """A domain that no process of this computer is on, and the socket that keeps it ours.
+    """A domain that no process of this computer uses, and the socket that reserves it.
 
     RTPS gives domain D the UDP ports from 7400 + 250 D on, and its participant number i the port
     10 + 2 i of these; the last port belongs to a participant that no graph of ours reaches.
@@ -68,7 +68,7 @@ def take_domain() -> tuple[int, socket.socket]:
 
 
 class Graph:
-    """A domain of its own, and a client node in it that spins in a thread."""
+    """A ROS graph on its own domain, with a client node that spins in a thread."""
 
     def __init__(self) -> None:
         self.domain, self._reservation = take_domain()
@@ -96,19 +96,19 @@ class Graph:
         self._reservation.close()
 
     def listen(self, type_: Any, topic: str, depth: int = 100) -> deque[Any]:
-        """What is published, as it comes."""
+        """The published messages, in order of arrival."""
         messages: deque[Any] = deque(maxlen=MESSAGES_KEPT)
         self.node.create_subscription(type_, topic, lambda m: messages.append(m), depth)
         return messages
 
     def first(self, type_: Any, topic: str) -> Any:
-        """The first message that comes."""
+        """The first message that arrives."""
         messages = self.listen(type_, topic)
         wait(lambda: messages, topic)
         return messages[0]
 
     def publisher(self, type_: Any, topic: str) -> Any:
-        """One that has found its subscriber."""
+        """A publisher that has found its subscriber."""
         publisher = self.node.create_publisher(type_, topic, 1)
         wait(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
@@ -133,17 +133,17 @@ class Graph:
         return answer.results
 
     def parameter(self, node: str, name: str) -> Any:
-        """Its value; None when it is not set."""
+        """A parameter's value; None if it is not set."""
         answer = self.call(GetParameters, f"{node}/get_parameters", names=[name])
         return RosParameter.from_parameter_msg(Parameter(name=name, value=answer.values[0])).value
 
     def describe(self, node: str, name: str) -> Any:
-        """Its descriptor."""
+        """A parameter's descriptor."""
         answer = self.call(DescribeParameters, f"{node}/describe_parameters", names=[name])
         return answer.descriptors[0]
 
     def state(self, node: str) -> str:
-        """Of its lifecycle."""
+        """The state of the node's lifecycle."""
         return str(self.call(GetState, f"{node}/get_state").current_state.label)
 
     def change_state(self, node: str, transition: int) -> bool:
@@ -152,12 +152,12 @@ class Graph:
         return bool(self.call(ChangeState, f"{node}/change_state", transition=request).success)
 
     def wait_active(self, node: str = "/hardware_robot") -> None:
-        """Until it obeys commands."""
+        """Wait until the node obeys commands."""
         wait(lambda: self.state(node) == "active", f"{node} active")
 
 
 class Diagnostics:
-    """What /diagnostics says of a robot now."""
+    """The current status of a robot in /diagnostics."""
 
     def __init__(self, graph: Graph, robot: str = "hardware_robot") -> None:
         self._robot = robot
@@ -166,7 +166,7 @@ class Diagnostics:
     def wait(
         self, subject: str, condition: Callable[[Any, dict[str, str]], bool]
     ) -> dict[str, str]:
-        """Until a status from now on fulfils a condition on it and its values; returns these."""
+        """Wait for a new status that fulfils a condition; returns its values."""
         found: dict[str, str] = {}
         self._messages.clear()
 
@@ -184,7 +184,7 @@ class Diagnostics:
 
 
 class Repeater:
-    """Publishes a message again and again from a thread, as a program that drives does."""
+    """Publishes a message repeatedly from a thread, like a program that drives."""
 
     def __init__(self, publisher: Any, make: Callable[[], Any], rate_hz: float = 50) -> None:
         self._publisher = publisher

@@ -1,4 +1,4 @@
-"""A node at work in a process of its own, and the least that rclpy can do beside it."""
+"""The load of a node in a separate process, compared with a minimal rclpy node."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from support.ros_process import RobotNode
 from wheelwire.link.info import quantile
 
 PAUSE_S = 0.015
-"""Between two commands; as much again at random, to meet every phase of what is periodic."""
+"""Time between commands, plus up to as much at random, to meet every phase of periodic work."""
 STATES_HZ = 1000
 WATCH_S = 3.0
 
@@ -54,7 +54,7 @@ hardware_robot.main()
 times = {{numbers[seq]: stamp for seq, stamp in seen.items() if seq in numbers}}
 Path("{file}").write_text(json.dumps(times))
 """
-"""The node itself, which writes down when the robot's state first had each command's sequence."""
+"""The node itself; it records when the robot's state first had each command's number."""
 
 BARE_NODE = """
 import json, time
@@ -85,7 +85,7 @@ except (KeyboardInterrupt, ExternalShutdownException):
     pass
 Path("{file}").write_text(json.dumps(seen))
 """
-"""A subscriber of Twist that does nothing with it, and a timer that publishes an Odometry."""
+"""A node that ignores the Twists it receives, and publishes an Odometry by a timer."""
 
 
 class Commander:
@@ -103,7 +103,7 @@ class Commander:
         self._published_s: list[float] = []
 
     def send(self, count: int) -> None:
-        """Publish so many, one after the other."""
+        """Publish commands one after the other."""
         for _ in range(count):
             time.sleep(PAUSE_S * (1 + random.random()))
             number = Vector3(x=0.2, y=float(len(self._published_s)))
@@ -111,18 +111,18 @@ class Commander:
             self._publisher.publish(Twist(linear=number))
 
     def latencies_s(self, skipped: int) -> list[float]:
-        """Of all that were seen, but for the first `skipped`."""
+        """Latencies of all commands seen, except the first `skipped`."""
         seen = {int(float(n)): s for n, s in json.loads(self._file.read_text()).items()}
         return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
 
 
 @dataclass(frozen=True)
 class Stream:
-    """What arrived of a topic at a subscriber in another process.
+    """The messages of a topic that arrived at a subscriber in another process.
 
     Attributes:
         rate_hz: Messages a second.
-        arrival_jitter_s: p99 of what an interval between two arrivals differs from the period.
+        arrival_jitter_s: p99 of the difference between an interval of arrivals and the period.
         stamp_jitter_s: The same of the stamps.
         cpu: Of the publisher's process, of one core.
     """

@@ -1,4 +1,4 @@
-"""The node as a process of its own."""
+"""The node as a separate process."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from support.ros import TIMEOUT_S, Graph
 
 
 class RobotNode:
-    """The node in a process of its own.
+    """The node in a separate process.
 
     Args:
-        graph: Whose domain it joins.
-        code: Run instead of the executable, with the same arguments.
+        graph: The graph to join.
+        code: Code to run in place of the executable, with the same arguments.
         namespace: With its slash, such as `/left`; empty for none.
         parameters: By name, with `__` for a dot.
     """
@@ -88,5 +88,5 @@ def _yaml(value: Any) -> str:
 
 
 def _python_path() -> list[str]:
-    """A test may have added to it."""
+    """Python's path, including what a test has added."""
     return os.environ.get("PYTHONPATH", "").split(os.pathsep)

@@ -27,16 +27,16 @@ def twist(linear_mps: float, angular_radps: float = 0.0) -> Any:
 
 
 def stamp_s(message: Any) -> float:
-    """When what a message says was so."""
+    """The time in a message's header."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / 1e9)
 
 
 class Rig:
-    """One robot on a graph of its own.
+    """One robot on its own graph.
 
     Attributes:
-        odometry: What came on odom, the newest last.
+        odometry: The messages on odom, the newest last.
         commands: The publisher of cmd_vel.
     """
 
@@ -70,7 +70,7 @@ class Rig:
         return stop_host.wait(self.simulator, lambda state: state.drive_on)
 
     def driving(self) -> Repeater:
-        """A program that drives, for a `with` block."""
+        """Drive repeatedly during a `with` block."""
         return Repeater(self.commands, lambda: twist(SPEED_MPS))
 
     def driving_stamped(self) -> Repeater:
@@ -78,11 +78,11 @@ class Rig:
         return Repeater(self.commands, lambda: self.stamped(SPEED_MPS))
 
     def x_m(self) -> float:
-        """By odom."""
+        """The robot's x in odom."""
         return float(self.odometry[-1].pose.pose.position.x)
 
     def ignored(self, reason: str) -> int:
-        """How many commands were not obeyed for a reason; waits for the first."""
+        """The number of commands ignored for a reason; waits for the first one."""
         key = f"ignored_{reason}"
         return int(self.diagnostics.wait("commands", lambda _, values: key in values)[key])
 

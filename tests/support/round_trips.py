@@ -19,12 +19,12 @@ from wheelwire.simulation.simulator import Simulator
 from .bare_host import PING_SIZE, PONG_SIZE, BareHost, echo_process
 
 ANY_BAUD = 921_600
-"""Where the line has no baud rate, this is as good as another."""
+"""Any baud rate will do: the line has none."""
 BAUDS = (115_200, 921_600)
 ROUNDS = 6
 EXCHANGES = 200
 PAUSE_S = 0.001
-"""Between two exchanges: nobody is still warm from the last one."""
+"""Pause between exchanges, so that caches are cold again."""
 BITS_PER_BYTE = 10
 
 ECHO, FIRMWARE = "echo in C, bare host", "firmware, bare host"
@@ -80,14 +80,14 @@ def open_without_stream(port: str) -> SerialDriver:
 
 
 def on_slow_lines() -> dict[int, RoundTrips]:
-    """By baud rate, the firmware with a bare host."""
+    """The firmware with a bare host, by baud rate."""
     with ExitStack() as stack:
         hosts = {baud: _bare_host(stack, baud) for baud in BAUDS}
         return _in_rounds({baud: partial(_exchanges, hosts[baud].ping) for baud in BAUDS})
 
 
 def line_us(baud: int) -> float:
-    """What a ping and its answer take on the line."""
+    """Time that a ping and its answer take on the line."""
     return 1e6 * (PING_SIZE + PONG_SIZE) * BITS_PER_BYTE / baud
 
 
@@ -117,7 +117,7 @@ def _exchanges(exchange: Callable[[], float]) -> Quantiles:
 
 
 def _pings(robot: SerialDriver) -> Quantiles:
-    """Of a library that pings more often than it does; its statistics are of the last 1024."""
+    """The library's round trips, with more frequent pings; its statistics cover the last 1024."""
     with mock.patch.object(synchroniser, "PERIOD_US", round(PAUSE_S * 1e6)):
         time.sleep(EXCHANGES * PAUSE_S)
     found = robot.statistics

@@ -22,7 +22,7 @@ AIM_RAM_BYTES = 4 * 1024
 
 
 class Instructions(NamedTuple):
-    """What one kind of work took over a run."""
+    """The instruction counts of one kind of work."""
 
     runs: int
     median: int
@@ -30,7 +30,7 @@ class Instructions(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Of the core, at -Os.
+    """Sizes of the core at -Os.
 
     `code_bytes` is code and constants, a template's copy in each of two objects counted twice.
     `ram_bytes` is static data, the robot and its two bridges, without the stack.
@@ -50,7 +50,7 @@ def available() -> bool:
 
 
 def compiler_version() -> str:
-    """Counts are comparable where it is the same."""
+    """The compiler's version; counts are comparable only if it is the same."""
     return _output(COMPILER, "-dumpfullversion").strip()
 
 

@@ -19,11 +19,11 @@ from support import rv32
 FILE = rv32.ROOT / "firmware" / "esp32" / "rv32" / "baseline.json"
 
 GROWTH_LIMIT = 0.05
-"""Growth of this share, in any figure, is too much for one release."""
+"""The growth of any figure that is too much for one release."""
 
 
 class Baseline(NamedTuple):
-    """What a release cost, and which compiler made it."""
+    """The figures of a release, and its compiler."""
 
     release: str
     compiler: str
@@ -31,12 +31,12 @@ class Baseline(NamedTuple):
 
 
 def load() -> Baseline:
-    """The committed one."""
+    """The committed baseline."""
     return Baseline(**json.loads(FILE.read_text("utf-8")))
 
 
 def figures(cost: rv32.Cost) -> dict[str, int]:
-    """All that must not grow, by name."""
+    """The figures that must not grow, by name."""
     return dict(_figures(cost))
 
 
@@ -52,7 +52,7 @@ def growth(now: dict[str, int], before: dict[str, int]) -> dict[str, float]:
     """By name the growth as a share, negative where less is needed.
 
     Raises:
-        KeyError: A figure has no counterpart in the baseline: it wants to be written again.
+        KeyError: A figure is missing in the baseline: write it again.
     """
     return {name: figure / before[name] - 1 for name, figure in now.items()}
 
@@ -63,7 +63,7 @@ def too_much(grown: dict[str, float]) -> dict[str, float]:
 
 
 def write(release: str) -> None:
-    """Measure, and make it the baseline under the release's name."""
+    """Measure, and write the baseline of a release."""
     rv32.build()
     baseline = Baseline(release, rv32.compiler_version(), figures(rv32.cost()))
     FILE.write_text(json.dumps(baseline._asdict(), indent=2) + "\n", "utf-8")

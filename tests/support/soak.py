@@ -1,4 +1,4 @@
-"""Laps of driving on a bad line, whose ground truth is checked against both ends' counters."""
+"""Driving in laps on a bad line; both ends' counters are compared with its ground truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STATE_HZ = 1000
 COMMAND_PERIOD_S = 0.02
 TTL_S = 0.3
 CORRUPT = 0.01
-"""Of each byte, both ways."""
+"""Probability for each byte, in both directions."""
 LAP_S = 5.0
 UNPLUGGED_S = 0.2
 TIMEOUT_S = 60.0
@@ -46,13 +46,13 @@ class Gap(NamedTuple):
 
 @dataclass(frozen=True)
 class Lap:
-    """What one lap left behind.
+    """The results of one lap.
 
     Attributes:
         incident: What ended it, after its counts were checked.
         frames: Given to the line, towards host and device.
         hit: Of these, lost or damaged.
-        uncounted: Losses in the ground truth that are in no counter: host's `Gap`, then device's;
+        uncounted: Losses in the ground truth that no counter has: host's `Gap`, then device's;
             target 0.
         ticks_wrong: Of both wheels, against the plant, since the device's reset; target 0.
         recovery_s: From the port's return, or the reset, to a sample of a new session.
@@ -178,7 +178,7 @@ class Soak:
         return True
 
     def _ticks_against_plant(self) -> int:
-        """Ticks of both wheels that the host has too many, while the robot stands."""
+        """How many ticks the host has too many, of both wheels, while the robot is at rest."""
         started_us = self._robot.read(TIMEOUT_S).t_us
         wait(lambda: self._robot.read(TIMEOUT_S).t_us != started_us)
         measured = self._robot.get_encoder_ticks()
@@ -218,7 +218,7 @@ class Soak:
 
 
 def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -> list[Lap]:
-    """Laps for so long; each is reported as it ends."""
+    """Drive laps for a given time; each is reported as it ends."""
     laps: list[Lap] = []
     end = time.monotonic() + minutes * 60
     with (
@@ -233,12 +233,12 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
 
 
 def wait(condition: Callable[[], bool]) -> None:
-    """Until it holds; fails when it does not for long."""
+    """Wait until the condition holds; fails if it takes too long."""
     wait_until(condition, TIMEOUT_S)
 
 
 def retry(action: Callable[[], T]) -> T:
-    """Until the link is there: a lost answer is a time-out, and may be asked for again."""
+    """Retry until the link is up: a request whose answer is lost may be repeated."""
     answers: list[T] = []
 
     def answered() -> bool:

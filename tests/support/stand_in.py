@@ -1,4 +1,4 @@
-"""A stand-in for hardware as a process of its own, told what to do line by line."""
+"""A stand-in for hardware as a separate process, controlled by lines of text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 PRIORITY = 30
-"""Below that of the process that moves the pins."""
+"""Below the priority of the process that moves the pins."""
 TESTS = Path(__file__).parents[1]
 
 
@@ -35,11 +35,14 @@ class StandIn:
         return self._answer()
 
     def truth(self) -> dict[str, Any]:
-        """What is really so, at this moment."""
+        """The true state at this moment."""
         return self.command("truth")
 
-    def make_punctual(self, yes: bool = True) -> None:
-        """One that is late would be taken for a driver that is. Later threads inherit it."""
+    def set_realtime(self, yes: bool = True) -> None:
+        """Give it real-time priority: its own delays would look like the driver's.
+
+        Threads that it starts later inherit the priority.
+        """
         policy, priority = (os.SCHED_FIFO, PRIORITY) if yes else (os.SCHED_OTHER, 0)
         with suppress(PermissionError):
             for thread in Path(f"/proc/{self.pid}/task").iterdir():
@@ -50,7 +53,7 @@ class StandIn:
         return self._process.pid
 
     def kill(self) -> None:
-        """As the out-of-memory killer would."""
+        """Kill it, like the out-of-memory killer."""
         self._process.kill()
         self._process.wait()
 

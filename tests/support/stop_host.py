@@ -1,4 +1,4 @@
-"""Hosts that drive a simulated robot from a process of their own, and what can befall them."""
+"""Hosts that drive a simulated robot from a separate process, and their failures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ with wheelwire.open_driver("serial", port=sys.argv[1], connect_timeout=30) as ro
         time.sleep(0.02)
 """
 HANG = signal.SIGUSR1
-"""Makes its main thread sleep; the link's thread goes on, and pings."""
+"""Signal that makes the main thread sleep; the link's thread keeps pinging."""
 
 Failure = Callable[[Simulator, "subprocess.Popen[bytes]"], object]
 
@@ -66,29 +66,29 @@ def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueSt
 
 
 def at_speed(state: TrueState) -> bool:
-    """Nearly as fast as commanded."""
+    """Whether the robot is nearly as fast as commanded."""
     return state.left_mps > 0.8 * SPEED_MPS
 
 
 def stopped(state: TrueState) -> bool:
-    """No drive, no motion."""
+    """Whether the robot is neither driven nor moving."""
     return not state.drive_on and state.stands_still
 
 
 def corrupt_everything(simulator: Simulator, _process: object) -> None:
-    """Every byte, both ways, becomes another one."""
+    """Corrupt every byte in both directions."""
     line = _line_of(simulator)
     line.to_device.impairment.corrupt = line.to_host.impairment.corrupt = 1.0
 
 
 def babble(simulator: Simulator, _process: object) -> None:
-    """Noise towards the device, and nothing of the host's."""
+    """Send noise to the device, and none of the host's bytes."""
     impairment = _line_of(simulator).to_device.impairment
     impairment.loss, impairment.noise_bytes_per_s = 1.0, NOISE_BYTES_PER_S
 
 
 def take_port_with_wrong_schema(simulator: Simulator, process: subprocess.Popen[bytes]) -> None:
-    """The host is killed, and one of another release says hello and commands for a second."""
+    """Kill the host; one of another release then says hello and sends commands for a second."""
     process.kill()
     process.wait()
     encoder = Encoder()
@@ -143,7 +143,7 @@ def stop(simulator: Simulator, process: subprocess.Popen[bytes], failure: Failur
 
 
 def reset_while_driving(simulator: Simulator, process: subprocess.Popen[bytes]) -> StopTime:
-    """Kill the host, so that nobody commands anew, and reset the device before the deadline."""
+    """Kill the host, so that nobody sends commands, and reset the device before the deadline."""
     wait(simulator, at_speed)
     process.kill()
     process.wait()

@@ -1,4 +1,4 @@
-"""How long the wheels are driven on when the link goes wrong: in virtual time, from the plant."""
+"""How long the wheels are still driven after a link failure; in virtual time, on the plant."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PERIOD_US = 1000
 """The firmware's control period, as it is by default."""
 NOISE_BYTES_PER_S = 200_000
 LATE_MS = 150
-"""After it, what a frozen host had left in a buffer arrives."""
+"""Delay after which the buffered bytes of a frozen host arrive."""
 TIMEOUT_MS = 5000
 WRONG_HASH = schema_hash() ^ 1
 
@@ -45,35 +45,35 @@ class StopTime:
 
 
 class Failure:
-    """What fails while a robot is at speed, and what goes on from then, millisecond by millisecond.
+    """A failure while a robot is at speed, and its course in each millisecond after it.
 
     Args:
-        robot: At speed, commanded until now.
+        robot: A robot at speed, commanded until now.
     """
 
     commands = False
-    """The host goes on commanding."""
+    """The host keeps sending commands."""
 
     def __init__(self, robot: ImpairedVirtualRobot) -> None:
         self.robot = robot
         self.inject()
 
     def inject(self) -> None:
-        """Make it happen."""
+        """Inject the failure."""
 
     def go_on(self, _elapsed_ms: int) -> None:
-        """Before each further millisecond."""
+        """Called before each further millisecond."""
 
 
 class Killed(Failure):
-    """SIGKILL: the host says nothing more, and its bytes under way arrive."""
+    """SIGKILL: the host sends nothing more; its bytes in transit arrive."""
 
     def inject(self) -> None:
         self.robot.host_runs = False
 
 
 class Frozen(Failure):
-    """SIGSTOP: as killed, but a buffer hands on its last setpoints late, twice."""
+    """SIGSTOP: as killed, but a buffer delivers the last setpoints late, twice."""
 
     def inject(self) -> None:
         robot = self.robot
@@ -87,7 +87,7 @@ class Frozen(Failure):
 
 
 class CablePulled(Failure):
-    """Nothing passes either way; the host finds its port gone."""
+    """Nothing passes in either direction; the host's port disappears."""
 
     commands = True
 
@@ -96,7 +96,7 @@ class CablePulled(Failure):
 
 
 class AllCorrupted(Failure):
-    """Every byte of every frame is another one; the host goes on."""
+    """Every byte of every frame is corrupted; the host continues."""
 
     commands = True
 
@@ -106,7 +106,7 @@ class AllCorrupted(Failure):
 
 
 class Babbling(Failure):
-    """Someone else's bytes without end, and none of the host's."""
+    """Endless random bytes, and none of the host's."""
 
     commands = True
 
@@ -116,7 +116,7 @@ class Babbling(Failure):
 
 
 class Reset(Failure):
-    """The chip starts anew; the host was commanding, and is gone."""
+    """The chip is reset; the host has gone."""
 
     def inject(self) -> None:
         self.robot.sim.reset()
@@ -124,11 +124,11 @@ class Reset(Failure):
 
 
 class OnlyPings(Failure):
-    """The application hangs; the link's thread goes on."""
+    """The application hangs; the link's thread continues."""
 
 
 class WrongSchema(Failure):
-    """A host of another release has taken the port: it says hello, and commands all the same."""
+    """A host of another release takes the port, is refused, and sends commands anyway."""
 
     def inject(self) -> None:
         self.robot.host_runs = False

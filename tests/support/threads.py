@@ -6,5 +6,5 @@ import threading
 
 
 def link_threads() -> list[str]:
-    """Their names; a closed link has left none."""
+    """Their names; a closed link leaves none behind."""
     return [t.name for t in threading.enumerate() if t.name.startswith("wheelwire")]

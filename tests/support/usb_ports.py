@@ -1,4 +1,4 @@
-"""USB serial ports that are not there, for a command in a process of its own."""
+"""Fake USB serial ports for a command in a separate process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ CP210X = (0x10C4, 0xEA60)
 
 
 def fake_usb_ports(folder: Path, *devices: str) -> dict[str, str]:
-    """The environment in which pyserial finds these ports, all behind a CP210x, and no others."""
+    """An environment in which pyserial finds only these ports, all behind a CP210x."""
     vendor, product = CP210X
     (folder / "sitecustomize.py").write_text(
         "from types import SimpleNamespace\n"

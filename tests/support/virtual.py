@@ -21,10 +21,10 @@ TIMEOUT_S = 5.0
 
 
 class VirtualRobot:
-    """A simulated device with a host on its line; nothing happens but in `run`.
+    """A simulated device with a host on its line; time passes only in `run`.
 
     Args:
-        seed: Of everything random.
+        seed: Seed of everything random.
         settings: The simulator's variables, such as `**{"left.encoder_dead": 1}`.
     """
 
@@ -39,11 +39,11 @@ class VirtualRobot:
 
     @property
     def sample(self) -> WheelSample:
-        """The newest one."""
+        """The newest sample."""
         return self.samples[-1]
 
     def state(self) -> SupervisorState:
-        """The supervisor's, in the newest sample."""
+        """The supervisor's state in the newest sample."""
         return self.sample.state
 
     def open(self) -> VirtualRobot:
@@ -66,7 +66,7 @@ class VirtualRobot:
             self.step()
 
     def step(self) -> None:
-        """One millisecond: the host's turn, then the device's."""
+        """Advance one millisecond: the host first, then the device."""
         self.session.advance(self.now_us)
         self.sim.write(self.session.take_output())
         self.sim.advance_us(STEP_US)

@@ -22,7 +22,7 @@ GOOD = Impairment(delay_us=200)
 
 
 class VirtualLine:
-    """Host and device; nothing happens but in `run`.
+    """A host and a device; time passes only in `run`.
 
     `sent` holds every message that the session put on the line.
     """
@@ -48,7 +48,7 @@ class VirtualLine:
         self._tap = Decoder()
 
     def step(self, end_us: int) -> None:
-        """Jump to what happens next, but not beyond `end_us`."""
+        """Jump to the next event, but not beyond `end_us`."""
         now = self.now_us
         events = (
             self.to_device.next_us,
@@ -69,7 +69,7 @@ class VirtualLine:
         self.flush()
 
     def flush(self) -> None:
-        """Put on the line what both sides want to send."""
+        """Put the output of both sides on the line."""
         self.to_host.send(self.device.take_output(), self.now_us)
         output = self.session.take_output()
         self.sent += self._tap.feed(output)

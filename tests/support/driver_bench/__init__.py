@@ -1,1 +1,1 @@
-"""Each driver's rig: encoders that turn at a given rate, and an eye on the bridge's EN."""
+"""A rig for each driver: turns encoders at a given rate and watches the bridge's EN."""

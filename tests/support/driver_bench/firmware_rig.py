@@ -1,6 +1,6 @@
 """The firmware's core with its simulated counters, in virtual time.
 
-This computer's load is none of its, as on a chip.
+The load of this computer does not affect it, as on a chip.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ from support.driver_bench.rig import PHASE_S, STOPS, TTL_S, Counting, Timing
 from support.virtual import VirtualRobot
 
 FULL_SPEED_TURNS_PER_S = 200 / 60
-"""Of the model motor at full duty."""
+"""Speed of the model motor at full duty."""
 LARGEST_COUNTS = 200_000
 LARGEST_TPS = LARGEST_COUNTS * FULL_SPEED_TURNS_PER_S
 
 
 def count(ticks_per_s: float) -> Counting:
-    """Full speed, with encoders that make it that many ticks."""
+    """Full speed, with encoders of as many ticks as needed."""
     counts = round(min(ticks_per_s / FULL_SPEED_TURNS_PER_S, LARGEST_COUNTS))
     robot = VirtualRobot(1, counts_per_revolution=counts).open()
     robot.set_parameter("counts_per_revolution", counts)

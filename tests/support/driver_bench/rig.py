@@ -1,4 +1,4 @@
-"""What is measured, and what a rig must offer for it."""
+"""The measurements, and the interface of a rig."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Counting:
 
     @property
     def true_tps(self) -> float:
-        """What the source really made, each wheel."""
+        """The true rate of each wheel."""
         return self.true_ticks / 2 / self.seconds
 
 
@@ -53,14 +53,14 @@ class Timing:
     """Of the control loop."""
 
     stop_late_us: list[int]
-    """EN low after the setpoint's deadline, one for each stop."""
+    """Time from the setpoint's deadline to EN low, for each stop."""
     worst_step_us: int
-    """From one control step, and so from one change of the PWM, to the next."""
+    """Time between two control steps, and so between two changes of the PWM."""
     period_us: int
 
 
 class Rig(ABC):
-    """A driver between its stand-ins."""
+    """A driver with its stand-in."""
 
     name: str
     driver: PinDriver
@@ -74,7 +74,7 @@ class Rig(ABC):
         """When the drive was last removed, on the monotonic clock."""
 
     def count(self, ticks_per_s: float) -> Counting:
-        """Turn the encoders, and compare."""
+        """Turn the encoders and compare the counts."""
         driver = self.driver
         before, reported = driver.get_encoder_ticks(), _illegal(driver)
         start, cpu = time.monotonic(), cpu_s(pin_processes())
@@ -91,7 +91,7 @@ class Rig(ABC):
         )
 
     def time_stops(self) -> Timing:
-        """Let setpoints expire, and see when EN goes low."""
+        """Let setpoints expire and measure when EN goes low."""
         late = []
         for index in range(STOPS):
             ttl_s = TTL_S + index * PHASE_S  # the deadline falls anywhere in a control period
@@ -105,7 +105,7 @@ class Rig(ABC):
         return Timing(late, self.driver.control_counters().latest_step_us, period_us)
 
     def _settled_ticks(self) -> tuple[int, int]:
-        """What is still under way arrives within SETTLE_S of silence."""
+        """Wait for edges still in transit: they arrive within SETTLE_S."""
         ticks = self.driver.get_encoder_ticks()
         quiet_since = time.monotonic()
         while time.monotonic() - quiet_since < SETTLE_S:
@@ -132,7 +132,7 @@ def _illegal(driver: PinDriver) -> int:
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """That many processes that do nothing else but keep a core busy."""
+    """Processes that each keep a core busy."""
     context = multiprocessing.get_context("spawn")
     workers = [context.Process(target=_spin_for_ever, daemon=True) for _ in range(processes)]
     for worker in workers:

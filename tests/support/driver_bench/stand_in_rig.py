@@ -1,4 +1,4 @@
-"""What the rigs share whose stand-in turns the encoders: its own process, as the hardware is."""
+"""Base of the rigs whose encoders are turned by a stand-in process."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class StandInRig(Rig):
         self.stand_in.close()
 
     def time_stops(self) -> Timing:
-        self.stand_in.make_punctual()
+        self.stand_in.set_realtime()
         try:
             return super().time_stops()
         finally:
-            self.stand_in.make_punctual(False)
+            self.stand_in.set_realtime(False)
 
     def spin(self, ticks_per_s: float, seconds: float) -> tuple[int, float]:
         before, start = self._command(f"spin {ticks_per_s}"), time.monotonic()
@@ -35,7 +35,7 @@ class StandInRig(Rig):
         return int(self.stand_in.truth()["driven_changed_us"])
 
     def _rest(self) -> int:
-        """The true ticks, once the source has stopped making more."""
+        """The true ticks, after the source has stopped."""
         ticks = self._command("truth")
         while True:
             time.sleep(0.05)

@@ -1,4 +1,4 @@
-"""The lines: who owns them, what is on them, and who is told of their edges."""
+"""The lines of the chip: their owners, their levels, and the listeners to their edges."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Line:
 
 
 class Chip:
-    """Serves its lines on a Unix socket. `changed` is called whenever an output did."""
+    """Serves its lines on a Unix socket. Calls `changed` whenever an output changes."""
 
     def __init__(self, path: Path, changed: Callable[[], None]) -> None:
         self.lines = [Line() for _ in range(28)]
@@ -36,7 +36,7 @@ class Chip:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def send(self, events: bytes) -> None:
-        """To all who listen; what a listener has no room for is lost."""
+        """Send edges to all listeners; those that a listener has no room for are lost."""
         with self._lock:
             for listener in self._listeners:
                 with suppress(OSError):  # BlockingIOError is one

@@ -53,7 +53,7 @@ class ChipFactory(MockFactory):  # type: ignore[misc]
 
 
 class ChipPin(MockPWMPin):  # type: ignore[misc]
-    """Its level is the wire's, whatever the pull."""
+    """An input: its level is the wire's, whatever the pull."""
 
     def _set_function(self, value: str) -> None:
         answer = self.factory.ask(f"claim {self._number} {value}")
@@ -80,7 +80,7 @@ class ChipPin(MockPWMPin):  # type: ignore[misc]
         self.factory.tell(f"free {self._number}")
 
     def wire(self, level: int) -> None:
-        """What is connected drives it."""
+        """Set the level that the connected hardware drives."""
         if self.function == "input":
             (self.drive_high if level else self.drive_low)()
 

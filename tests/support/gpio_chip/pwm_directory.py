@@ -1,4 +1,4 @@
-"""/sys/class/pwm by files: what the kernel would refuse, they take."""
+"""A directory like /sys/class/pwm, made of plain files, which accept any value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wheelwire.linux_mcu.pins import PWM_CHANNEL
 
 
 class PwmDirectory:
-    """One chip of two channels. Each method is done as a whole, whichever thread calls it."""
+    """One chip with two channels. Thread-safe."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -22,7 +22,7 @@ class PwmDirectory:
         (self.chip / "export").touch()
 
     def export(self) -> None:
-        """As the kernel, make the channel that was asked for."""
+        """Create the channel that was exported, as the kernel does."""
         with self._lock:
             asked = _number(self.chip / "export")
             channel = self.chip / f"pwm{asked}"
@@ -35,7 +35,7 @@ class PwmDirectory:
             made.rename(channel)
 
     def duty(self, gpio: int) -> float:
-        """On the pin; the last one while the chip is away."""
+        """The duty on the pin; the last one while the chip is missing."""
         index = PWM_CHANNEL[gpio]
         channel = self.chip / f"pwm{index}"
         values = [_number(channel / name) for name in ("enable", "duty_cycle", "period")]

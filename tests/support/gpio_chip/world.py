@@ -19,16 +19,16 @@ from wheelwire.linux_mcu.pins import Pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
-"""After a longer gap, as by a stopped process, the robot's time goes on from now."""
+"""After a longer gap, such as a stopped process, the robot's time continues from now."""
 CYCLE = 4
 EVENTS = np.dtype([("t_ns", "<u8"), ("gpio", "<u4"), ("level", "<u4")])
 _CHANNEL = np.array([LEVELS[i - 1][0] == LEVELS[i][0] for i in range(CYCLE)], int)
 _LEVEL = np.array([LEVELS[i][_CHANNEL[i]] for i in range(CYCLE)])
-"""Of the edge into interval i: the channel that changes, and to what."""
+"""For the edge into interval i: the channel that changes, and its new level."""
 
 
 class World:
-    """Moves the robot as the pins say, and reports the edges that its encoders make."""
+    """Moves the robot as the pins say and reports its encoders' edges."""
 
     def __init__(self, path: Path, pwm: PwmDirectory | None) -> None:
         self.pwm = pwm
@@ -63,7 +63,7 @@ class World:
                 self.driven, self.driven_changed_us = driven, clock_us()
 
     def run(self) -> None:
-        """For ever, a batch each millisecond."""
+        """Run forever, one batch per millisecond."""
         while True:
             time.sleep(BATCH_S)
             if self.pwm:
@@ -85,7 +85,7 @@ class World:
                 self.chip.send(b"".join(edges))
 
     def _spin(self, ticks_per_s: float, now_us: int) -> None:
-        """Whole cycles, so that runs fit together."""
+        """Whole cycles, so that runs join without a gap."""
         elapsed_us = now_us - self._spun_to_us
         due = int(elapsed_us * ticks_per_s / 1e6) // CYCLE * CYCLE
         if ticks_per_s == 0 or due == 0:

@@ -33,7 +33,7 @@ Handler = Callable[[int, int, bytes], int]
 class Daemon:
     """Args:
     bank: The pins.
-    world: What is behind them.
+    world: The model robot behind them.
     """
 
     def __init__(self, bank: PinBank, world: World) -> None:
@@ -78,7 +78,7 @@ class Daemon:
         return int(self._listener.getsockname()[1])
 
     def refuse(self) -> None:
-        """Close every connection, and take no new one: the network is gone, the daemon is not."""
+        """Close all connections and accept no new ones, as when the network fails."""
         if self._listener:
             self._listener.shutdown(socket.SHUT_RDWR)
             self._listener.close()

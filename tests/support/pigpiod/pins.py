@@ -1,4 +1,4 @@
-"""The GPIOs as the daemon keeps them: modes, levels, and two kinds of PWM."""
+"""The daemon's GPIOs: modes, levels and two kinds of PWM."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BAD_FILTER = -125
 DMA_FREQUENCIES_HZ = (
     8000, 4000, 2000, 1600, 1000, 800, 500, 400, 320, 250, 200, 160, 100, 80, 50, 40, 20, 10,
 )  # fmt: skip
-"""All that DMA PWM has at a sample rate of 5 us."""
+"""The frequencies of DMA PWM at a sample rate of 5 us."""
 DMA_STEPS = 200_000
 """Steps in a second: 25 at 8 kHz."""
 
@@ -32,7 +32,7 @@ class PinBank:
 
     def __init__(self, pwm_is_clock: bool) -> None:
         self.levels = 0
-        """Of all GPIOs, a bit each."""
+        """Levels of all GPIOs, one bit each."""
         self._pwm_is_clock = pwm_is_clock
         self._modes: dict[int, int] = {}
         self._hardware: dict[int, tuple[int, int]] = {}
@@ -72,7 +72,7 @@ class PinBank:
         return 0
 
     def set_dma_frequency(self, gpio: int, frequency_hz: int) -> int:
-        """The nearest that there is; whoever does not look is not told."""
+        """Set the nearest frequency available, without an error."""
         self._dma_hz[gpio] = min(DMA_FREQUENCIES_HZ, key=lambda there: abs(there - frequency_hz))
         return self._dma_hz[gpio]
 
@@ -94,7 +94,7 @@ class PinBank:
         return DMA_STEPS // self.pwm_frequency(gpio)
 
     def enable(self, gpio: int) -> float:
-        """The duty on an output, 0..1, in the steps that there are."""
+        """The duty on an output, 0..1, rounded to the steps available."""
         steps = self.real_range(gpio)
         if gpio in self._hardware:
             return self._hardware[gpio][1] * steps // 1_000_000 / steps

@@ -1,4 +1,4 @@
-"""Levels as a client is told of them: sampled, in batches, and lost when it does not read."""
+"""Reports of levels to a client: sampled, in batches, and lost if the client does not read."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Notification:
         self._unsent = b""
 
     def add(self, samples: Samples, now_us: int) -> None:
-        """Number them, and keep them for the client."""
+        """Number the reports and queue them for the client."""
         samples["seq"] = np.arange(self._sequence, self._sequence + samples.size) & 0xFFFF
         self._sequence += samples.size
         self._pending.append((now_us, samples.tobytes()))
 
     def flush(self, now_us: int) -> None:
-        """Send what the connection takes; what has waited for longer than the buffer is lost."""
+        """Send what the connection accepts; reports that waited longer than the buffer are lost."""
         while self._pending and now_us - self._pending[0][0] > BUFFER_US:
             self._pending.popleft()
         if not self._unsent:

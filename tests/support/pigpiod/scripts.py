@@ -8,7 +8,7 @@ from collections.abc import Callable
 INITING, HALTED, RUNNING = 0, 1, 2
 PARAMETERS = 10
 ARGUMENTS = {"tag": 1, "mils": 1, "dcr": 1, "jp": 1, "jmp": 1, "w": 2, "halt": 0}
-"""How many each instruction takes."""
+"""Number of operands of each instruction."""
 Write = Callable[[int, int], None]
 
 

@@ -1,4 +1,4 @@
-"""Both wheels turning at one rate, as fast as numpy makes it."""
+"""Turns both wheels at one rate, fast, with numpy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Spinner:
     def __init__(self, pins: Pins) -> None:
         self.ticks_per_s = 0.0
         self.ticks = 0
-        """Made so far, by each wheel."""
+        """Ticks so far, of each wheel."""
         self._position = 0.0
         self._levels = np.array(
             [
@@ -28,7 +28,7 @@ class Spinner:
         )
 
     def samples(self, start_us: int, end_us: int) -> Samples:
-        """What a sampling every 5 us sees of the edges in this time."""
+        """The edges in this time as a sampling every 5 us sees them."""
         before, rate = self._position, self.ticks_per_s / 1e6
         self._position += rate * (end_us - start_us)
         first, self.ticks = self.ticks, int(self._position)

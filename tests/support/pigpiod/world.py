@@ -16,7 +16,7 @@ from wheelwire.linux_mcu.pins import Pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
-"""After a longer gap, as by a stopped process, the robot's time goes on from now."""
+"""After a longer gap, such as a stopped process, the robot's time continues from now."""
 
 
 def clock_us() -> int:
@@ -24,7 +24,7 @@ def clock_us() -> int:
 
 
 class World:
-    """Moves the robot as the pins say, and reports the levels that its encoders make.
+    """Moves the robot as the pins say and reports its encoders' levels.
 
     Attributes:
         spinner: Turns the wheels in place of the motors, once it is set.
@@ -67,7 +67,7 @@ class World:
         return any(wheel.driven for wheel in self.robot.wheels)
 
     def apply_pins(self) -> None:
-        """The outputs' levels onto the bridge, as soon as they change."""
+        """Apply the outputs' levels to the bridge as soon as they change."""
         before = any(wheel.driven for wheel in self.robot.wheels)
         pins, level = self._pins, self._bank.level
         self.robot.left.set_inputs(level(pins.left_dir1), level(pins.left_dir2))
@@ -78,7 +78,7 @@ class World:
             self.driven_changed_us = clock_us()
 
     def run(self) -> None:
-        """For ever, a batch each millisecond."""
+        """Run forever, one batch per millisecond."""
         while True:
             time.sleep(BATCH_S)
             self._batch(clock_us())

@@ -1,1 +1,1 @@
-"""A model robot behind stand-ins of hardware: bridges and motors in, edges of encoders out."""
+"""A model robot behind stand-ins for hardware: bridges and motors in, encoder edges out."""

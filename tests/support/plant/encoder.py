@@ -1,4 +1,4 @@
-"""A wheel's quadrature encoder: rotation in, edges of A and B out, with the faults that occur."""
+"""A wheel's quadrature encoder: rotation in, edges of A and B out, with typical faults."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class Encoder:
 
     @property
     def ticks(self) -> int:
-        """What a faultless encoder and decoder would have counted."""
+        """The ticks that a perfect encoder and decoder would have counted."""
         return math.floor(self._position)
 
     def turn(self, angle_rad: float) -> Iterator[Edge]:
-        """Turn the wheel, evenly; yields the edges in their order."""
+        """Turn the wheel evenly; yields the edges in order."""
         travel = angle_rad * self.counts_per_revolution / (2 * math.pi)
         start, first = self._position, self.ticks
         self._position += travel

@@ -1,4 +1,4 @@
-"""A DC gear motor with its wheel behind one half of an L298N. Constants are the wheel's side's."""
+"""A DC gear motor with its wheel behind one half of an L298N. Constants are those at the wheel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 STRIBECK_RADPS = 0.3
-"""Where static friction has faded halfway."""
+"""Speed at which half of the static friction is gone."""
 LONGEST_STEP_S = 1e-3
 """Explicit Euler: far below the mechanical time constant of about 0.1 s."""
 
@@ -15,7 +15,7 @@ LONGEST_STEP_S = 1e-3
 class MotorModel:
     """A 200 rpm TT motor at 7.4 V, its wheel, and half of the robot's mass.
 
-    The rating holds behind the bridge: the no-load speed is that at the supply less the drop.
+    The rating is for the voltage behind the bridge: the supply less the bridge's drop.
     """
 
     supply_v: float = 7.4
@@ -33,7 +33,7 @@ class MotorModel:
 
     @property
     def circuit_ohm(self) -> float:
-        """Winding and bridge: what limits the current at a standstill."""
+        """Resistance of winding and bridge, which limits the current at standstill."""
         return (self.supply_v - self.drop_v) / self.stall_current_a
 
     @property
@@ -69,14 +69,14 @@ class Motor:
         self.reversed = False
         """The motor's wires are swapped."""
         self.load_nm = 0.0
-        """Pulls against forward."""
+        """Load torque against forward motion."""
         self._model = model
         self._winding_ohm = model.circuit_ohm - model.drop_ohm
         self._emf_vs = model.emf_vs
 
     @property
     def speed_mps(self) -> float:
-        """At the rim."""
+        """Speed at the rim."""
         return self.speed_radps * self._model.wheel_radius_m
 
     def step(self, dt_s: float, in1: bool, in2: bool, enable: float) -> float:

@@ -1,4 +1,4 @@
-"""The model robot: two wheels whose time passes when somebody looks."""
+"""The model robot: two wheels that are advanced when they are read."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class ModelRobot:
 
     @property
     def true_ticks(self) -> WheelPair:
-        """What faultless encoders would have counted since the start."""
+        """The ticks that perfect encoders would have counted since the start."""
         return WheelPair(self.left.encoder.ticks, self.right.encoder.ticks)
 
     def advance_to(self, now_us: int, sink: EdgeSink, longest_us: int | None = None) -> None:
         """Let time pass until `now_us`; the edges go to `sink`, each wheel's in their order.
 
-        A gap longer than `longest_us` is left out: the process was stopped.
+        A gap longer than `longest_us` is skipped: the process was stopped.
         """
         if longest_us is not None:
             self._now_us = max(self._now_us, now_us - longest_us)

@@ -28,7 +28,7 @@ class SimulatedWheel:
 
     @property
     def driven(self) -> bool:
-        """Current is driven through the motor; a braking bridge does not drive."""
+        """Whether the motor is driven; braking is not driving."""
         return self.enable > 0 and self.in1 != self.in2
 
     def step(self, dt_s: float) -> Iterator[Edge]:

@@ -14,7 +14,7 @@ import pytest
 
 from support.bytecodes import interrupted
 from support.interrupted_host import LONGEST_S
-from support.interrupts import storm
+from support.interrupts import interrupt_program
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
@@ -141,7 +141,7 @@ def test_an_interrupted_shutdown_can_be_repeated(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mode", ["raise", "stop"])
 def test_a_storm_of_interrupts(mode: str) -> None:
-    result = storm(500, mode)
+    result = interrupt_program(500, mode)
     # A named error may come of a busy computer, now and then.
     assert sum(result.report["errors"].values()) < result.report["interrupts"] / 10
     assert result.unsent == []
