@@ -1,4 +1,4 @@
-"""The simulated device with a bad line before it."""
+"""A simulated device behind a bad line."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .relay import ImpairedRelay
 
 
 class ImpairedSimulator(Simulator):
-    """As `Simulator`, but its port is the far end of a bad line.
+    """A `Simulator` whose port is the host's end of a bad line.
 
     Args:
-        profile: What is wrong with the line.
+        profile: The line's impairment.
         link: Path of a symbolic link to the port.
-        **options: As of `Simulator`.
+        **options: Those of `Simulator`.
     """
 
     def __init__(self, profile: LineProfile, *, link: Path | None = None, **options: Any) -> None:
@@ -31,7 +31,7 @@ class ImpairedSimulator(Simulator):
 
     @property
     def port(self) -> str:
-        """Where a host connects."""
+        """The port for a host."""
         return str(self._relay.port)
 
     @property
@@ -40,7 +40,7 @@ class ImpairedSimulator(Simulator):
         return self._relay.line
 
     def start(self) -> None:
-        """As of `Simulator`; then the line."""
+        """Start the device, then the line."""
         super().start()
         self._relay.start()
 

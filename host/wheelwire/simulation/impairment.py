@@ -270,7 +270,7 @@ class Direction:
     def _impair(self, piece: bytes, now_us: int) -> None:
         out = self._damaged(piece)
         overrun = self.impairment.baud > 0 and self._waiting + len(out) > BUFFER
-        if overrun:
+        if overrun:  # like a kernel's buffer when the writer is faster than the line
             self.truth.overrun += 1
             out = b""
         self._enter(piece, hit=out != piece)
@@ -280,6 +280,7 @@ class Direction:
             self.truth.reordered += 1
             self._overtaken += [out] * copies
             return
+        # A piece to be reordered waits until the next one has been carried.
         for waiting in [out] * copies + self._overtaken:
             self._carry(waiting, now_us)
         self._overtaken.clear()
@@ -297,7 +298,7 @@ class Direction:
         if impairment.corrupt:
             for index in range(len(out)):
                 if random.random() < impairment.corrupt:
-                    out[index] ^= random.randrange(1, 256)
+                    out[index] ^= random.randrange(1, 256)  # never 0: the byte really changes
         return bytes(out)
 
     def _enter(self, piece: bytes, *, hit: bool) -> None:
@@ -316,8 +317,10 @@ class Direction:
         impairment = self.impairment
         start_us = now_us + impairment.delay_us
         if impairment.jitter_us:
+            # The cube makes long delays rare.
             start_us += round(self._random.random() ** 3 * impairment.jitter_us)
         wire_us = round(len(piece) * 10e6 / impairment.baud) if impairment.baud else 0
+        # Never before the previous piece: a serial line keeps the order.
         self._last_us = max(self._last_us, start_us) + wire_us
         self._waiting += len(piece)
         self._in_flight.append((self._last_us, piece))
@@ -353,6 +356,7 @@ class ImpairedLine:
 
     def __init__(self, profile: LineProfile, now_us: int = 0) -> None:
         self.to_device = Direction(profile.to_device, Random(profile.seed))
+        # Separate generators, so that a change on one side does not change the other side's run.
         self.to_host = Direction(profile.to_host, Random(profile.seed + 1))
         # The number keeps incidents of the same time in the profile's order.
         self._script = [
@@ -416,6 +420,8 @@ class ImpairedLine:
                 self.clear()
                 yield LineEvent.UNPLUG
             else:
+                # A real reset hits the UART in the middle of a byte stream: cut the next frame
+                # first, then reset.
                 self._reset_by_us = now_us + CUT_TIMEOUT_US
                 self.to_host.cut_next()
 

@@ -22,7 +22,7 @@ READ_SIZE = 1 << 16
 
 
 class Status(enum.IntEnum):
-    """What the library's functions return."""
+    """The results of the library's functions."""
 
     OK = 0
     UNKNOWN_NAME = -1
@@ -42,7 +42,7 @@ class FwSimError(WheelwireError):
 
 @dataclass(frozen=True)
 class Variable:
-    """Something in the simulation that can be read, and set if it is `settable`."""
+    """A variable of the simulation that can be read, and set if it is `settable`."""
 
     name: str
     unit: str
@@ -86,7 +86,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
 
 
 def library_path() -> Path:
-    """$WHEELWIRE_LIBFWSIM, a checkout's build, or what the wheel brought."""
+    """$WHEELWIRE_LIBFWSIM, a checkout's build, or the wheel's own library."""
     named = os.environ.get(ENVIRONMENT)
     return Path(named) if named else native.locate(LIBRARY, Path(__file__).parents[1])
 
@@ -94,7 +94,7 @@ def library_path() -> Path:
 def _load() -> ctypes.CDLL:
     path = library_path()
     if not path.exists():
-        raise SimulatorNotFound(f"there is no {path}: {native.remedy()}")
+        raise SimulatorNotFound(f"the library {path} does not exist: {native.remedy()}")
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)
@@ -107,8 +107,8 @@ class FwSim:
     """One simulated device and its robot, from power-on at time 0.
 
     Args:
-        seed: Of boot ids and encoder errors. The same seed and calls give the same run.
-        store: File of the saved parameters; without one they are kept in memory.
+        seed: Seed of boot ids and encoder errors. The same seed and calls give the same run.
+        store: File for saved parameters; by default they are kept in memory.
     """
 
     def __init__(self, seed: int = 1, store: Path | None = None) -> None:
@@ -123,7 +123,7 @@ class FwSim:
             self._check(status, str(store))
 
     def close(self) -> None:
-        """Powers the device off for good."""
+        """Free the device. Safe to call more than once."""
         if self._handle:
             self._library.fwsim_destroy(self._handle)
             self._handle = None
@@ -143,7 +143,7 @@ class FwSim:
         self.close()
 
     def preset(self, parameter_id: int, value: float) -> None:
-        """Make another default of a parameter, from the next reset on."""
+        """Change the default of a parameter, from the next reset on."""
         status = self._library.fwsim_preset(self._handle, parameter_id, value)
         self._check(status, f"parameter {parameter_id}")
 
@@ -160,7 +160,7 @@ class FwSim:
 
     @property
     def state(self) -> SupervisorState:
-        """The supervisor's."""
+        """State of the supervisor."""
         return SupervisorState(int(self.get("state")))
 
     def advance_us(self, duration_us: int) -> None:
@@ -172,11 +172,11 @@ class FwSim:
         self.advance_us(round(seconds * 1e6))
 
     def write(self, data: bytes) -> None:
-        """Bytes from the host onto the line."""
+        """Send bytes from the host."""
         self._check(self._library.fwsim_write(self._handle, data, len(data)), "write")
 
     def read(self) -> bytes:
-        """All bytes that have reached the host."""
+        """Take all bytes that have reached the host."""
         received = bytearray()
         size = ctypes.c_size_t(READ_SIZE)
         while size.value == READ_SIZE:
@@ -188,11 +188,11 @@ class FwSim:
         return bytes(received)
 
     def reset(self, reason: ResetReason = ResetReason.EXTERNAL) -> None:
-        """Start the device again, with a new boot id."""
+        """Reset the device; it gets a new boot id."""
         self._check(self._library.fwsim_reset(self._handle, reason), "reset")
 
     def variables(self) -> list[Variable]:
-        """All that `set` and `get` know."""
+        """All variables of `set` and `get`."""
         described = []
         for index in range(self._library.fwsim_variable_count()):
             raw = _Description()

@@ -1,4 +1,4 @@
-"""A bad line in real time: a thread between a device's port and a port of its own."""
+"""A bad line in real time: a thread that relays between a device's port and its own port."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from wheelwire.link.clock import host_clock_us
 from .impairment import Direction, ImpairedLine, LineEvent, LineProfile
 
 READ_SIZE = 1 << 16
-TURN_S = 0.05
-"""Longest wait: the end is noticed by then."""
+MAX_WAIT_S = 0.05
+"""Longest wait, after which `close` is noticed."""
 REOPEN_S = 0.005
-"""Between looks for a device's port that is gone."""
+"""Between checks whether the device's port is back."""
 DRAIN_S = 0.1
-"""How long a cable that is pulled waits for the host to read what it was given, so that the line's
-truth can be held against the host's counters."""
+"""How long an unplugging waits until the host has read what was delivered, so that the ground truth
+can be compared with the host's counters."""
 RETRY_S = 0.001
-"""Between writes to an end that does not take what waits."""
+"""Between attempts to write to an end whose buffer is full."""
 OUTPUT_LIMIT = 1 << 16
-"""Bytes that wait for an end that does not read; more are lost."""
-_SPEEDS = slice(4, 6)
+"""Most bytes queued for an end that does not read; more are lost."""
+_SPEEDS = slice(4, 6)  # ispeed and ospeed in the list of termios.tcgetattr
 
 
 class ImpairedRelay:
-    """Serves `port` with what passes the line from and to the device at `device_port`.
+    """Relays between `port` and the device at `device_port` through an impaired line.
 
-    While the device's port is gone, so is ours.
+    While the device's port is missing, `port` does not exist either.
 
     Args:
-        device_port: Where the device is, also after it was unplugged.
-        port: Where the host is to find it: a symbolic link that the relay makes.
-        profile: What is wrong with the line.
+        device_port: Path of the device's port, the same after an unplugging.
+        port: Path for the host: a symbolic link that the relay creates.
+        profile: The line's impairment.
         reset: Resets the device.
     """
 
@@ -58,21 +58,23 @@ class ImpairedRelay:
         self._device: int | None = None
         self._master = self._slave = -1
         self._to_host = self._to_device = b""
-        self._thread = threading.Thread(target=self._run, name=f"fault line {port}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"impaired line {port}", daemon=True)
 
     def start(self) -> None:
-        """Make the port; it is there when this returns, if the device's is.
+        """Create the port and start the thread.
 
         Raises:
-            PortUnavailable: Something else has the port's name.
+            PortUnavailable: There is a file with the port's name.
         """
         if self.port.exists() and not self.port.is_symlink():
-            raise PortUnavailable(str(self.port), "there is a file of that name; choose another")
+            raise PortUnavailable(
+                str(self.port), "there is a file of that name; choose another name"
+            )
         self._plug()
         self._thread.start()
 
     def close(self) -> None:
-        """Take the port away and end the thread."""
+        """End the thread and remove the port."""
         self._end.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -95,7 +97,7 @@ class ImpairedRelay:
         try:
             self._write()
             self._read()
-        except (OSError, termios.error):  # the device's port is gone, and ours with it
+        except (OSError, termios.error):  # the device's port is gone: remove ours
             self._unplug()
 
     def _obey(self, event: LineEvent) -> None:
@@ -112,7 +114,7 @@ class ImpairedRelay:
     # --- ports ---------------------------------------------------------------------------------
 
     def _plug(self) -> None:
-        """A new port of ours, if the device's is there."""
+        """Create our port, if the device's exists."""
         if self._device is not None:
             return
         device = _opened(self._device_port)
@@ -122,7 +124,7 @@ class ImpairedRelay:
         os.set_blocking(self._master, False)
         tty.setraw(self._slave, termios.TCSANOW)
         self._device = device
-        # By renaming: there is no moment at which the name leads nowhere.
+        # Renaming is atomic: the name never leads nowhere, even if it existed before.
         fresh = self.port.with_name(self.port.name + ".new")
         fresh.unlink(missing_ok=True)
         fresh.symlink_to(os.ttyname(self._slave))
@@ -151,7 +153,7 @@ class ImpairedRelay:
         return count
 
     def _follow_baud_rate(self, device: int) -> None:
-        """What the host sets at our port is to hold at the device's."""
+        """Copy the baud rate that the host has set on our port to the device's."""
         wanted, current = termios.tcgetattr(self._slave), termios.tcgetattr(device)
         if wanted[_SPEEDS] != current[_SPEEDS]:
             current[_SPEEDS] = wanted[_SPEEDS]
@@ -188,17 +190,17 @@ class ImpairedRelay:
         self._to_device = _written(device, self._to_device, self.line.to_device.take(now_us))
 
     def _wait_s(self) -> float:
-        """Until the line has something to do; short while an end does not take what waits."""
+        """Time until the line is due; short while bytes are queued for an end."""
         if self._to_host or self._to_device:
             return RETRY_S
         next_us = self.line.next_us
         if next_us is None:
-            return TURN_S
-        return min(TURN_S, max(0.0, (next_us - host_clock_us()) / 1e6))
+            return MAX_WAIT_S
+        return min(MAX_WAIT_S, max(0.0, (next_us - host_clock_us()) / 1e6))
 
 
 def _opened(port: Path) -> int | None:
-    """The device's port, raw; None while it is not there."""
+    """Open the device's port in raw mode; None while it does not exist."""
     try:
         descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError:
@@ -212,10 +214,11 @@ def _opened(port: Path) -> int | None:
 
 
 def _written(descriptor: int, waiting: bytes, pieces: list[bytes]) -> bytes:
-    """Write what waits, and each piece by itself; returns what did not fit."""
+    """Write what is queued, then each piece separately; returns what did not fit."""
     for piece in pieces or [b""]:
         waiting += piece
         if waiting:
+            # The ends are non-blocking: a full buffer must delay one direction only.
             with contextlib.suppress(BlockingIOError):
                 waiting = waiting[os.write(descriptor, waiting) :]
     return waiting if len(waiting) <= OUTPUT_LIMIT else b""

@@ -1,4 +1,4 @@
-"""The simulated device as a process: the firmware's core with a model robot, behind a port."""
+"""The simulated device as a process: the firmware's core with a model robot behind a port."""
 
 from __future__ import annotations
 
@@ -33,46 +33,48 @@ Self = TypeVar("Self", bound="Simulator")
 
 
 def find_simulator() -> Path:
-    """The simulator's program: $WHEELWIRE_FWSIM, a checkout's build, or what the wheel brought.
+    """Find the simulator's program: $WHEELWIRE_FWSIM, a checkout's build, or the wheel's own.
 
     Raises:
-        SimulatorNotFound: It is not there.
+        SimulatorNotFound: There is none.
     """
     named = os.environ.get(ENVIRONMENT)
     if named:
         if not os.access(named, os.X_OK):
-            raise SimulatorNotFound(f"${ENVIRONMENT} is {named}, which is no program")
+            raise SimulatorNotFound(
+                f"${ENVIRONMENT} is {named}, which is not a program: correct or unset it"
+            )
         return Path(named)
     program = native.locate(PROGRAM, _PACKAGE)
     if not os.access(program, os.X_OK):
-        raise SimulatorNotFound(f"there is no simulator, {program}: {native.remedy()}")
+        raise SimulatorNotFound(f"the simulator {program} does not exist: {native.remedy()}")
     return program
 
 
 @dataclass(frozen=True, slots=True)
 class TrueState:
-    """What the simulated robot really does; the host cannot know it.
+    """The true state of the simulated robot, which a host cannot know.
 
     Attributes:
-        drive_changed: Reported because the drive was applied or removed, not because it was time.
+        drive_changed: Reported because the drive was switched on or off, not periodically.
         host_us: `time.monotonic()` when it was reported. [us]
         t_us: Simulated time. [us]
-        device_us: The device's clock, as all times below. [us]
-        boot_id: The device's, random at each reset.
+        device_us: The device's clock, also used for all times below. [us]
+        boot_id: Random number drawn by the device at each reset.
         x_m: Position of the middle between the wheels. [m]
-        y_m: As `x_m`.
+        y_m: The same in y. [m]
         heading_rad: Counter-clockwise positive, not wrapped. [rad]
         distance_m: Length of the path so far. [m]
         left_mps: True speed at the rim. [m/s]
         right_mps: True speed at the rim. [m/s]
-        left_ticks: What a faultless encoder would have counted since the start.
-        right_ticks: As `left_ticks`.
-        drive_on: Current is driven through a motor; a braking bridge does not drive.
-        drive_removed_us: When `drive_on` last ended.
-        deadline_us: Of the last setpoint that was accepted.
-        stands_still: Both wheels.
-        standstill_us: When `stands_still` last began.
-        state: The safety supervisor's.
+        left_ticks: Ticks that a perfect encoder would have counted since the start.
+        right_ticks: The same on the right.
+        drive_on: Whether a motor is driven; braking is not driving.
+        drive_removed_us: When `drive_on` last became false.
+        deadline_us: Deadline of the last setpoint accepted.
+        stands_still: Whether both wheels are at rest.
+        standstill_us: When `stands_still` last became true.
+        state: State of the supervisor.
         faults: Latched faults.
     """
 
@@ -99,7 +101,7 @@ class TrueState:
 
 
 def parse_true_state(line: Mapping[str, Any]) -> TrueState:
-    """A line of the simulator's truth stream."""
+    """Parse one line of the simulator's stream of true states."""
     values = {f.name: line[f.name] for f in fields(TrueState) if f.name in line}
     values["drive_changed"] = line["event"] == "drive"
     values["state"] = SupervisorState(line["state"])
@@ -108,20 +110,20 @@ def parse_true_state(line: Mapping[str, Any]) -> TrueState:
 
 
 class Simulator:
-    """A simulated device that runs from `with` to the end of its block, in real time.
+    """A simulated device in real time, running during a `with` block.
 
     It ends with this process, however this process ends.
 
     Args:
         link: Path of a symbolic link to the port, so that the port has a known name.
-        seed: Of boot ids and encoder errors; random without one.
-        baud: Of the device's UART; 0 understands any rate, as USB does.
-        store: File of the saved parameters; without one they are kept in memory.
-        settings: Variables of the simulation and their values at power-on.
+        seed: Seed of boot ids and encoder errors; random by default.
+        baud: Baud rate of the device's UART; 0 accepts any rate, like USB.
+        store: File for saved parameters; by default they are kept in memory.
+        settings: Variables of the simulation, with their values at power-on.
         truth_hz: Rate of the true states. [Hz]
         on_state: Called with each true state, from the thread that reads them.
-        arguments: More of them, as `wheelwire-fwsim --help` says.
-        socket: A connected one, inherited by the simulator as its port; closed here once it has.
+        arguments: Further arguments; see `wheelwire-fwsim --help`.
+        socket: A connected socket that the simulator inherits as its port; closed here afterwards.
     """
 
     def __init__(
@@ -154,17 +156,18 @@ class Simulator:
         self._reader: threading.Thread | None = None
         self._answers: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._states: deque[TrueState] = deque(maxlen=STATES_KEPT)
-        # One that the same thread may take twice, in a signal handler: it is told, not stuck.
+        # Reentrant: a command sent by a signal handler during another one gets an error instead of
+        # a deadlock.
         self._command_lock = threading.RLock()
         self._commanding = False
         self._port = ""
 
     def start(self) -> None:
-        """Start the process and wait until its port is there.
+        """Start the process and wait until its port exists.
 
         Raises:
-            SimulatorNotFound: It is not built.
-            WheelwireError: It refuses its arguments, and says why.
+            SimulatorNotFound: The simulator is not built.
+            WheelwireError: It refused its arguments. The message has its reason.
         """
         inherited, arguments = self._inheritance()
         process = subprocess.Popen(
@@ -174,7 +177,7 @@ class Simulator:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            # A Ctrl-C is for us: the robot is to be stopped before its simulation ends.
+            # Out of reach of the terminal's Ctrl-C: the application has to stop the robot first.
             start_new_session=True,
         )
         self._process = process
@@ -195,7 +198,7 @@ class Simulator:
         self._running().wait()
 
     def close(self) -> None:
-        """End the process; the port and the link to it go with it."""
+        """End the process, which removes the port and the link to it."""
         process, self._process = self._process, None
         if process is None:
             return
@@ -225,19 +228,19 @@ class Simulator:
 
     @property
     def port(self) -> str:
-        """Where a host connects: the link, or the pseudo-terminal itself."""
+        """The port for a host: the link, or the pseudo-terminal itself."""
         return str(self._link) if self._link else self._port
 
     @property
     def pid(self) -> int:
-        """Of the simulator's process."""
+        """Process id of the simulator."""
         return self._running().pid
 
     def command(self, line: str) -> dict[str, Any]:
         """Send one command and return its answer.
 
         Raises:
-            WheelwireError: The simulator refuses, or has ended.
+            WheelwireError: The simulator refused it, or has ended.
         """
         with self._command_lock:
             if self._commanding:
@@ -250,7 +253,7 @@ class Simulator:
             finally:
                 self._commanding = False
         if not answer["ok"]:
-            raise WheelwireError(f"the simulator refuses `{line}`: {answer['error']}")
+            raise WheelwireError(f"the simulator refused `{line}`: {answer['error']}")
         return answer
 
     def _ask(self, line: str) -> dict[str, Any]:
@@ -259,7 +262,7 @@ class Simulator:
             commands.write(line + "\n")
             commands.flush()
         except BrokenPipeError:
-            raise WheelwireError(f"the simulator has ended: {self._last_words()}") from None
+            raise WheelwireError(f"the simulator has ended: {self._error_output()}") from None
         return self._next_answer()
 
     def set(self, name: str, value: float) -> None:
@@ -271,19 +274,19 @@ class Simulator:
         return float(self.command(f"get {name}")["value"])
 
     def reset(self, reason: ResetReason = ResetReason.EXTERNAL) -> int:
-        """Start the device again; returns its new boot id."""
+        """Reset the device; returns its new boot id."""
         return int(self.command(f"reset {reason.name.lower()}")["boot_id"])
 
     def unplug(self) -> None:
-        """Pull the cable: the port is gone, the device goes on."""
+        """Pull the cable: the port disappears, the device keeps running."""
         self.command("unplug")
 
     def plug(self) -> None:
-        """Put the cable back: a new port, at the same link."""
+        """Plug the cable in again: a new port at the same link."""
         self._port = str(self.command("plug")["port"])
 
     def take_states(self) -> list[TrueState]:
-        """The true states since the last call, the oldest first."""
+        """Take the true states since the last call, oldest first."""
         return [self._states.popleft() for _ in range(len(self._states))]
 
     def _inheritance(self) -> tuple[list[int], list[str]]:
@@ -313,15 +316,17 @@ class Simulator:
         try:
             answer = self._answers.get(timeout=ANSWER_TIMEOUT_S)
         except queue.Empty:
-            raise WheelwireError("the simulator does not answer") from None
+            raise WheelwireError(
+                f"the simulator did not answer within {ANSWER_TIMEOUT_S:g} s: start it again"
+            ) from None
         if answer is None:
-            raise WheelwireError(f"the simulator has ended: {self._last_words()}")
+            raise WheelwireError(f"the simulator has ended: {self._error_output()}")
         return answer
 
-    def _last_words(self) -> str:
+    def _error_output(self) -> str:
         return _pipe(self._running().stderr).read().strip() or "it gave no reason"
 
 
 def _pipe(stream: IO[str] | None) -> IO[str]:
-    """A stream that was asked for as a pipe, and so is one."""
+    """A stream that was requested as a pipe, so it is not None."""
     return cast("IO[str]", stream)

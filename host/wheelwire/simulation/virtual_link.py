@@ -1,4 +1,4 @@
-"""A link to a simulated device in virtual time: it passes when it is told to, or is waited for."""
+"""A link to a simulated device in virtual time, which passes only while something waits."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class VirtualLink:
     """The host's end of a simulated line, for one thread.
 
     Args:
-        latest_sample: Takes the samples.
+        latest_sample: Receives the samples.
         sim: The device; the link closes it.
-        watched: Ids of parameters whose values are always at hand in `value`.
+        watched: Ids of parameters whose values `value` always has.
 
     Attributes:
-        now_us: The host's time, from 0.
+        now_us: The host's time, starting at 0.
     """
 
     def __init__(
@@ -56,27 +56,27 @@ class VirtualLink:
             self._step()
 
     def unplug(self) -> None:
-        """The cable is pulled: the device goes on."""
+        """Pull the cable: the device keeps running."""
         self._plugged = False
         self._session.disconnect(LinkLost("the cable of the simulated robot is unplugged"))
         self._latest_sample.interrupt()
 
     def plug(self) -> None:
-        """The cable is back."""
+        """Plug the cable in again."""
         self._plugged = True
         self._reconnects += 1
         self._session.connect(self.now_us)
 
-    # --- as every link -------------------------------------------------------------------------
+    # --- as for every link ------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Name for messages."""
         return "mock"
 
     @property
     def info(self) -> LinkInfo:
-        """Port and device."""
+        """The port and the device."""
         device = self._session.device
         if device is None:
             raise self._session.error
@@ -84,12 +84,12 @@ class VirtualLink:
 
     @property
     def statistics(self) -> LinkStatistics:
-        """What was counted since the link was opened."""
+        """Counters since the link was opened."""
         return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
 
     @property
     def sessions(self) -> int:
-        """How many there were since the link was opened."""
+        """Number of sessions since the link was opened."""
         return self._session.count
 
     def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
@@ -103,17 +103,17 @@ class VirtualLink:
         return self._session.values.get(parameter)
 
     def check(self) -> None:
-        """Raise why the link is not open, if it is not."""
+        """Raise the reason if the link is not open."""
         self._check_open()
         self._session.check_open()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
-        """Send one velocity setpoint that is void from `expiry_us` on."""
+        """Send one velocity setpoint that expires at `expiry_us`."""
         self.check()
         self._session.drive_velocity(left_mps, right_mps, expiry_us, self.now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        """Send one duty setpoint that is void from `expiry_us` on."""
+        """Send one duty setpoint that expires at `expiry_us`."""
         self.check()
         self._session.drive_duty(left, right, expiry_us, self.now_us)
 
@@ -122,7 +122,7 @@ class VirtualLink:
         return self._answer(lambda done: self._session.request(message, done, self.now_us))
 
     def post(self, message: RequestMessage, done: Heard) -> None:
-        """Send a request without waiting; `done` is called with what came of it."""
+        """Send a request without waiting; `done` is called with the result."""
         self.check()
         self._session.request(message, done, self.now_us)
 
@@ -135,7 +135,7 @@ class VirtualLink:
         self._answer(lambda done: self._session.estop(done, self.now_us))
 
     def close(self) -> None:
-        """Stop the robot, and switch it off. Harmless when repeated."""
+        """Stop the robot and switch it off. Safe to call more than once."""
         if self._end is not None:
             return
         if self._session.phase is Phase.OPEN:
@@ -149,7 +149,7 @@ class VirtualLink:
     # -------------------------------------------------------------------------------------------
 
     def _step(self) -> None:
-        """A millisecond: the host's turn, then the device's."""
+        """Advance one millisecond: the host first, then the device."""
         self._check_open()
         self._session.advance(self.now_us)
         output = self._session.take_output()
