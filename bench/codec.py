@@ -11,6 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 from bench.peers import ABSENT, OURS, THEIRS
 from bench.peers.base import Peer, parts_of
 from bench.peers.mavlink import Pymavlink

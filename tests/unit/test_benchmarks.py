@@ -1,0 +1,32 @@
+"""The benchmarks are run by hand only: here they are at least imported, as `make bench` does."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.bare_host import ECHO
+
+SCRIPTS = sorted((Path(__file__).parents[2] / "bench").glob("*.py"))
+IMPORT = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='imported')"
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_each_finds_what_it_imports(script: Path) -> None:
+    # As the interpreter does for a script, and not for -c: its folder comes first.
+    environment = f"import sys; sys.path[0] = {str(script.parent)!r}; {IMPORT}"
+    result = subprocess.run(
+        [sys.executable, "-c", environment, script],
+        capture_output=True,
+        text=True,
+        cwd="/",
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_peer_in_c_is_where_it_is_looked_for() -> None:
+    assert ECHO.is_file()
