@@ -1,6 +1,6 @@
 """Which tests must not run at the same time, where there are several processes.
 
-Hypothesis measures no example's time: how long one takes says how busy the computer is.
+Hypothesis measures no time: how long an example takes says how busy the computer is.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 os.environ.pop("WHEELWIRE_ROBOT", None)  # the robot of whoever runs the tests is none of theirs
 
-settings.register_profile("wheelwire", deadline=None)
+settings.register_profile("wheelwire", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("wheelwire")
 
 HERE = Path(__file__).parent

@@ -10,6 +10,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -412,6 +413,15 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+SHORT_PROGRAM = """
+import runpy
+from wheelwire.demo import scenario
+scenario.DURATION_S = 1.0
+runpy.run_module("wheelwire", run_name="__main__")
+"""
+"""The command, with a demonstration that drives only the beginning of its figure."""
+
+
 def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
     report = run_json("demo", "--output", str(tmp_path))
     assert (tmp_path / "trajectory.png").stat().st_size > 10_000
@@ -425,7 +435,7 @@ def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
 def test_demo_shows_what_it_measured_though_the_picture_cannot_be_written(tmp_path: Path) -> None:
     """The disk is full by the end: no file may grow beyond 1000 bytes."""
     result = subprocess.run(
-        [*PROGRAM, "demo", "--output", str(tmp_path)],
+        [sys.executable, "-c", SHORT_PROGRAM, "demo", "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,
