@@ -1,4 +1,4 @@
-"""What a caller gave, checked: a number, whole or not, within bounds; of whatever type it was."""
+"""Checks of arguments: numbers within bounds, whole numbers, names, paths; of any type given."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from .errors import InvalidArgument, shown
 
 LONGEST_WAIT_S = 3600.0
-"""No call waits longer; and no setpoint lives longer, for any device shortens it further."""
+"""Longest time-out of any call, and longest time to live: every device shortens that further."""
 
 
 def is_number(value: object) -> bool:
-    """Whether it is a finite real number, of Python's or NumPy's types. A bool is none."""
+    """Whether it is a finite real number of a Python or NumPy type. A bool is not."""
     if type(value) is not float and (isinstance(value, bool) or not isinstance(value, Real)):
         return False
     try:
@@ -26,10 +26,10 @@ def is_number(value: object) -> bool:
 def number(
     name: str, value: object, low: float, high: float, error: type[InvalidArgument]
 ) -> float:
-    """`value` as a float, if it is a finite number from `low` to `high`.
+    """Return `value` as a float if it is a finite number from `low` to `high`.
 
     Raises:
-        InvalidArgument: It is none, as `error`.
+        InvalidArgument: It is not, raised as `error`.
     """
     if is_number(value):
         checked = float(value)  # type: ignore[arg-type]
@@ -39,10 +39,10 @@ def number(
 
 
 def whole(name: str, value: object, low: int, high: int) -> int:
-    """`value` as an int, if it is a whole number from `low` to `high`.
+    """Return `value` as an int if it is a whole number from `low` to `high`.
 
     Raises:
-        InvalidArgument: It is none.
+        InvalidArgument: It is not.
     """
     if is_number(value):
         checked = int(value)  # type: ignore[call-overload]
@@ -52,19 +52,19 @@ def whole(name: str, value: object, low: int, high: int) -> int:
 
 
 def timeout_s(name: str, value: object) -> float:
-    """`value` as a time to wait, in seconds.
+    """Return `value` as a time-out in seconds.
 
     Raises:
-        InvalidArgument: It is none: nothing waits for ever.
+        InvalidArgument: It is not a valid one: no call may wait forever.
     """
     return number(name, value, 0.0, LONGEST_WAIT_S, InvalidArgument)
 
 
 def text(name: str, value: object, example: str) -> str:
-    """`value` as a string that is not empty; a path becomes one.
+    """Return `value` as a string that is not empty; a path is converted.
 
     Raises:
-        InvalidArgument: It is none.
+        InvalidArgument: It is neither.
     """
     if isinstance(value, os.PathLike):
         value = os.fspath(value)
@@ -74,10 +74,10 @@ def text(name: str, value: object, example: str) -> str:
 
 
 def path(name: str, value: object) -> Path:
-    """`value` as a path.
+    """Return `value` as a path.
 
     Raises:
-        InvalidArgument: It is none.
+        InvalidArgument: It is not a path.
     """
     if isinstance(value, (str, os.PathLike)):
         return Path(os.fspath(value))
@@ -85,10 +85,10 @@ def path(name: str, value: object) -> Path:
 
 
 def flag(name: str, value: object) -> bool:
-    """`value`, if it is a bool.
+    """Return `value` if it is a bool.
 
     Raises:
-        InvalidArgument: It is none.
+        InvalidArgument: It is not.
     """
     if isinstance(value, bool):
         return value

@@ -29,16 +29,16 @@ UNIX = "unix:"
 
 _REMEDIES = {
     errno.ENOENT: (
-        "there is no such port; `wheelwire ports` lists those there are, "
+        "there is no such port; `wheelwire ports` lists the ports, "
         "`wheelwire sim` starts a simulated robot"
     ),
     errno.ENODEV: "the device behind it is gone; plug it in again",
     errno.ENXIO: "the device behind it is gone; plug it in again",
     errno.EIO: "the device behind it is gone; plug it in again",
-    errno.EACCES: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
-    errno.EPERM: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in anew",
-    errno.ENOTTY: "it is no serial port; `wheelwire ports` lists those there are",
-    errno.EISDIR: "it is no serial port; `wheelwire ports` lists those there are",
+    errno.EACCES: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in again",
+    errno.EPERM: "not permitted; join its group (`sudo usermod -aG dialout $USER`), log in again",
+    errno.ENOTTY: "it is not a serial port; `wheelwire ports` lists them",
+    errno.EISDIR: "it is not a serial port; `wheelwire ports` lists them",
     errno.ECONNREFUSED: "nobody listens there; start the peer first",
 }
 

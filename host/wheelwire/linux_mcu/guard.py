@@ -1,6 +1,6 @@
 """Watches the core's process and pulls EN low if it dies or hangs while it holds the pins.
 
-A killed process leaves its outputs as they were: with EN high the wheels would turn on for ever.
+A killed process leaves its outputs as they were: with EN high the wheels would not stop turning.
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ def test_any_error_of_the_opening_is_raised_where_the_driver_is() -> None:
 def test_a_file_that_is_no_port(tmp_path: Path) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("hello")
-    with pytest.raises(errors.PortUnavailable, match="no serial port"):
+    with pytest.raises(errors.PortUnavailable, match="not a serial port"):
         SerialDriver(str(file))
 
 
