@@ -1,4 +1,4 @@
-# The release that a firmware tells in DeviceHello, on the chip and in the simulator alike. Sets
+# The release that the firmware reports in DeviceHello, on the chip and in the simulator. Sets
 # `wheelwire_version` and `wheelwire_release_definitions`.
 
 # One version for the distribution and its firmware.
@@ -9,7 +9,7 @@ set(wheelwire_release_definitions
     WHEELWIRE_VERSION_MAJOR=${CMAKE_MATCH_1} WHEELWIRE_VERSION_MINOR=${CMAKE_MATCH_2}
     WHEELWIRE_VERSION_PATCH=${CMAKE_MATCH_3})
 
-# The commit; 0 outside a checkout. Followed from commit to commit.
+# The commit; 0 outside a checkout. CMake runs again when it changes.
 find_package(Git QUIET)
 set(git_hash 0)
 if(Git_FOUND)

@@ -12,7 +12,7 @@ class ByteRing {
   void clear() { begin_ = size_ = 0; }
   size_t room() const { return kCapacity - size_; }
 
-  /// Returns how many bytes there was room for.
+  /// Appends what there is room for; returns how many bytes.
   size_t push(const uint8_t* data, size_t size) {
     const size_t taken = size < room() ? size : room();
     for (size_t i = 0; i < taken; ++i) bytes_[(begin_ + size_ + i) % kCapacity] = data[i];
@@ -20,7 +20,7 @@ class ByteRing {
     return taken;
   }
 
-  /// Returns how many bytes were there, `capacity` at most.
+  /// Removes at most `capacity` bytes; returns how many.
   size_t pop(uint8_t* out, size_t capacity) {
     const size_t given = size_ < capacity ? size_ : capacity;
     for (size_t i = 0; i < given; ++i) out[i] = bytes_[(begin_ + i) % kCapacity];

@@ -1,4 +1,4 @@
-// The C interface of the core. Links against libc alone: no C++ runtime is there to help.
+// The C interface of the core. It is linked against libc alone, without a C++ runtime.
 #include <stdlib.h>
 
 #include <new>
@@ -10,16 +10,16 @@
 
 using namespace wheelwire::capi;
 
-/// What a C++ runtime has for a pure virtual function that is called all the same.
+/// The C++ runtime's handler for a call of a pure virtual function.
 extern "C" [[noreturn]] __attribute__((visibility("hidden"))) void __cxa_pure_virtual() { abort(); }
 
 struct wheelwire_core {
-  wheelwire_core(const wheelwire_identity& told, const Store& saved) : identity{}, store(saved) {
-    identity.boot_id = told.boot_id;
-    identity.reset_reason = static_cast<wheelwire::ResetReason>(told.reset_reason);
-    identity.board = static_cast<wheelwire::Board>(told.board);
-    identity.board_id = told.board_id;
-    identity.capabilities = told.capabilities;
+  wheelwire_core(const wheelwire_identity& given, const Store& saved) : identity{}, store(saved) {
+    identity.boot_id = given.boot_id;
+    identity.reset_reason = static_cast<wheelwire::ResetReason>(given.reset_reason);
+    identity.board = static_cast<wheelwire::Board>(given.board);
+    identity.board_id = given.board_id;
+    identity.capabilities = given.capabilities;
     identity.version_major = WHEELWIRE_VERSION_MAJOR;
     identity.version_minor = WHEELWIRE_VERSION_MINOR;
     identity.version_patch = WHEELWIRE_VERSION_PATCH;
@@ -37,7 +37,7 @@ struct wheelwire_core {
             .battery = battery};
   }
 
-  void take(const wheelwire_inputs& inputs) {
+  void read(const wheelwire_inputs& inputs) {
     encoders.now_us = inputs.now_us;
     encoders.left.update(inputs.left_ticks);
     encoders.right.update(inputs.right_ticks);
@@ -47,7 +47,7 @@ struct wheelwire_core {
     battery.mv = inputs.battery_mv;
   }
 
-  void give(wheelwire_outputs& outputs) const {
+  void write(wheelwire_outputs& outputs) const {
     outputs = {};
     outputs.left = left_pins.levels();
     outputs.right = right_pins.levels();
@@ -70,7 +70,7 @@ struct wheelwire_core {
   Contact contact;
   Battery battery;
   bool failed = false;
-  std::optional<wheelwire::Device> device;  // from the start on
+  std::optional<wheelwire::Device> device;  // From wheelwire_core_start() on.
 };
 
 uint32_t wheelwire_abi(void) { return WHEELWIRE_ABI; }
@@ -97,30 +97,30 @@ void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
                           wheelwire_outputs* outputs) {
   core->encoders.left.start(inputs->left_ticks);
   core->encoders.right.start(inputs->right_ticks);
-  core->take(*inputs);
+  core->read(*inputs);
   core->device.emplace(core->hal(), core->identity, core->specs);
   if (core->failed) core->device->report_driver_failure();
   core->device->start(inputs->now_us);
-  core->give(*outputs);
+  core->write(*outputs);
 }
 
 void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
                          wheelwire_outputs* outputs) {
-  core->take(*inputs);
+  core->read(*inputs);
   if (core->device) core->device->step(inputs->now_us);
-  core->give(*outputs);
+  core->write(*outputs);
 }
 
 void wheelwire_core_service(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
   if (core->device) core->device->service_link(now_us);
-  core->give(*outputs);
+  core->write(*outputs);
 }
 
 void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us, wheelwire_outputs* outputs) {
   core->line.received.clear();
   core->line.to_send.clear();
   if (core->device) core->device->hang_up(now_us);
-  core->give(*outputs);
+  core->write(*outputs);
 }
 
 float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter) {

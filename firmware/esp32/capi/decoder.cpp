@@ -12,7 +12,7 @@ using wheelwire::FrameDecoder;
 
 namespace {
 
-/// Bytes of each id's body; no switch, which would be mispredicted at every frame.
+/// Body size of each id. A table, since a switch would be mispredicted at every frame.
 struct BodySizes {
   int of[256];
 };
@@ -69,7 +69,7 @@ size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data, s
   total.bad_cobs += now.bad_cobs - before.bad_cobs;
   total.unknown_id += now.unknown_id - before.unknown_id;
   total.wrong_length += now.wrong_length - before.wrong_length;
-  // Fewer than before, when what was missing has come late.
+  // May fall, when missing frames arrive late.
   total.seq_lost += static_cast<uint64_t>(static_cast<int32_t>(now.seq_lost - before.seq_lost));
   total.repeated += now.repeated - before.repeated;
   return count;

@@ -1,4 +1,4 @@
-// What the core drives and listens to, as plain values that the caller brings and takes.
+// What the core drives and listens to, as plain values that the caller passes in and out.
 #pragma once
 
 #include <string.h>
@@ -24,17 +24,19 @@ class Pins final : public BridgePort {
   wheelwire_bridge pins_{};
 };
 
-/// Ticks that were counted elsewhere, as a chip's counter would show them.
+/// Turns ticks that the caller counted into what a chip's counter would read.
 class TickCounter {
  public:
   void start(int32_t ticks) { ticks_ = ticks; }
 
-  /// A step that came so late that the counter would have gone round is spread over the next ones:
-  /// ticks may come late, but none are lost.
+  /// A change too large for one step, because the step came very late, is spread over the next
+  /// ones: ticks may be late, but none are lost.
   void update(int32_t ticks) {
     const auto ahead =
         static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(ticks_));
-    const int32_t change = ahead > kLongest ? kLongest : ahead < -kLongest ? -kLongest : ahead;
+    const int32_t change = ahead > kMaxChange    ? kMaxChange
+                           : ahead < -kMaxChange ? -kMaxChange
+                                                 : ahead;
     ticks_ = static_cast<int32_t>(static_cast<uint32_t>(ticks_) + static_cast<uint32_t>(change));
     value_ = static_cast<int16_t>((value_ + change) % kCounterLimit);
   }
@@ -42,7 +44,7 @@ class TickCounter {
   int16_t value() const { return value_; }
 
  private:
-  static constexpr int32_t kLongest = kCounterLimit / 2;
+  static constexpr int32_t kMaxChange = kCounterLimit / 2;
 
   int32_t ticks_ = 0;
   int16_t value_ = 0;
@@ -91,12 +93,12 @@ class Store final : public ParameterStore {
     return size_;
   }
   bool save(const uint8_t* data, size_t size) override {
-    return size <= sizeof block_ && hand_over(data, size);
+    return size <= sizeof block_ && forward(data, size);
   }
-  bool erase() override { return hand_over(nullptr, 0); }
+  bool erase() override { return forward(nullptr, 0); }
 
  private:
-  bool hand_over(const uint8_t* data, size_t size) {
+  bool forward(const uint8_t* data, size_t size) {
     if (save_(context_, data, size) == 0) return false;
     if (size > 0) memcpy(block_, data, size);
     size_ = size;

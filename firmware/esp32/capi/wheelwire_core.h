@@ -15,40 +15,40 @@ extern "C" {
 
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
-/* Grows with every change of what is declared here. */
+/* Incremented with every change of the declarations here. */
 #define WHEELWIRE_ABI 3
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
-/* Of the messages; as in DeviceHello. */
+/* Of the message definitions, as in DeviceHello. */
 WHEELWIRE_EXPORT uint32_t wheelwire_schema_hash(void);
 
 typedef struct wheelwire_core wheelwire_core;
 
-/* What DeviceHello tells; the codes are those of protocol/MESSAGES.md. */
+/* What DeviceHello reports; the codes are those of protocol/MESSAGES.md. */
 typedef struct wheelwire_identity {
   uint64_t board_id;
   uint32_t boot_id; /* Random. */
   uint32_t capabilities;
-  uint8_t board; /* Also chooses the defaults of the parameters. */
+  uint8_t board; /* Also selects the defaults of the parameters. */
   uint8_t reset_reason;
 } wheelwire_identity;
 
-/* Keeps a block of bytes, the saved parameters; of size 0: forgets it. Returns 1, or 0 when it
- * could not; the former block is then still there. */
+/* Stores a block of bytes, the saved parameters; size 0: removes it. Returns 1, or 0 on failure;
+ * the former block must then still be there. */
 typedef int (*wheelwire_save)(void* context, const uint8_t* block, size_t size);
 
 typedef struct wheelwire_inputs {
   uint64_t now_us;
   int32_t left_ticks;    /* Cumulative, forward positive, modulo 2^32. */
-  int32_t right_ticks;   /* Of the same instant. */
+  int32_t right_ticks;   /* At the same instant. */
   uint16_t battery_mv;   /* 0: not measured. */
-  uint32_t left_illegal; /* Transitions that show a lost edge, cumulative; 0 where none is seen. */
+  uint32_t left_illegal; /* Transitions that imply a lost edge, cumulative; 0 where not detected. */
   uint32_t right_illegal;
   uint8_t contact_open; /* The e-stop contact, normally closed. */
 } wheelwire_inputs;
 
-/* The pins of one half of an L298N. Whoever applies them sets EN low, then the inputs, then EN
- * where an input changes: it must not switch under current. */
+/* The pins of one half of an L298N. Where an input changes, set EN low, then the inputs, then EN:
+ * the inputs must not switch while current flows. */
 typedef struct wheelwire_bridge {
   uint16_t enable_q15; /* Duty of the PWM on EN, 0 to 32767; 0 is low. */
   uint8_t in1;
@@ -56,7 +56,7 @@ typedef struct wheelwire_bridge {
 } wheelwire_bridge;
 
 typedef struct wheelwire_outputs {
-  uint64_t deadline_us; /* When the setpoint obeyed expires. */
+  uint64_t deadline_us; /* When the setpoint in force expires. */
   uint32_t period_us;   /* From this step to the next. */
   uint32_t faults;
   wheelwire_bridge left;
@@ -64,50 +64,51 @@ typedef struct wheelwire_outputs {
   uint8_t state; /* The supervisor's. */
 } wheelwire_outputs;
 
-/* A robot in BOOT. `block`: what was saved last, copied; NULL with size 0 for nothing. NULL when
- * out of memory. */
+/* Creates a robot in BOOT. `block`: what was saved last, copied; NULL and size 0 for nothing.
+ * Returns NULL when out of memory. */
 WHEELWIRE_EXPORT wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity,
                                                        const uint8_t* block, size_t size,
                                                        wheelwire_save save, void* context);
 WHEELWIRE_EXPORT void wheelwire_core_destroy(wheelwire_core* core);
 
-/* Makes another default of a parameter, before the start. Returns a RefusalCode. */
+/* Changes the default of a parameter, before the start. Returns a RefusalCode. */
 WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter,
                                                float value);
 
-/* Once, when the pins are ready; then a step each period. Before the start nothing below acts. */
+/* Call once, when the pins are ready; then a step each period. Before the start the functions below
+ * do nothing. */
 WHEELWIRE_EXPORT void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
                                            wheelwire_outputs* outputs);
 WHEELWIRE_EXPORT void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
                                           wheelwire_outputs* outputs);
-/* Between two steps, when bytes have come: reads and answers them. A stop acts at once. */
+/* Call between two steps, when bytes have arrived: reads and answers them. A stop acts at once. */
 WHEELWIRE_EXPORT void wheelwire_core_service(wheelwire_core* core, uint64_t now_us,
                                              wheelwire_outputs* outputs);
-/* The host is gone, and the line tells: what it commanded ends at once, bytes under way are void.
- * The next one begins with a hello. */
+/* Call when the line reports that the host is gone: stops the wheels, ends the session and drops
+ * all buffered bytes. The next host begins with a hello. */
 WHEELWIRE_EXPORT void wheelwire_core_hang_up(wheelwire_core* core, uint64_t now_us,
                                              wheelwire_outputs* outputs);
-/* The value in force of a parameter that there is; from the start on. */
+/* The present value of a parameter; 0 before the start and for an unknown one. */
 WHEELWIRE_EXPORT float wheelwire_core_value(const wheelwire_core* core, uint8_t parameter);
-/* A pin failed: DRIVER_FAILED from the next step on, until the process starts anew. */
+/* A pin failed: DRIVER_FAILED from the next step on, for the life of this core. */
 WHEELWIRE_EXPORT void wheelwire_core_fail(wheelwire_core* core);
 
-/* Bytes from the host; returns how many there was room for. A step or service reads 600. */
+/* Bytes from the host; returns how many there was room for. A step or service reads up to 600. */
 WHEELWIRE_EXPORT size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t* data, size_t size);
-/* Bytes for the host; returns how many were written to `out`. What is not taken in time is dropped
- * frame by frame, and counted in LinkCounters. */
+/* Bytes for the host; returns how many were written to `out`. When they are not taken, frames are
+ * dropped, and counted in LinkCounters. */
 WHEELWIRE_EXPORT size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity);
 
-/* The core's decoder, for a host: every message, not only those that a device receives. */
+/* The core's decoder, for a host: it knows every message, not only those that a device receives. */
 typedef struct wheelwire_decoder wheelwire_decoder;
 
-/* Frames of one message that follow each other. */
+/* Consecutive frames of the same message. */
 typedef struct wheelwire_run {
   uint32_t id;
   uint32_t frames;
 } wheelwire_run;
 
-/* What ReceiveCounters counts, in its order. */
+/* As ReceiveCounters, in the same order. */
 typedef struct wheelwire_counters {
   uint64_t frames;
   uint64_t bad_crc;
@@ -118,28 +119,28 @@ typedef struct wheelwire_counters {
   uint64_t repeated;
 } wheelwire_counters;
 
-/* Bytes that a frame takes at least, without a body, with one delimiter. */
+/* The smallest frame, in bytes: no body, one delimiter. */
 #define WHEELWIRE_LEAST_FRAME 9
 
-/* What one call of feed completes is written to `bodies`, the frames' bodies packed one behind the
- * other, and to `runs`, which messages they are. They outlive the decoder, and have room for what
- * is fed at most in one call, and 64 bytes more; and for as many runs as that has least frames, and
- * one more. NULL when out of memory. */
+/* Each call of feed writes what it completes to `bodies`, the bodies of the frames packed one after
+ * the other, and to `runs`, which messages they are of. Both must outlive the decoder. `bodies`
+ * needs room for the largest feed plus 64 bytes, `runs` for as many smallest frames as fit in that,
+ * plus one. Returns NULL when out of memory. */
 WHEELWIRE_EXPORT wheelwire_decoder* wheelwire_decoder_create(uint8_t* bodies, wheelwire_run* runs);
 WHEELWIRE_EXPORT void wheelwire_decoder_destroy(wheelwire_decoder* decoder);
 
 /* Decodes what has arrived, cut anywhere. Returns the number of runs. */
 WHEELWIRE_EXPORT size_t wheelwire_decoder_feed(wheelwire_decoder* decoder, const uint8_t* data,
                                                size_t size);
-/* Expect any sequence number next: the sender is known to have started anew. */
+/* Expects any sequence number next: the sender is known to have restarted. */
 WHEELWIRE_EXPORT void wheelwire_decoder_restart_sequence(wheelwire_decoder* decoder);
-/* The line was opened anew: what it had begun is void, too. */
+/* The line was reopened: also drops a partial frame. */
 WHEELWIRE_EXPORT void wheelwire_decoder_restart(wheelwire_decoder* decoder);
 WHEELWIRE_EXPORT void wheelwire_decoder_counters(const wheelwire_decoder* decoder,
                                                  wheelwire_counters* counters);
 
-/* The bodies of all good frames of message `id` in a capture, packed one behind the other, to
- * `bodies`, which has room for size bytes. Returns how many frames there were. */
+/* Writes the bodies of all good frames of message `id` in a capture, packed one after the other, to
+ * `bodies`, which has room for `size` bytes. Returns the number of frames. */
 WHEELWIRE_EXPORT size_t wheelwire_decode_capture(const uint8_t* data, size_t size, uint8_t id,
                                                  uint8_t* bodies);
 

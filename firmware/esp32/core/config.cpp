@@ -15,13 +15,13 @@ int32_t to_gain(float duty_per_mps, int fraction_bits) {
                   static_cast<float>(1ull << fraction_bits));
 }
 
-/// A slew limit of 0 would never arrive.
+/// At least 1: with a slew limit of 0 a setpoint would never be reached.
 int32_t to_step(float per_step) {
   const int32_t step = to_fixed(per_step);
   return step > 0 ? step : 1;
 }
 
-/// A control rate's steps in a quarter of a second, as log2.
+/// Log2 of the control steps in a quarter of a second.
 int32_t memory_shift(float period_s) {
   int32_t shift = 0;
   while (static_cast<float>(2 << shift) * period_s < 0.26f) ++shift;

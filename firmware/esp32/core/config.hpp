@@ -1,4 +1,4 @@
-// The parameters as the control loop wants them: integers, scaled once when a parameter changes.
+// The parameters in the form that the control loop uses: integers, scaled once when one changes.
 #pragma once
 
 #include "controller.hpp"

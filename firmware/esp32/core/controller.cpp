@@ -17,7 +17,7 @@ int32_t Controller::update(int32_t target_umps, int32_t error_umps, int32_t supp
   sum += integral_q32_ >> 32;
   const int32_t wanted = saturate32(sum);
   const int32_t duty = clamp(wanted, -limit_q15, limit_q15);
-  // Anti-windup: what the output cannot give is not asked for more and more.
+  // Anti-windup: while the output is limited, integrate only away from the limit.
   saturated_ = wanted != duty;
   if (saturated_) ++saturated_steps_;
   if (!saturated_ || sign(error_umps) != sign(wanted)) {
@@ -31,31 +31,31 @@ int32_t Controller::update(int32_t target_umps, int32_t error_umps, int32_t supp
 int64_t ObstacleMemory::update(int64_t integral_q32, int32_t target_umps, int32_t error_umps,
                                const ControllerGains& gains) {
   const int32_t target = magnitude(target_umps);
-  const int32_t late = target_umps < 0 ? -error_umps : error_umps;
-  const bool stands = late > target - target / 4;
+  const int32_t lag_umps = target_umps < 0 ? -error_umps : error_umps;
+  const bool stalled = lag_umps > target - target / 4;
   if (!held_) {
-    const int32_t enough = 1 << gains.memory_shift;
-    if (stands) {
-      // Only what has rolled as told can tell how it rolls.
-      held_ = rolled_steps_ == enough;
+    const int32_t required_steps = 1 << gains.memory_shift;
+    if (stalled) {
+      // Only a wheel that followed its setpoint for a while has an average to return to.
+      held_ = rolled_steps_ == required_steps;
     } else {
       rolling_q32_ += (integral_q32 - rolling_q32_) >> gains.memory_shift;
-      if (late < target / 4 && rolled_steps_ < enough) ++rolled_steps_;
+      if (lag_umps < target / 4 && rolled_steps_ < required_steps) ++rolled_steps_;
     }
     return integral_q32;
   }
-  if (stands) {
+  if (stalled) {
     gain_umps_ = 0;
     return integral_q32;
   }
-  if (late > target / 2) {
+  if (lag_umps > target / 2) {
     gain_umps_ += gains.slew_umps;
     return integral_q32;
   }
-  const bool let_go = gain_umps_ < target / 4;
+  const bool released = gain_umps_ < target / 4;
   held_ = false;
   rolled_steps_ = 0;
-  return let_go ? rolling_q32_ : integral_q32;
+  return released ? rolling_q32_ : integral_q32;
 }
 
 }  // namespace wheelwire

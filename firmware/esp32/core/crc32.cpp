@@ -1,7 +1,7 @@
 #include "crc32.hpp"
 
 #ifndef WHEELWIRE_CRC_BYTES_A_STEP
-#define WHEELWIRE_CRC_BYTES_A_STEP 1  // More are faster, and take 1 KB of tables each.
+#define WHEELWIRE_CRC_BYTES_A_STEP 1  // More is faster, and takes a table of 1 KB each.
 #endif
 
 namespace wheelwire {
@@ -9,7 +9,7 @@ namespace {
 
 constexpr size_t kStep = WHEELWIRE_CRC_BYTES_A_STEP;
 
-/// entry[n][byte]: what a byte leaves in the register after n more bytes of zeros.
+/// entry[n][byte]: the register after a byte and n zero bytes.
 struct Tables {
   uint32_t entry[kStep][256];
 };

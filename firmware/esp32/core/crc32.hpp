@@ -6,7 +6,7 @@
 
 namespace wheelwire {
 
-/// The CRC-32 of anything followed by its own CRC-32, little-endian.
+/// The CRC-32 of any data followed by its own CRC-32, little-endian.
 constexpr uint32_t kCrcResidue = 0x2144df1c;
 
 uint32_t crc32(const uint8_t* data, size_t size);

@@ -61,7 +61,7 @@ void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
 }
 
 void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
-  if (spend_step()) return;
+  if (consume_stop_began()) return;
   if (!following_ || mode != mode_) {
     // Slewing starts from what the wheels do now, not from zero or from an old setpoint: a robot
     // that still rolls after a stop is not braked first.
@@ -98,11 +98,11 @@ WheelPair Drive::command(const ControlConfig& config) {
   direction_ = {sign(slewed_.left), sign(slewed_.right)};
   const bool same = direction_.left == before.left && direction_.right == before.right &&
                     direction_.left != 0 && direction_.right != 0;
-  const WheelPair behind = remember({left_.behind_um(), right_.behind_um()}, same,
-                                    left_.saturated() || right_.saturated(), config.path);
-  if (behind.left != left_.behind_um()) left_.forget_but(behind.left);
-  if (behind.right != right_.behind_um()) right_.forget_but(behind.right);
-  const WheelPair wanted = make_up(slewed_, behind, config.path);
+  const WheelPair behind = trim_errors({left_.behind_um(), right_.behind_um()}, same,
+                                       left_.saturated() || right_.saturated(), config.path);
+  if (behind.left != left_.behind_um()) left_.trim_to(behind.left);
+  if (behind.right != right_.behind_um()) right_.trim_to(behind.right);
+  const WheelPair wanted = correct_setpoint(slewed_, behind, config.path);
   // Slewed once more: a correction may jump, for example when one wheel is released.
   const int32_t slew = config.velocity_slew_umps;
   return scale_to_limit({step_towards(command_.left, wanted.left, slew),
@@ -121,14 +121,14 @@ void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& conf
 
 /// True in the first control step after a stop began. The stop may have come a moment before this
 /// step, and the outputs have to stay off for a whole period.
-bool Drive::spend_step() {
+bool Drive::consume_stop_began() {
   const bool spent = stop_began_;
   stop_began_ = false;
   return spent;
 }
 
 void Drive::keep_stopped(uint64_t now_us) {
-  if (spend_step()) return;
+  if (consume_stop_began()) return;
   if (now_us < brake_until_us_) {
     left_.brake();
     right_.brake();

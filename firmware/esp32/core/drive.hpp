@@ -1,4 +1,4 @@
-// Both wheels together: setpoints, slew limits that preserve the path, and the stop.
+// Both wheels together: setpoints, slew limits that preserve the path, and stopping.
 #pragma once
 
 #include "wheel.hpp"
@@ -18,21 +18,21 @@ class Drive {
   Drive(MotorPort& left, MotorPort& right) : left_(left), right_(right) {}
 
   void start(const EncoderCounts& counts);
-  /// Takes both encoders' readings. Returns fault flags.
+  /// Processes the readings of both encoders. Returns the faults that they reveal, as flags.
   uint32_t latch(const EncoderCounts& counts, const ControlConfig& config);
 
-  /// The battery's voltage now; 0: not measured.
+  /// Present battery voltage; 0: not measured.
   void note_battery(uint16_t millivolts, const ControlConfig& config);
 
   /// One control step towards the target, in um/s or q15 by the mode.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
-  /// Removes the drive at once. The outputs stay off for a whole control period at least: a
-  /// bridge's inputs never switch under current.
+  /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
+  /// that a bridge's inputs never switch while current flows.
   void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
-  /// One control step of a stop: brakes for its time, then coasts.
+  /// One control step of a stop: brakes for brake_time, then coasts.
   void keep_stopped(uint64_t now_us);
 
-  /// The parameters have changed.
+  /// Call when the parameters have changed.
   void note_parameters() { supply_q12_ = 0; }
 
   const Wheel& left() const { return left_; }
@@ -41,19 +41,19 @@ class Drive {
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);
   WheelPair command(const ControlConfig& config);
-  bool spend_step();
+  bool consume_stop_began();
 
   Wheel left_;
   Wheel right_;
   ControlMode mode_ = ControlMode::kVelocity;
-  bool following_ = false;  // else the next setpoint starts from the wheels' present speed
+  bool following_ = false;  // False: the next setpoint starts from the wheels' present speed.
   WheelPair slewed_{};
-  WheelPair command_{};    // with the correction of the following error
-  WheelPair direction_{};  // of the setpoint, at the last step
+  WheelPair command_{};    // The setpoint with the correction of the following error.
+  WheelPair direction_{};  // Signs of the setpoint in the last step.
   uint16_t battery_mv_ = 0;
-  int32_t supply_q12_ = 0;  // 0: not computed yet
+  int32_t supply_q12_ = 0;  // 0: to be computed
   uint64_t brake_until_us_ = 0;
-  bool stop_began_ = false;  // since the last control step
+  bool stop_began_ = false;  // Since the last control step.
 };
 
 }  // namespace wheelwire

@@ -5,7 +5,7 @@
 namespace wheelwire {
 namespace {
 
-// One tick to and fro is an encoder resting on an edge, not a wheel that turns.
+// An encoder that rests on an edge may toggle by one tick: that is not a turning wheel.
 constexpr int32_t kRestingTicks = 1;
 
 }  // namespace
@@ -37,7 +37,8 @@ bool FaultMonitor::not_counting(int32_t duty_q15, int32_t ticks, uint64_t now_us
   return now_us - hard_since_us_ >= thresholds.stall_time_us;
 }
 
-/// Braking a wheel drives against its motion too, but then the speed falls; here it grows.
+/// A decelerating wheel is driven against its motion, too, but its speed falls. With inverted
+/// feedback it grows.
 bool FaultMonitor::reversed(int32_t duty_q15, int32_t measured_umps,
                             const FaultThresholds& thresholds) {
   const int32_t speed = magnitude(measured_umps);
@@ -46,9 +47,9 @@ bool FaultMonitor::reversed(int32_t duty_q15, int32_t measured_umps,
     against_ = false;
     return false;
   }
-  least_umps_ = against_ && least_umps_ < speed ? least_umps_ : speed;
+  lowest_umps_ = against_ && lowest_umps_ < speed ? lowest_umps_ : speed;
   against_ = true;
-  return speed - least_umps_ >= thresholds.reversal_umps;
+  return speed - lowest_umps_ >= thresholds.reversal_umps;
 }
 
 }  // namespace wheelwire

@@ -1,4 +1,5 @@
-// One wheel's encoder and motor, watched for what closes the loop the wrong way or not at all.
+// Detects a wheel whose feedback is missing (dead encoder, stall) or inverted (motor or encoder
+// wired the wrong way round).
 #pragma once
 
 #include <stdint.h>
@@ -25,11 +26,11 @@ class FaultMonitor {
   bool not_counting(int32_t duty_q15, int32_t ticks, uint64_t now_us, const FaultThresholds&);
   bool reversed(int32_t duty_q15, int32_t measured_umps, const FaultThresholds&);
 
-  bool driven_hard_ = false;
+  bool driven_hard_ = false;  // Since hard_since_us_ without counting from anchor_ticks_.
   uint64_t hard_since_us_ = 0;
   int32_t anchor_ticks_ = 0;
-  bool against_ = false;
-  int32_t least_umps_ = 0;
+  bool against_ = false;     // Driven against the measured motion,
+  int32_t lowest_umps_ = 0;  // and the lowest speed since then.
 };
 
 }  // namespace wheelwire

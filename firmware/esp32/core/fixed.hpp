@@ -22,7 +22,7 @@ constexpr T magnitude(T value) {
 
 constexpr int32_t sign(int32_t value) { return (value > 0) - (value < 0); }
 
-/// Symmetric, so that the sign can always be changed.
+/// Symmetric, so that negating the result never overflows.
 constexpr int32_t saturate32(int64_t value) {
   return static_cast<int32_t>(clamp<int64_t>(value, -INT32_MAX, INT32_MAX));
 }
@@ -32,14 +32,14 @@ constexpr int32_t multiply_shift(int32_t a, int32_t b, int shift) {
   return saturate32((static_cast<int64_t>(a) * b) >> shift);
 }
 
-/// a * b / 2^shift, where that is known to fit: a third of the instructions.
+/// a * b / 2^shift where the result is known to fit: takes a third of the instructions.
 constexpr int32_t scale(int32_t a, int32_t b, int shift) {
   return static_cast<int32_t>((static_cast<int64_t>(a) * b) >> shift);
 }
 
-/// To the nearest integer, halves away from 0, saturated; NaN becomes 0. By the bits of an IEEE 754
-/// binary32: without a floating-point unit each comparison and sum is a call, and value + 0.5f is
-/// rounded itself.
+/// To the nearest integer, halves away from 0, saturated; NaN becomes 0. Works on the bits of the
+/// IEEE 754 binary32: without a floating-point unit each comparison or addition is a library call,
+/// and value + 0.5f would itself be rounded.
 constexpr int32_t to_fixed(float value) {
   const auto bits = __builtin_bit_cast(uint32_t, value);
   const bool negative = bits >> 31 != 0;

@@ -8,8 +8,8 @@ namespace {
 // um/s x us is um x 1e6; x 1024 / 1e6 is um x 1024.
 constexpr uint32_t kQ10PerMillion_q26 = 68'719;
 
-// A step that came later still counts as this: the product below stays within 32 bits.
-constexpr uint32_t kLongest_us = 31'000;
+// A longer interval counts as this, so that the product below stays within 32 bits.
+constexpr uint32_t kMaxElapsed_us = 31'000;
 
 }  // namespace
 
@@ -18,23 +18,23 @@ void FollowingError::update(int32_t change, uint64_t now_us, uint32_t period_us,
   const auto since_us = static_cast<uint32_t>(now_us - now_us_);
   now_us_ = now_us;
   if (following_) {
-    const uint32_t elapsed_us = since_us < kLongest_us ? since_us : kLongest_us;
+    const uint32_t elapsed_us = since_us < kMaxElapsed_us ? since_us : kMaxElapsed_us;
     total_q10_ += static_cast<int64_t>(setpoint_umps_) *
                       static_cast<int32_t>(elapsed_us * kQ10PerMillion_q26) >>
                   26;
     total_q10_ -= static_cast<int64_t>(change) * um_per_tick_q10;
   }
-  // A tick back and forth is no progress: with one channel stuck there are only such ticks.
+  // A tick back and forth is not progress: with one channel stuck there are no others.
   const bool progress = change != 0 && (direction_ == 0 || sign(change) == direction_);
   if (change != 0) direction_ = sign(change);
   if (progress || !following_) {
     at_tick_q10_ = total_q10_;
     tick_us_ = now_us;
   }
-  // The wheel may be up to a tick beyond the last one, which was seen up to a period late, and an
-  // encoder's edges are unevenly spaced. Within these bounds the held value stays: corrections that
-  // followed each tick would put ripple on the motor.
-  const auto exact_um = static_cast<int32_t>((total_q10_ - forgotten_q10_) >> 10);
+  // The wheel may be up to a tick beyond the last edge, which was seen up to a period late, and
+  // edges are unevenly spaced. As long as the held value lies within these bounds it is kept: a
+  // correction that followed every tick would put ripple on the motor.
+  const auto exact_um = static_cast<int32_t>((total_q10_ - trimmed_q10_) >> 10);
   const int32_t tick_um = um_per_tick_q10 >> 10;
   const int32_t late_um = scale(magnitude(setpoint_umps_), static_cast<int32_t>(period_us), 20);
   const int32_t uneven_um = tick_um * 2 / 5;
@@ -55,18 +55,18 @@ void FollowingError::rest() {
   direction_ = 0;
 }
 
-void FollowingError::forget_but(int32_t um) {
-  forgotten_q10_ += static_cast<int64_t>(held_um_ - um) << 10;
+void FollowingError::trim_to(int32_t um) {
+  trimmed_q10_ += static_cast<int64_t>(held_um_ - um) << 10;
   held_um_ = um;
 }
 
-int32_t FollowingError::least_umps(int32_t um_per_tick_q10) const {
+int32_t FollowingError::minimum_umps(int32_t um_per_tick_q10) const {
   const int32_t since_um = saturate32((total_q10_ - at_tick_q10_) >> 10);
   const int32_t tick_um = um_per_tick_q10 >> 10;
   const auto silence_us = static_cast<uint32_t>(now_us_ - tick_us_);
   if (magnitude(since_um) <= tick_um + tick_um / 2 || silence_us == 0) return 0;
-  const int64_t sure_um = since_um - sign(since_um) * tick_um;
-  return saturate32(sure_um * (4'096'000'000u / silence_us) >> 12);
+  const int64_t certain_um = since_um - sign(since_um) * tick_um;
+  return saturate32(certain_um * (4'096'000'000u / silence_us) >> 12);
 }
 
 }  // namespace wheelwire

@@ -11,29 +11,29 @@ class FollowingError {
  public:
   /// Call at every control step with the ticks since the last call.
   void update(int32_t change, uint64_t now_us, uint32_t period_us, int32_t um_per_tick_q10);
-  /// The setpoint from now on.
+  /// Sets the setpoint from now on.
   void set_target(int32_t setpoint_umps);
-  /// The wheel has no setpoint: the error stays as it is.
+  /// The wheel has no setpoint any more: freezes the error.
   void rest();
-  /// Drops all of the error but `um`.
-  void forget_but(int32_t um);
+  /// Drops all of the error except `um`.
+  void trim_to(int32_t um);
 
-  /// The error to make up. Between two ticks the wheel's position is uncertain, so this value is
-  /// kept for as long as it is possible: at constant speed it has no ripple.
+  /// The error to correct. Between ticks the wheel's exact position is unknown, so the last value
+  /// is held for as long as it remains possible: at constant speed it has no ripple.
   int32_t um() const { return held_um_; }
-  /// Total since the start, with what was dropped, um x 16, modulo 2^32.
+  /// Total since the start, including what was dropped, um x 16, modulo 2^32.
   uint32_t total_q4() const { return static_cast<uint32_t>(total_q10_ >> 6); }
-  /// While no tick comes: the least speed at which the wheel must be falling behind; 0 while that
-  /// is unknown.
-  int32_t least_umps(int32_t um_per_tick_q10) const;
+  /// While ticks are overdue: the lowest rate at which the wheel can be falling behind, um/s; 0
+  /// while it may not be.
+  int32_t minimum_umps(int32_t um_per_tick_q10) const;
 
  private:
   int64_t total_q10_ = 0;
-  int64_t at_tick_q10_ = 0;  // Of total_q10_.
-  int64_t forgotten_q10_ = 0;
+  int64_t at_tick_q10_ = 0;  // total_q10_ at the last tick.
+  int64_t trimmed_q10_ = 0;
   int32_t held_um_ = 0;
   int32_t setpoint_umps_ = 0;
-  int32_t direction_ = 0;  // Of the last tick; 0: none since rest.
+  int32_t direction_ = 0;  // Of the last tick; 0: none since rest().
   bool following_ = false;
   uint64_t now_us_ = 0;
   uint64_t tick_us_ = 0;

@@ -74,8 +74,8 @@ bool FrameDecoder::finish_chunk(Frame& frame) {
   return true;
 }
 
-/// In place: the payload then begins behind the first code byte. Payloads are too short for the
-/// code 0xff, so each code but the first stands where the payload has a zero.
+/// In place: the payload then begins after the first code byte. Payloads are too short for the code
+/// 0xff, so every code byte except the first is where the payload has a zero.
 bool FrameDecoder::decode_cobs(size_t encoded_size) {
   uint8_t* code = buffer_;
   uint8_t* const end = buffer_ + encoded_size;
@@ -131,8 +131,8 @@ size_t encode_frame(uint8_t id, uint16_t seq, const uint8_t* body, size_t body_s
   end += body_size;
   wire::put(end, crc32(payload, kHeaderSize + body_size));
   *end = 0;
-  // COBS: each zero of the payload becomes the distance to the next one, the last one's to the
-  // delimiter.
+  // COBS: each zero of the payload is replaced by the distance to the next one, the last by the
+  // distance to the delimiter.
   for (uint8_t* place = payload; place <= end; ++place) {
     if (*place != 0) continue;
     *code = static_cast<uint8_t>(place - code);

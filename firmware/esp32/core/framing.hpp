@@ -16,12 +16,12 @@ constexpr size_t kMaxEncoded = kCobsSize + kMaxPayload;
 constexpr size_t kMaxFrame = kMaxEncoded + 2;
 static_assert(kMaxPayload < 254, "COBS would need a second code byte");
 
-/// Bytes on the wire of a message with this body.
+/// Bytes on the wire of a frame whose body has this size.
 constexpr size_t frame_size(size_t body_size) {
   return body_size + kHeaderSize + kCrcSize + kCobsSize + 2;
 }
 
-/// A good frame. Valid until the next byte is fed.
+/// A frame that passed all checks. Valid until the next byte is fed.
 struct Frame {
   uint8_t id;
   const uint8_t* body;
@@ -33,20 +33,20 @@ struct ReceiveCounters {
   uint32_t bad_cobs;
   uint32_t unknown_id;
   uint32_t wrong_length;
-  uint32_t seq_lost;  ///< One that comes late is taken off again.
+  uint32_t seq_lost;  ///< A frame that arrives late is subtracted again.
   uint32_t repeated;
 };
 
-/// Bytes in, good frames out. Whatever comes in, it keeps one encoded payload at most.
+/// Bytes in, good frames out. Buffers at most one encoded payload, whatever comes in.
 class FrameDecoder {
  public:
   using BodySize = int (*)(uint8_t id);
 
-  /// `body_size` tells the size of the body of each id that is known here, -1 for any other.
+  /// `body_size` returns the body size of each id that is known here, -1 for any other.
   explicit FrameDecoder(BodySize body_size) : body_size_(body_size) {}
 
-  /// Takes bytes up to the one that completes a good frame, or all of them; returns how many.
-  /// `complete` tells whether such a frame is now in `frame`.
+  /// Consumes bytes up to the one that completes a good frame, or all of them; returns how many.
+  /// Sets `complete` if such a frame is now in `frame`.
   size_t feed(const uint8_t* data, size_t size, Frame& frame, bool& complete);
   /// Returns true when `byte` completed a good frame, which is then in `frame`.
   bool feed(uint8_t byte, Frame& frame) {
@@ -56,7 +56,7 @@ class FrameDecoder {
   }
   /// Expect any sequence number next.
   void restart_sequence() { sequence_known_ = false; }
-  /// The line was opened anew: what it had begun is void. The counters go on.
+  /// The line was reopened: drops a partial frame. The counters continue.
   void restart() {
     size_ = 0;
     overlong_ = false;
@@ -80,7 +80,7 @@ class FrameDecoder {
   bool overlong_ = false;
   bool sequence_known_ = false;
   uint16_t expected_seq_ = 0;
-  uint32_t missed_[2] = {};  ///< Bit n: the frame n + 1 before the expected one has not come.
+  uint32_t missed_[2] = {};  ///< Bit n: the frame n + 1 before the expected one has not arrived.
 };
 
 /// Writes the frame of a body to `out`, which holds kMaxFrame bytes. Returns its size.

@@ -1,7 +1,7 @@
-// What the core needs from the hardware. A test can put a fault in any of these.
+// What the core needs from the hardware. A test can inject a fault into any of these.
 //
-// All are called from the control task only, never from an interrupt handler: a vtable in flash is
-// unreachable while the cache is off.
+// Called from the control task only, never from an interrupt handler: a vtable in flash cannot be
+// read while the cache is off.
 #pragma once
 
 #include <stddef.h>
@@ -30,7 +30,7 @@ class BridgePort {
   ~BridgePort() = default;
 };
 
-/// The chip's counters never leave -32766..32766: at +-32767 they return to 0.
+/// The chip's counters stay within -32766..32766: at +-32767 they return to 0.
 constexpr int32_t kCounterLimit = 32767;
 
 /// Both quadrature counters at one instant.
@@ -38,7 +38,7 @@ struct EncoderCounts {
   uint64_t t_us;  ///< Device clock at the latch.
   int16_t left;   ///< Raw counter, x4, modulo kCounterLimit.
   int16_t right;
-  uint32_t left_illegal = 0;  ///< Transitions that show a lost edge; a chip's counter sees none.
+  uint32_t left_illegal = 0;  ///< Transitions that imply a lost edge; 0 if not detectable.
   uint32_t right_illegal = 0;
 };
 
@@ -53,27 +53,26 @@ class EncoderPort {
 /// The line to the host.
 class ByteStream {
  public:
-  /// Returns how many bytes were read, 0 when none wait.
+  /// Does not block. Returns how many bytes were read, 0 when none are waiting.
   virtual size_t read(uint8_t* out, size_t capacity) = 0;
-  /// Takes all of the bytes, or none and returns false when there is no room.
+  /// Does not block. Takes all of the bytes; or none, and returns false, when there is no room.
   virtual bool write(const uint8_t* data, size_t size) = 0;
-  /// Bytes that the line carries in a second; 0: more than the core can send.
+  /// What the line carries; 0: more than the core can send.
   virtual uint32_t bytes_per_second() const = 0;
 
  protected:
   ~ByteStream() = default;
 };
 
-/// Keeps one block of bytes over a reset. A save is atomic: the old block or the new one.
+/// Keeps one block of bytes across resets. A save is atomic: the old block or the new one.
 class ParameterStore {
  public:
   /// Returns the size of the block, 0 when there is none; at most `capacity` bytes are copied.
   virtual size_t load(uint8_t* out, size_t capacity) = 0;
   virtual bool save(const uint8_t* data, size_t size) = 0;
-  /// Whatever it held, there is none afterwards.
+  /// Removes the block, readable or not.
   virtual bool erase() = 0;
-  /// Why a block that may be there cannot be read, as flags of `fault`; 0 where it can. Only
-  /// erasing ends it.
+  /// Why the stored block cannot be read, as flags of `fault`; 0 if it can. Only erase() clears it.
   virtual uint32_t faults() { return 0; }
 
  protected:

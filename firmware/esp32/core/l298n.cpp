@@ -24,7 +24,7 @@ void L298n::coast() {
   enabled_ = false;
 }
 
-/// True when the inputs are as wanted; false when this period had to be spent with EN low.
+/// True when the inputs are as wanted; false when EN must stay low for this period first.
 bool L298n::switch_inputs(Inputs wanted) {
   if (inputs_ == wanted) return true;
   if (enabled_) {

@@ -5,14 +5,14 @@
 
 namespace wheelwire {
 
-/// Truth table with EN high: IN1 only forward, IN2 only reverse, both alike brake. EN low coasts.
+/// With EN high: IN1 alone drives forward, IN2 alone reverse, both equal brake. EN low coasts.
 class L298n final : public MotorPort {
  public:
   explicit L298n(BridgePort& pins) : pins_(pins) {}
 
-  /// Call these two once per control period, and not in the one after a coast() between two: a
-  /// change of direction spends one period with EN low, so that the inputs never switch under
-  /// current.
+  /// Call drive() or brake() once per control period, but not in the first period after a coast()
+  /// that came between two periods: a change of direction takes one whole period with EN low, so
+  /// that the inputs never switch while current flows.
   void drive(int16_t duty_q15) override;
   void brake() override;
   void coast() override;

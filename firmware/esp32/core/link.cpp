@@ -5,7 +5,7 @@ namespace {
 
 constexpr uint8_t kFirstDeviceId = 0x80;
 
-/// A message that only a device sends is not known to a device.
+/// Messages that only devices send are unknown to a device.
 int received_body_size(uint8_t id) { return id < kFirstDeviceId ? body_size(id) : -1; }
 
 }  // namespace

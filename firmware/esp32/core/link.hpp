@@ -1,4 +1,4 @@
-// Messages over the line: framing both ways, and the counts of what was lost.
+// Messages over the line: framing in both directions, and counters of what was lost.
 #pragma once
 
 #include "framing.hpp"
@@ -10,11 +10,11 @@ class Link {
  public:
   explicit Link(ByteStream& line);
 
-  /// Returns true with the next good frame for the device; false when nothing more waits. Reads at
-  /// most kReadBudget bytes between two calls of `new_turn`, so that a babbling line cannot hold up
-  /// the control loop.
+  /// Returns true with the next good frame for the device; false when no more are waiting. Reads at
+  /// most kReadBudget bytes between two calls of `renew_read_budget`, so that a babbling line
+  /// cannot hold up the control loop.
   bool receive(Frame& frame);
-  void new_turn() { budget_ = kReadBudget; }
+  void renew_read_budget() { budget_ = kReadBudget; }
   void restart_sequence() { decoder_.restart_sequence(); }
 
   template <typename Message>
@@ -25,7 +25,7 @@ class Link {
   }
   void send_body(uint8_t id, const uint8_t* body, size_t size);
 
-  /// True when the line carries `rate_hz` frames of this body and has a fifth to spare.
+  /// True if the line can carry `rate_hz` frames of this body size with a fifth to spare.
   bool carries(uint32_t rate_hz, size_t body_size) const;
 
   const ReceiveCounters& received() const { return decoder_.counters(); }
@@ -33,7 +33,7 @@ class Link {
   uint32_t send_dropped() const { return send_dropped_; }
 
  private:
-  // Three times what 2 Mbit/s brings in a millisecond.
+  // Three times what arrives in a millisecond at 2 Mbit/s.
   static constexpr size_t kReadBudget = 600;
   static constexpr size_t kChunk = 64;
 

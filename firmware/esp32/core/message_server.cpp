@@ -3,7 +3,7 @@
 namespace wheelwire {
 
 void MessageServer::service_link(uint64_t now_us) {
-  link_.new_turn();
+  link_.renew_read_budget();
   Frame frame;
   while (link_.receive(frame)) dispatch(frame, now_us);
 }
@@ -101,7 +101,7 @@ void MessageServer::report_store() {
 // --- stops, with or without a session ------------------------------------------------------------
 
 void MessageServer::on(const Stop& stop, uint64_t now_us) {
-  if (session_.names(stop.session_id)) session_.take_command(stop.command_seq);
+  if (session_.matches(stop.session_id)) session_.take_command(stop.command_seq);
   const bool known_mode = stop.mode == StopMode::kCoast || stop.mode == StopMode::kBrake;
   robot_.stop(known_mode ? stop.mode : StopMode::kConfigured, now_us);
   link_.send(Ack{stop.session_id, stop.request_id, Stop::kId});
@@ -131,7 +131,7 @@ void MessageServer::on(const SetDuty& message, uint64_t now_us) {
 /// if it is refused afterwards: a repeat of it that comes after a ClearEstop, say, must not drive.
 template <typename Message>
 bool MessageServer::is_newest(const Message& message) {
-  if (session_.names(message.session_id)) return session_.take_command(message.command_seq);
+  if (session_.matches(message.session_id)) return session_.take_command(message.command_seq);
   refuse(message.kId, message.session_id, message.command_seq, RefusalCode::kNoSession);
   return false;
 }
@@ -150,7 +150,7 @@ void MessageServer::obey(const Message& message, ControlMode mode, WheelPair whe
 // --- the clock -----------------------------------------------------------------------------------
 
 void MessageServer::on(const Ping& ping, uint64_t now_us) {
-  if (!session_.names(ping.session_id))
+  if (!session_.matches(ping.session_id))
     return refuse(ping.kId, ping.session_id, ping.request_id, RefusalCode::kNoSession);
   session_.note_ping();
   link_.send(Pong{session_.id(), ping.request_id, ping.host_us, now_us, now_us});
@@ -165,7 +165,7 @@ void MessageServer::once(const Request& request, uint64_t now_us) {
 
 /// True for a request that this session has not seen. A repeat is given its answer again.
 bool MessageServer::is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id) {
-  if (!session_.names(session_id)) {
+  if (!session_.matches(session_id)) {
     refuse(message_id, session_id, request_id, RefusalCode::kNoSession);
     return false;
   }

@@ -14,8 +14,8 @@ constexpr bool ids_count_from_one() {
 }
 static_assert(ids_count_from_one(), "values are found by id - 1");
 
-// The block: magic, count, (id, value) for each, CRC-32. Keyed by id, so that a release with more
-// parameters still reads the block of one with fewer.
+// The block: magic, count, (id, value) for each, CRC-32. Keyed by id, so that releases with more
+// and with fewer parameters can read each other's blocks.
 constexpr uint32_t kMagic = 0x31505757;  // "WWP1"
 constexpr size_t kHead = 5;
 constexpr size_t kEntry = 5;
@@ -90,7 +90,7 @@ bool Parameters::save(ParameterStore& store) const {
 bool Parameters::save_one(ParameterStore& store, ParameterId id) const {
   Parameters stored(specs_);
   stored.load(store);
-  if (store.faults() != 0) return false;  // or what it holds would be overwritten
+  if (store.faults() != 0) return false;  // It would overwrite a block that may still be of use.
   stored.values_[static_cast<size_t>(id) - 1] = get(id);
   return stored.save(store);
 }

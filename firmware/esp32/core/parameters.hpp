@@ -1,4 +1,4 @@
-// The parameters: bounds checked, kept over a reset in one block of bytes.
+// The parameters: checked against their bounds, and saved as one block of bytes.
 #pragma once
 
 #include "hal.hpp"
@@ -6,14 +6,14 @@
 
 namespace wheelwire {
 
-/// Bytes of a saved block at most: a later release's, with more parameters, is read too.
+/// Largest saved block. Has room for that of a later release with more parameters.
 constexpr size_t kMaxParameterBlock = 329;
 
 class Parameters {
  public:
   enum class Load : uint8_t { kLoaded, kEmpty, kCorrupt };
 
-  /// `specs`: the kParameterCount rows that this device goes by; they outlive it.
+  /// `specs`: kParameterCount rows, in the order of the ids; they must outlive this object.
   explicit Parameters(const ParameterSpec* specs = kParameters) : specs_(specs) { set_defaults(); }
 
   float get(ParameterId id) const { return values_[static_cast<size_t>(id) - 1]; }
@@ -21,15 +21,15 @@ class Parameters {
 
   /// kNone, or why the parameter cannot have this value.
   RefusalCode check(ParameterId id, float value) const;
-  /// As `check`, and takes the value.
+  /// As `check`; stores the value on kNone.
   RefusalCode set(ParameterId id, float value);
   void set_defaults();
 
-  /// Takes what the store holds. A block that is corrupt, foreign or holds a value out of its
-  /// bounds changes nothing.
+  /// Takes the values from the store. A block that is corrupt, of another format or has a value out
+  /// of bounds changes nothing.
   Load load(ParameterStore& store);
   bool save(ParameterStore& store) const;
-  /// Saves this one; of all others the store keeps what it holds, or the defaults.
+  /// Saves this one. The others keep their stored values, or their defaults if there are none.
   bool save_one(ParameterStore& store, ParameterId id) const;
 
   static bool exists(ParameterId id);

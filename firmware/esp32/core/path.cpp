@@ -3,7 +3,7 @@
 namespace wheelwire {
 namespace {
 
-/// Bounded so that a correction never reverses a wheel, and never makes it much faster than asked.
+/// Bounded so that a correction never reverses a wheel, nor makes it much faster than its setpoint.
 int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) {
   const int32_t most = scale(magnitude(setpoint), gains.catch_up_q15, 15);
   return setpoint >= 0 ? setpoint + clamp(correction, -setpoint, most)
@@ -12,11 +12,12 @@ int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) 
 
 }  // namespace
 
-WheelPair remember(WheelPair behind, bool same_direction, bool saturated, const PathGains& gains) {
+WheelPair trim_errors(WheelPair behind, bool same_direction, bool saturated,
+                      const PathGains& gains) {
   if (!same_direction) return {0, 0};
   if (saturated) {
     // A wheel at its limit cannot catch up, so the lost distance is dropped. The difference is
-    // kept: the other wheel can wait, and the heading holds.
+    // kept: the other wheel can wait, and the heading is kept.
     const int32_t common = (behind.left + behind.right) / 2;
     behind = {behind.left - common, behind.right - common};
   }
@@ -24,7 +25,7 @@ WheelPair remember(WheelPair behind, bool same_direction, bool saturated, const 
           clamp(behind.right, -gains.limit_um, gains.limit_um)};
 }
 
-WheelPair make_up(WheelPair setpoint, WheelPair behind, const PathGains& gains) {
+WheelPair correct_setpoint(WheelPair setpoint, WheelPair behind, const PathGains& gains) {
   const int32_t turn = scale(behind.left - behind.right, gains.heading_q16, 16);
   const int32_t left = scale(behind.left, gains.path_q16, 16);
   const int32_t right = scale(behind.right, gains.path_q16, 16);

@@ -3,15 +3,15 @@
 namespace wheelwire {
 namespace {
 
-// A wheel that has not ticked for so long stands; that is NOT_COUNTING's to judge. A wheel held
-// fast for a moment must not use up the time.
-constexpr uint32_t kStanding_us = 180'000;
+// A wheel without a tick for this long is at rest, which is for FaultMonitor to judge. The time
+// does not count here: a wheel that is blocked for a moment is not a fault.
+constexpr uint32_t kStandstill_us = 180'000;
 
-// Of the low-pass filter that tells how fast the speed grows.
+// Time constant of the low-pass filter from which the speed's growth is taken.
 constexpr uint32_t kFilter_us = 64'000;
 
-// Faster than any wheel; the sums below stay within 32 bits.
-constexpr int32_t kFastest_umps = 100'000'000;
+// Faster than any wheel, and small enough for the sums below to stay within 32 bits.
+constexpr int32_t kMaxSpeed_umps = 100'000'000;
 
 constexpr int32_t kOne_q12 = 4096;
 
@@ -33,7 +33,7 @@ int32_t duty_for(int32_t speed_umps, int32_t margin_q15, int32_t supply_q12,
 int32_t duty_limit(int32_t target_umps, int32_t change_umps, int32_t supply_q12,
                    const ControllerGains& gains) {
   const int32_t accelerating_q15 = scale(gains.acceleration_q24, magnitude(change_umps), 24);
-  // More than is plausible, or a wheel whose encoder loses edges would not show it.
+  // More than is plausible: else the limit would hide a wheel whose encoder loses edges.
   const int32_t margin_q15 = gains.margin_q15 + gains.margin_q15 / 4;
   const int64_t limit = duty_for(target_umps, margin_q15, supply_q12, gains) + accelerating_q15;
   return limit < gains.limit_q15 ? static_cast<int32_t>(limit) : gains.limit_q15;
@@ -48,7 +48,7 @@ void PlausibilityMonitor::reset() {
 bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool ticked,
                                  int32_t supply_q12, uint32_t period_us, uint32_t time_us,
                                  const ControllerGains& gains) {
-  const int32_t speed_umps = clamp<int32_t>(magnitude(measured_umps), 0, kFastest_umps);
+  const int32_t speed_umps = clamp<int32_t>(magnitude(measured_umps), 0, kMaxSpeed_umps);
   const uint32_t part_q16 = (period_us << 16) / kFilter_us;
   const int32_t growth_q4 =
       scale(speed_umps * 16 - slow_umps_q4_, static_cast<int32_t>(part_q16), 16);
@@ -61,7 +61,7 @@ bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool t
   }
   if (magnitude(duty_q15) <= needed_q15) {
     excess_us_ -= excess_us_ < period_us ? excess_us_ : period_us;
-  } else if (silence_us_ < kStanding_us) {
+  } else if (silence_us_ < kStandstill_us) {
     excess_us_ += period_us;
   }
   return excess_us_ >= time_us;

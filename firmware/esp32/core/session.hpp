@@ -1,11 +1,11 @@
-// Who is talking, and what was answered: the state that makes repeats and late frames harmless.
+// The session with a host: what makes repeated and late messages harmless.
 #pragma once
 
 #include "framing.hpp"
 
 namespace wheelwire {
 
-/// An answer that may have to be given again.
+/// An answer, kept for a repeat of its request.
 struct Answer {
   uint16_t request_id;
   uint8_t id;
@@ -22,19 +22,19 @@ class Session {
 
   bool is_open() const { return open_; }
   bool is_open_with(uint32_t nonce) const { return open_ && nonce == nonce_; }
-  bool names(uint32_t session_id) const { return open_ && session_id == id_; }
+  bool matches(uint32_t session_id) const { return open_ && session_id == id_; }
   /// 0 while none is open.
   uint32_t id() const { return id_; }
 
   bool clock_synchronised() const { return clock_synchronised_; }
   void note_ping() { clock_synchronised_ = true; }
 
-  /// True for a command newer than all before it in this session; it is then the newest.
+  /// True if the command is newer than all before it in this session; it then is the newest.
   bool take_command(uint32_t command_seq);
 
-  /// kRepeat: the answer was given before and is in `answer`. kOld: not to be answered.
+  /// kRepeat: already answered, with `answer`. kOld: its answer is gone; it must not be answered.
   Request classify(uint16_t request_id, const Answer*& answer) const;
-  /// The place to record the answer to a new request.
+  /// Makes room for the answer to a new request, in place of the oldest one.
   Answer& record(uint16_t request_id);
 
  private:

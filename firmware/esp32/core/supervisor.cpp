@@ -5,8 +5,8 @@ namespace {
 
 using enum SupervisorState;
 
-// Rows: SupervisorState. Columns: SupervisorEvent. A guard outside the table keeps kClearEstop and
-// kClearFault away while their cause lasts.
+// Rows: SupervisorState. Columns: SupervisorEvent. While the cause of an e-stop or a fault is
+// present, Robot refuses to clear it and applies no event.
 constexpr SupervisorState kTable[kStateCount][kEventCount] = {
     // clang-format off
     // kStarted   kSession    kSetpoint  kStop      kDeadline   kEstop     kClearEstop kFault     kClearFault

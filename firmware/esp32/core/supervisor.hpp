@@ -8,13 +8,13 @@ namespace wheelwire {
 constexpr size_t kStateCount = 6;
 constexpr size_t kEventCount = 9;
 
-/// The state after `event` in `state`; the same state where the event changes nothing.
+/// The state after `event` in `state`; `state` itself if the event changes nothing.
 SupervisorState next_state(SupervisorState state, SupervisorEvent event);
 
-/// Why a setpoint is refused in `state`; kNone where it drives.
+/// Why a setpoint is refused in `state`; kNone if it is obeyed.
 RefusalCode setpoint_refusal(SupervisorState state);
 
-/// Why a parameter may not change in `state`; kNone where it may.
+/// Why a parameter may not change in `state`; kNone if it may.
 RefusalCode change_refusal(SupervisorState state, ParameterChanges changes);
 
 class Supervisor {

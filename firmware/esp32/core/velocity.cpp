@@ -5,20 +5,20 @@
 namespace wheelwire {
 namespace {
 
-// A wheel without a tick for this long stands still.
+// A wheel without a tick for this long is at rest.
 constexpr uint32_t kStandstill_us = 500'000;
 
-// Of the marks' spacing; see note().
+// Dithers the spacing of the marks; see note().
 constexpr uint32_t kGoldenRatio_q16 = 40'503;
 
 // A whole cycle of A and B, in ticks. Its four edges are unevenly spaced, whole cycles are not.
 constexpr int32_t kCycle = 4;
 
-// With this many control steps in a window, a step is fine enough to date a tick.
+// With this many control steps in a window, the step in which a tick was seen dates it well enough.
 constexpr uint32_t kFineSteps = 16;
 
-// A tick that comes after this many tick periods ends a pause: earlier ticks say nothing about the
-// speed now.
+// A tick that comes after this many tick periods ends a pause: the earlier ones no longer say
+// anything about the speed.
 constexpr uint32_t kPeriodsOfAPause = 4;
 
 }  // namespace
@@ -36,8 +36,8 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
                                uint32_t period_us, uint32_t window_us) {
   const uint32_t t_us = static_cast<uint32_t>(now_us);
   if (change != 0) {
-    // The time between two ticks of opposite direction is no measure of speed: the wheel stopped
-    // somewhere in between.
+    // The time between two ticks of opposite direction does not measure speed: the wheel stopped in
+    // between.
     if (sign(change) != direction_) reset();
     direction_ = sign(change);
     if (silence_us_ > 0 && follows_a_pause()) count_ = 0;
@@ -47,8 +47,8 @@ void VelocityEstimator::update(int32_t change, uint32_t behind_q4, uint64_t now_
   silence_us_ = t_us - newest_.t_us;
   if (silence_us_ >= kStandstill_us) return reset();
   note(t_us, window_us);
-  // A tick that is overdue by half a period says that the wheel has slowed down: until it comes,
-  // the speed is at most 1.5 ticks over the silence.
+  // A tick that is overdue by half a period means that the wheel has slowed down: until it comes,
+  // the speed is at most 1.5 ticks in the time since the last one.
   const int32_t limit_q8 =
       silence_us_ > 0 ? static_cast<int32_t>(384'000'000u / silence_us_) : INT32_MAX;
   if (magnitude(rate_q8_) < limit_q8) {
@@ -81,7 +81,7 @@ void VelocityEstimator::note(uint32_t t_us, uint32_t window_us) {
   ++count_;
 }
 
-/// Drops marks that are too old: what is left begins about a window ago.
+/// Drops marks that are too old, so that the baseline begins about a window ago.
 void VelocityEstimator::drop_old(uint32_t t_us, uint32_t window_us, bool fine) {
   const uint32_t least_us = window_us - window_us / (2 * kMarksPerWindow);
   while (count_ > 2) {

@@ -1,14 +1,14 @@
 // Wheel velocity from ticks and the time between them.
 //
-// Ticks per control period are 0 or 1 at low speed: at 0.03 m/s and 360 counts a turn a tick comes
-// every 19 ms. So velocity is measured from one tick to another, some time apart, and while the
-// next tick does not come it is bounded by that.
+// At low speed a control period has 0 or 1 ticks: at 0.03 m/s and 360 counts a turn one comes every
+// 19 ms. So velocity is measured between two ticks some time apart; while the next tick is overdue,
+// the time without it is an upper bound.
 //
 // A tick is seen up to one control period late, by an amount that depends on the ratio of ticks to
-// steps. So that it cancels in the mean at every speed, both ends of the measurement are chosen in
-// the same way, at every step: the newest tick that is known now, and the one that was the newest a
-// window ago. Choosing either end by when its tick was seen makes the mean wrong by up to 1.6 %,
-// and choosing the length by the ticks of the moment by up to 3.3 % at 100 control steps a second.
+// steps. For this to average out at every speed, both ends of the measurement are chosen by the
+// same rule at every step: the newest tick known now, and the tick that was the newest a window
+// ago. Choosing either end by when its tick was seen biases the mean by up to 1.6 %, and choosing
+// the length by the number of ticks in it by up to 3.3 % at 100 control steps a second.
 #pragma once
 
 #include <stddef.h>
@@ -26,8 +26,8 @@ class VelocityEstimator {
 
   /// Ticks per second x 256, forward positive.
   int32_t ticks_per_s_q8() const { return rate_q8_; }
-  /// How fast the wheel falls behind, um/s, over the very time in which velocity was measured: so a
-  /// ramp of the setpoint is not taken for an error because the measurement is late.
+  /// How fast the wheel is falling behind, um/s, over the same interval as the velocity: so the lag
+  /// of the measurement is not mistaken for an error while the setpoint ramps.
   int32_t falling_behind_umps() const { return falling_behind_umps_; }
 
  private:
@@ -42,7 +42,7 @@ class VelocityEstimator {
     uint32_t noted_us;
   };
   static constexpr uint32_t kMarksPerWindow = 6;
-  /// The longest that a baseline may become while it waits for a whole cycle of ticks, in windows.
+  /// Longest baseline while waiting for a whole cycle of ticks, in windows.
   static constexpr uint32_t kMaxWindows = 4;
   static constexpr size_t kMarks = kMarksPerWindow * kMaxWindows;
 
@@ -63,12 +63,12 @@ class VelocityEstimator {
   size_t first_ = 0;
   size_t count_ = 0;
   Tick newest_{};
-  int32_t direction_ = 0;    // 0: stands
+  int32_t direction_ = 0;    // 0: at rest
   uint32_t spacing_us_ = 0;  // To the next mark.
   uint16_t dither_q16_ = 0;
-  uint32_t cycle_us_ = 0;    // How old a mark must be for a whole cycle since then.
-  uint32_t silence_us_ = 0;  // Without a tick, at the last step.
-  Tick baseline_{};          // What was measured last: so many ticks in that time.
+  uint32_t cycle_us_ = 0;    // Age that a mark needs for a whole cycle of ticks since.
+  uint32_t silence_us_ = 0;  // Time without a tick, at the last step.
+  Tick baseline_{};          // The latest measurement: ticks, and the time that they took.
   int32_t rate_q8_ = 0;
   int32_t falling_behind_umps_ = 0;
 };

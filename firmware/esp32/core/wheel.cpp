@@ -35,14 +35,14 @@ void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool mot
 int32_t Wheel::error_umps(int32_t setpoint_umps, int32_t command_umps,
                           const ControlConfig& config) const {
   if (!config.path.follows()) {
-    // The measurement is late: on a ramp, compare it with the command of the same moment.
+    // The measurement lags: on a ramp, compare it with the command of the same moment.
     const int64_t change = static_cast<int64_t>(command_umps) - controller_.last_target_umps();
     return saturate32(command_umps - change * config.gains.delay_steps - velocity_umps_);
   }
-  // Without ticks the measured rate is out of date; the setpoint's integral then gives a lower
-  // bound.
+  // While ticks are overdue the measured rate is out of date; the setpoint's integral then gives a
+  // lower bound.
   const int32_t measured = estimator_.falling_behind_umps();
-  const int32_t least = following_.least_umps(config.um_per_tick_q10);
+  const int32_t least = following_.minimum_umps(config.um_per_tick_q10);
   const bool later = least > 0 ? least > measured : least < measured;
   const int64_t behind = least != 0 && later ? least : measured;
   return saturate32(behind + command_umps - setpoint_umps);

@@ -19,12 +19,12 @@ class Wheel {
   /// Ticks count from the counter's value at power-on.
   void start(int16_t counter) { total_ = TickTotal(counter); }
 
-  /// Takes a reading of the encoder. Returns the fault that it shows, if any.
+  /// Processes a reading of the encoder. Returns the fault that it reveals, if any.
   WheelFault latch(int16_t counter, uint64_t now_us, bool encoder_inverted, int32_t supply_q12,
                    const ControlConfig&);
 
-  /// Closed loop, one control step: drives at `command_umps`. `setpoint_umps` is the velocity whose
-  /// integral is the distance that the wheel is to cover.
+  /// Closed loop, one control step. `command_umps` is the velocity to drive at: `setpoint_umps`,
+  /// whose integral is the distance to cover, plus the correction of the following error.
   void drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
                       int32_t supply_q12, const ControlConfig& config);
   /// Open loop.
@@ -38,7 +38,7 @@ class Wheel {
   uint32_t saturated_steps() const { return controller_.saturated_steps(); }
   /// How far the wheel is behind the integral of its setpoint.
   int32_t behind_um() const { return following_.um(); }
-  void forget_but(int32_t um) { following_.forget_but(um); }
+  void trim_to(int32_t um) { following_.trim_to(um); }
   bool saturated() const { return controller_.saturated(); }
 
  private:

@@ -1,4 +1,4 @@
-// Numbers on the wire: little-endian and packed, whatever the machine.
+// Numbers on the wire: little-endian and packed, on any machine.
 #pragma once
 
 #include <stddef.h>
@@ -26,7 +26,7 @@ struct UnsignedOf<8> {
   using Type = uint64_t;
 };
 
-// Shifts are by one byte: RV32 has none by a variable number of bits for 64-bit integers.
+// Shifts by one byte only: on RV32 a 64-bit shift by a variable number of bits is a library call.
 template <typename T>
 void put(uint8_t*& out, T value) {
   typename UnsignedOf<sizeof(T)>::Type bits;

@@ -26,7 +26,7 @@ class DriveOracle {
   bool valid(uint64_t now_us) const { return now_us < latest_us_; }
   /// How many setpoints the firmware may have accepted.
   uint32_t granted() const { return granted_; }
-  /// No deadline lies beyond it, also of what was void again before anybody looked.
+  /// No deadline lies beyond it, nor that of a setpoint that was voided at once.
   uint64_t furthest_us() const { return furthest_us_; }
   /// The open session's; 0 while there is none.
   uint32_t session_id() const { return session_id_; }
@@ -88,7 +88,7 @@ class DriveOracle {
   void void_all() { latest_us_ = 0; }
   bool ours(uint32_t session_id) const { return open_ && session_id == session_id_; }
 
-  // ttl_max_s can be set, so this is the most that it can be.
+  // The upper bound of ttl_max_s, which a host can set.
   static constexpr uint64_t kLongestLife_us = 5'000'000;
   static_assert(kParameters[static_cast<size_t>(ParameterId::kTtlMaxS) - 1].maximum == 5.0f);
 

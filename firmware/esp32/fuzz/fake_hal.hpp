@@ -1,5 +1,4 @@
-// A robot's hardware that does what a fuzz input says, and requires of the firmware what must
-// always hold at these interfaces.
+// Hardware that does what a fuzz input says, and checks what must always hold at these interfaces.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +27,7 @@ class FakeMotor final : public MotorPort {
   bool driven_ = false;
 };
 
-/// Turns by as many ticks each latch as it is told.
+/// Advances by a given number of ticks at each latch.
 class FakeEncoders final : public EncoderPort {
  public:
   EncoderCounts latch() override {
@@ -46,7 +45,7 @@ class FakeEncoders final : public EncoderPort {
   int right_ = 0;
 };
 
-/// Whatever the firmware reads, the oracle reads too.
+/// Also passes what the firmware reads to the oracle.
 class FakeLine final : public ByteStream {
  public:
   explicit FakeLine(DriveOracle& oracle) : oracle_(oracle) {}

@@ -1,4 +1,4 @@
-// Any bytes through the decoder. The input is the line.
+// The decoder with any bytes. The input is what arrives on the line.
 #include <vector>
 
 #include "framing.hpp"

@@ -1,5 +1,5 @@
-// Any block from the parameter store. The input is the block; where its first byte is odd, the rest
-// of it gets the magic number and a right CRC, so that what lies behind those is reached too.
+// Any block from the parameter store. The input is the block; if its first byte is odd, the rest is
+// given the magic number and a correct CRC, so that the code after those checks is reached.
 #include <cmath>
 #include <vector>
 

@@ -1,4 +1,4 @@
-// The firmware under any conversation and any course of events. The input is a script, one
+// The firmware under any messages and any course of events. The input is a script, one
 // instruction after the other, each an operation and its operands; numbers are little-endian:
 //
 //   00 n bytes...        n bytes onto the line, as they are
@@ -6,15 +6,14 @@
 //   02 id body...        as 01, made plausible: Hello's version and hash are right, session_id is
 //                        the open session's, an expiry counts from now and has 3 bytes
 //   03 n                 n control steps
-//   04                   the firmware looks at the line between two steps
-//   05 flags left right  the world from now on: 1 e-stop contact open, 2 line full, 4 store
-//   failing;
-//                        ticks a step of each wheel, signed
+//   04                   the firmware reads the line between two steps
+//   05 flags left right  from now on: flags 1 e-stop contact open, 2 line full, 4 store failing;
+//                        signed ticks per step of each wheel
 //   06                   the last frame again
 //   07                   a reset of the device
 //   08 us us             a control step that comes after so many microseconds
 //
-// What is no instruction ends the script.
+// Anything else ends the script.
 #include <memory>
 
 #include "fuzzed_robot.hpp"

@@ -1,8 +1,8 @@
-// The whole firmware on a fake robot. After everything that happens to it, it has to be true that
+// The whole firmware on fake hardware. After each call it must hold that
 //
 // - it drives only by a setpoint of the open session that has not expired, by the firmware's own
 //   account and by that of `DriveOracle`, and only in the state DRIVING without a fault;
-// - its deadline moves only when a setpoint was taken, or ends with its session.
+// - its deadline moves only when a setpoint is accepted, or is cleared with its session.
 #pragma once
 
 #include "device.hpp"

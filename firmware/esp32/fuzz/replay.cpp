@@ -1,4 +1,4 @@
-// Runs a fuzz target once over each file: what a compiler without libFuzzer can do.
+// Runs a fuzz target once over each file, for compilers without libFuzzer.
 #include <cstdint>
 #include <cstdio>
 #include <fstream>

@@ -1,5 +1,4 @@
-// How a fuzz target says that something must never happen: a crash that both libFuzzer and a plain
-// replay notice, in every build.
+// Asserts in a fuzz target, by a crash that libFuzzer and a plain replay notice in every build.
 #pragma once
 
 #include <cstdio>

@@ -1,5 +1,5 @@
-// Start-up. All memory is static; what the IDF's drivers take from the heap, they take in here or
-// as the tasks begin.
+// Start-up. All memory is static; the IDF's drivers allocate what they need in here, or as the
+// tasks begin.
 #include "battery.hpp"
 #include "control_task.hpp"
 #include "device.hpp"
@@ -33,7 +33,7 @@ BoardState board_state;
 LatestBattery latest_battery{board_state};
 Housekeeping housekeeping{battery, board_state};
 
-/// Those parameters that a peripheral needs before it starts. The robot loads them again.
+/// Some peripherals need parameters before they start. The device loads them again.
 Parameters stored_parameters() {
   Parameters parameters;
   parameters.load(store);
@@ -51,14 +51,14 @@ void start() {
   store.start();
   const bool has_line = line.start();
   const bool has_machine = machine.start(stored_parameters());
-  // Its entropy source is the ADC: before the battery has it.
+  // Its entropy source is the ADC, so this comes before the battery takes that.
   Identity identity = make_identity(0);
   const bool has_battery = Battery::kFitted && battery.start();
   identity.capabilities = capabilities(has_battery);
 
-  // Until here the bootloader's watchdog, the same one, has watched. Before the dead-man, which
-  // disarms it from another core as long as no control step comes: its write protection would
-  // swallow part of the configuration.
+  // Up to here it was the bootloader's watchdog. Configured before the dead-man starts: that one
+  // disarms it from another core as long as no control step runs, and would re-enable its write
+  // protection half-way through the configuration.
   prepare_drive_watchdog();
   const bool is_watched = start_task_watchdog() && dead_man.watch_from_this_core();
 
@@ -70,7 +70,7 @@ void start() {
                         .estop = machine.estop,
                         .battery = latest_battery},
                        identity};
-  // A robot that cannot drive safely still tells why.
+  // A robot that cannot drive safely still reports why.
   if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
 
   static ControlTask control{device, line, dead_man, board_state};

@@ -16,7 +16,7 @@ constexpr int kDividerPermille = CONFIG_WHEELWIRE_BATTERY_DIVIDER_PERMILLE;
 constexpr int kDividerPermille = 1000;
 #endif
 
-/// Each chip was measured in the factory; the scheme is its family's.
+/// Uses the chip's factory calibration; the scheme depends on the family.
 bool create_calibration([[maybe_unused]] adc_channel_t channel, adc_cali_handle_t& calibration) {
 #if ADC_CALI_SCHEME_CURVE_FITTING_SUPPORTED
   const adc_cali_curve_fitting_config_t config = {
@@ -27,7 +27,7 @@ bool create_calibration([[maybe_unused]] adc_channel_t channel, adc_cali_handle_
   config.unit_id = ADC_UNIT_1;
   config.atten = kAttenuation;
   config.bitwidth = kBits;
-  config.default_vref = 1100;  // Nominal, for the few chips without a value of their own.
+  config.default_vref = 1100;  // Nominal, for the few chips without a calibrated value.
   return adc_cali_create_scheme_line_fitting(&config, &calibration) == ESP_OK;
 #endif
 }

@@ -1,4 +1,4 @@
-// All memory that two tasks share.
+// All state that two tasks share.
 #pragma once
 
 #include <atomic>
@@ -8,13 +8,13 @@
 
 namespace wheelwire {
 
-/// The rule: each value has one writer and is whole in itself; no two of them are read together.
+/// Each value has a single writer, named below, and stands alone: no two have to be consistent.
 struct BoardState {
   std::atomic<SupervisorState> supervisor{SupervisorState::kBoot};  ///< By the control task.
   std::atomic<uint16_t> battery_mv{0};                              ///< By housekeeping.
 };
 
-/// What housekeeping measured last.
+/// The latest measurement of housekeeping.
 class LatestBattery final : public BatterySense {
  public:
   explicit LatestBattery(const BoardState& state) : state_(state) {}

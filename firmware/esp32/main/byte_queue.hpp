@@ -6,11 +6,11 @@
 
 namespace wheelwire {
 
-/// A ring of bytes for one task.
+/// A ring buffer of bytes, for use by one task.
 template <size_t capacity>
 class ByteQueue {
  public:
-  /// All of the bytes, or none and false.
+  /// Appends all of the bytes; or none, and returns false.
   bool put(const uint8_t* data, size_t size) {
     if (size > capacity - size_) return false;
     const size_t end = (begin_ + size_) % capacity;
@@ -21,11 +21,11 @@ class ByteQueue {
     return true;
   }
 
-  /// The oldest bytes, as many as lie side by side.
+  /// The oldest bytes, as many as are contiguous.
   const uint8_t* front() const { return bytes_ + begin_; }
   size_t front_size() const { return size_ < capacity - begin_ ? size_ : capacity - begin_; }
 
-  /// Forgets the oldest `size` bytes, at most front_size().
+  /// Removes the oldest `size` bytes, at most front_size().
   void drop(size_t size) {
     begin_ = (begin_ + size) % capacity;
     size_ -= size;

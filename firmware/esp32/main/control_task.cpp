@@ -14,13 +14,13 @@ namespace {
 constexpr uint32_t kStepDue = 1;
 constexpr uint32_t kBytesCame = 2;
 
-// Its own core where there are two. The drivers' and the control timer's interrupts are on the
-// other.
+// Where there are two cores, this task has one for itself. The interrupts of the drivers and of the
+// control timer are on the other.
 constexpr BaseType_t kCore = CONFIG_FREERTOS_NUMBER_OF_CORES - 1;
 constexpr UBaseType_t kPriority = configMAX_PRIORITIES - 1;
 constexpr uint32_t kStackBytes = 8192;
 
-/// A robot whose timer does not start still steps, late, and says so. Longer than any period,
+/// Without its timer a robot still steps, late, and can report the failure. Longer than any period,
 /// shorter than the task watchdog.
 constexpr TickType_t kStepTimeout = pdMS_TO_TICKS(50);
 
@@ -41,7 +41,7 @@ void ControlTask::run(void* self) {
 }
 
 bool ControlTask::prepare() {
-  // The other core's watch began before this task.
+  // Core 0 has been watched since start-up.
   if (kCore != 0 && !dead_man_.watch_from_this_core()) return false;
   const TaskHandle_t self = xTaskGetCurrentTaskHandle();
   line_.notify(self, kBytesCame);
@@ -56,8 +56,8 @@ bool ControlTask::prepare() {
   return esp_timer_create(&timer, &timer_) == ESP_OK && follow_period();
 }
 
-/// Watched from here on: a start that hangs ends in a restart, too. It reads flash, which stalls
-/// both cores.
+/// Under the task watchdog from here on, so that a start that hangs restarts the chip, too. It
+/// reads flash, which stalls both cores.
 bool ControlTask::start_robot() {
   const SlowOperation flash_read;
   const bool is_watched = watch_this_task();
@@ -79,7 +79,7 @@ void ControlTask::serve() {
     if (!woken || events & kStepDue) {
       step();
     } else {
-      device_.service_link(now_us());  // A ping is answered at once, not at the next step.
+      device_.service_link(now_us());  // A ping is answered now, not at the next step.
     }
   }
 }
@@ -96,7 +96,7 @@ void ControlTask::step() {
     device_.report_driver_failure();
 }
 
-/// Timer and dead-man to the period that the parameters ask for.
+/// Sets timer and dead-man to the control period that the parameters give.
 bool ControlTask::follow_period() {
   period_us_ = device_.control_period_us();
   const esp_err_t result = esp_timer_is_active(timer_)

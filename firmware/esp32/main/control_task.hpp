@@ -1,4 +1,4 @@
-// The one task that runs the robot: control steps by a timer, the link as bytes come.
+// The task that runs the robot: control steps on a timer, the link as bytes arrive.
 #pragma once
 
 #include "board_state.hpp"
@@ -15,7 +15,7 @@ class ControlTask {
   ControlTask(Device& device, Line& line, DeadMan& dead_man, BoardState& state)
       : device_(device), line_(line), dead_man_(dead_man), state_(state) {}
 
-  /// Creates the task. Robot, line and every port that the robot uses are its own from here on.
+  /// Creates the task. From here on it owns device, line and every port that the device uses.
   void start();
 
  private:

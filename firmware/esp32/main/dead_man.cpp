@@ -6,7 +6,7 @@
 #include "esp_private/gptimer.h"
 #include "freertos/FreeRTOS.h"
 
-// In RAM, or these interrupts wait, or crash, while a flash write has the cache off.
+// The interrupts must be in RAM: else they wait, or crash, while a flash write has the cache off.
 #if !CONFIG_GPTIMER_ISR_IRAM_SAFE || !CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM
 #error \
     "The dead-man needs CONFIG_GPTIMER_ISR_IRAM_SAFE=y and CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM=y: they are in sdkconfig.defaults; delete the build folder, or its sdkconfig, and build again"
@@ -17,8 +17,8 @@ namespace {
 
 constexpr uint32_t kMicrosecondHz = 1'000'000;
 
-/// In the timer group of this core's number. A group's timers share a lock: a core that stops while
-/// it holds it must not stop the other core's watch.
+/// Takes a timer of the group with this core's number. The timers of a group share a lock: a core
+/// that stops while holding it must not stop the other core's dead-man.
 bool new_timer(gptimer_handle_t* timer) {
   const gptimer_config_t config = {
       .clk_src = GPTIMER_CLK_SRC_DEFAULT,
@@ -28,7 +28,7 @@ bool new_timer(gptimer_handle_t* timer) {
       .flags = {},
   };
   int group = -1;
-  do {  // The first group's timers are given out first; those passed over stay unused.
+  do {  // The first group's timers are handed out first; those that are skipped stay unused.
     if (gptimer_new_timer(&config, timer) != ESP_OK) return false;
     if (gptimer_get_group_id(*timer, &group) != ESP_OK) return false;
   } while (group != xPortGetCoreID());
@@ -39,15 +39,15 @@ bool new_timer(gptimer_handle_t* timer) {
 
 IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_event_data_t* event,
                                  void* context) {
-  // The counter began anew at the alarm. Where interrupts were off until after the next one was
-  // due, or nearly so, there would be none any more.
+  // The counter restarted at the alarm. If interrupts were off for so long that it has nearly
+  // reached the next alarm, or is past it, that alarm would be missed, and with it all later ones.
   if (event->count_value > kWatchPeriodUs / 2) gptimer_set_raw_count(timer, 0);
   auto& watcher = *static_cast<Watcher*>(context);
   const DeadMan& dead_man = *watcher.dead_man;
-  if (watcher.watch.look(dead_man.steps_.load(std::memory_order_relaxed),
-                         dead_man.limit_.load(std::memory_order_relaxed))) {
+  if (watcher.watch.check(dead_man.steps_.load(std::memory_order_relaxed),
+                          dead_man.limit_.load(std::memory_order_relaxed))) {
     hold_enables_low();
-    // The slower watchdogs restart the chip, and leave a core dump.
+    // Leaves the restart to the slower watchdogs, which write a core dump.
     disarm_drive_watchdog();
   }
   return false;

@@ -1,5 +1,5 @@
-// Below the scheduler: when no control step has run for some time, interrupts hold EN low. They
-// need no task, no flash and no driver. step_watch.hpp says when.
+// Independent of the scheduler: when no control step has run for some time, interrupts hold EN low.
+// They need no task, no flash and no driver. step_watch.hpp says when.
 #pragma once
 
 #include <atomic>
@@ -12,17 +12,17 @@ namespace wheelwire {
 
 class DeadMan {
  public:
-  /// Watches from the core that calls this, once from each: so one of them sees whichever core
-  /// stands still, or has its interrupts off.
+  /// Starts watching from the calling core. Call it once on each core: then one notices if the
+  /// other hangs, or has its interrupts off.
   bool watch_from_this_core();
-  /// A control step ran.
+  /// Call after each control step.
   void feed() { steps_.fetch_add(1, std::memory_order_relaxed); }
   void follow_period(uint32_t control_period_us) {
-    limit_.store(looks_without_a_step(control_period_us), std::memory_order_relaxed);
+    limit_.store(checks_without_a_step(control_period_us), std::memory_order_relaxed);
   }
 
  private:
-  /// All that an interrupt uses.
+  /// All state that an interrupt uses.
   struct Watcher {
     DeadMan* dead_man;
     StepWatch watch;
@@ -33,7 +33,7 @@ class DeadMan {
                        void* watcher);
 
   std::atomic<uint32_t> steps_{0};
-  std::atomic<uint32_t> limit_{looks_without_a_step(0)};
+  std::atomic<uint32_t> limit_{checks_without_a_step(0)};
   Watcher watchers_[CONFIG_FREERTOS_NUMBER_OF_CORES]{};
 };
 

@@ -10,15 +10,15 @@
 namespace wheelwire {
 namespace {
 
-/// Within 20 ms of the last control step, even where the clock that counts it runs 11 % slow. Later
-/// than the dead-man, whose stop leaves a core dump.
+/// Within 20 ms of the last control step even if the watchdog's clock runs 11 % slow, and later
+/// than the dead-man, after which a core dump can still be written.
 constexpr uint64_t kLimitUs = 18'000;
-static_assert(kLimitUs > kLongestWatchUs && kLimitUs * 111 / 100 < 20'000);
+static_assert(kLimitUs > kMaxWatchUs && kLimitUs * 111 / 100 < 20'000);
 
 }  // namespace
 
 void prepare_drive_watchdog() {
-  // The slow clock's period as it was measured at start-up: its oscillator is a rough one.
+  // In periods of the slow clock as measured at start-up: its oscillator is imprecise.
   const auto ticks =
       static_cast<uint32_t>((kLimitUs << RTC_CLK_CAL_FRACT) / esp_clk_slowclk_cal_get());
   wdt_hal_context_t watchdog;
@@ -28,7 +28,7 @@ void prepare_drive_watchdog() {
   wdt_hal_write_protect_enable(&watchdog);
 }
 
-// The other functions inline their register accesses: they run with flash out of reach, too.
+// The other functions inline their register accesses: they also run while flash is inaccessible.
 
 void feed_drive_watchdog() {
   rwdt_dev_t* const device = RWDT_DEV_GET();

@@ -1,4 +1,4 @@
-// EN of both bridges by direct register writes, so that it works where little else does: in the
+// EN of both bridges by direct register writes, which work where little else does: in the
 // bootloader, in an interrupt while the cache is off, in a panic.
 #pragma once
 
@@ -9,12 +9,12 @@
 
 namespace wheelwire {
 
-/// Where the GPIO matrix says what drives a pin.
+/// The register of the GPIO matrix that selects what drives a pin.
 constexpr uint32_t output_route_register(int pin) {
   return GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin);
 }
 
-// Pins are template arguments, and everything is inlined: a table or a call would be in flash.
+// Pins are template arguments and everything is inlined: a table or a call might be in flash.
 
 template <int pin>
 [[gnu::always_inline]] inline void hold_low() {

@@ -22,7 +22,7 @@ bool add_channel(pcnt_unit_handle_t unit, int edge_pin, int level_pin,
                                        PCNT_CHANNEL_LEVEL_ACTION_INVERSE) == ESP_OK;
 }
 
-/// Every edge of A and B counts, up while A leads.
+/// Counts every edge of A and B, up while A leads.
 bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
   constexpr auto kUp = PCNT_CHANNEL_EDGE_ACTION_INCREASE;
   constexpr auto kDown = PCNT_CHANNEL_EDGE_ACTION_DECREASE;
@@ -30,8 +30,8 @@ bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
          add_channel(unit, pins.b, pins.a, kUp, kDown);
 }
 
-/// The counter returns to 0 at its limits. Watching them switches their comparators on; the
-/// interrupt stays off, for without accum_count or a callback none is installed.
+/// The counter returns to 0 at its limits. Watch points there enable their comparators, but no
+/// interrupt: the driver installs one only for accum_count or a callback.
 bool watch_limits(pcnt_unit_handle_t unit) {
   return pcnt_unit_add_watch_point(unit, kCounterLimit) == ESP_OK &&
          pcnt_unit_add_watch_point(unit, -kCounterLimit) == ESP_OK;
@@ -43,7 +43,7 @@ bool filter_glitches(pcnt_unit_handle_t unit, uint32_t glitch_ns) {
   return pcnt_unit_set_glitch_filter(unit, &filter) == ESP_OK;
 }
 
-/// A new limit is in force only after a clear, which is the counter's only one.
+/// Limits take effect only at a clear; the counter is not cleared again.
 bool start_unit(pcnt_unit_handle_t& unit, const EncoderPins& pins, uint32_t glitch_ns) {
   pcnt_unit_config_t config = {};
   config.low_limit = -kCounterLimit;
@@ -67,7 +67,7 @@ bool Encoders::start(uint32_t glitch_ns) {
 }
 
 EncoderCounts Encoders::latch() {
-  // No interrupt of this core may come between the two counters and the clock.
+  // No interrupt of this core may come between reading the two counters and the clock.
   portENTER_CRITICAL(&latch_lock);
   const EncoderCounts counts = {
       .t_us = now_us(), .left = count_of(left_), .right = count_of(right_)};

@@ -8,8 +8,8 @@
 namespace wheelwire {
 namespace {
 
-constexpr uint32_t kTurnMs = 20;
-constexpr uint32_t kTurnsPerBattery = 10;
+constexpr uint32_t kCycleMs = 20;
+constexpr uint32_t kCyclesPerBattery = 10;
 
 constexpr BaseType_t kCore = 0;
 constexpr UBaseType_t kPriority = tskIDLE_PRIORITY + 1;
@@ -31,16 +31,16 @@ void Housekeeping::run(void* self) {
   watch_this_task();
   TickType_t wake = xTaskGetTickCount();
   for (;;) {
-    static_cast<Housekeeping*>(self)->turn();
+    static_cast<Housekeeping*>(self)->run_once();
     feed_task_watchdog();
-    xTaskDelayUntil(&wake, pdMS_TO_TICKS(kTurnMs));
+    xTaskDelayUntil(&wake, pdMS_TO_TICKS(kCycleMs));
   }
 }
 
-void Housekeeping::turn() {
-  ++turn_;
-  show_on_status_led(state_.supervisor.load(std::memory_order_relaxed), turn_ * kTurnMs);
-  if (has_battery_ && turn_ % kTurnsPerBattery == 0)
+void Housekeeping::run_once() {
+  ++cycles_;
+  show_on_status_led(state_.supervisor.load(std::memory_order_relaxed), cycles_ * kCycleMs);
+  if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
 }
 

@@ -1,5 +1,5 @@
-// What may wait: the status LED and the battery. The lowest priority, under the task watchdog, so
-// that a core on which nothing runs any more is noticed too.
+// What can wait: the status LED and the battery. Lowest priority, under the task watchdog, so that
+// a core on which no task runs any more is noticed, too.
 #pragma once
 
 #include "battery.hpp"
@@ -11,17 +11,17 @@ class Housekeeping {
  public:
   Housekeeping(Battery& battery, BoardState& state) : battery_(battery), state_(state) {}
 
-  /// Creates the task, to which the battery belongs from here on.
+  /// Creates the task, which owns the battery from here on.
   void start(bool has_battery);
 
  private:
   [[noreturn]] static void run(void* self);
-  void turn();
+  void run_once();
 
   Battery& battery_;
   BoardState& state_;
   bool has_battery_ = false;
-  uint32_t turn_ = 0;
+  uint32_t cycles_ = 0;
 };
 
 }  // namespace wheelwire

@@ -17,7 +17,7 @@ constexpr Board kBoard = Board::kEsp32s3;
 constexpr Board kBoard = Board::kEsp32c6;
 #endif
 
-/// Without a radio the generator is random only while this entropy source feeds it.
+/// With the radio off the generator needs this entropy source.
 uint32_t draw_boot_id() {
   bootloader_random_enable();
   const uint32_t boot_id = esp_random();

@@ -4,7 +4,7 @@
 
 namespace wheelwire {
 
-/// Who this is, as DeviceHello tells it. Draws a new boot id: call once.
+/// What DeviceHello reports. Draws a new boot id: call once.
 Identity make_identity(uint32_t capabilities);
 
 }  // namespace wheelwire

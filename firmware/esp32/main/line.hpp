@@ -1,4 +1,4 @@
-// The line to the host: UART0, or the chip's own USB, as the build says.
+// The line to the host: UART0 or the chip's own USB, chosen by the build.
 #pragma once
 
 #include "freertos/FreeRTOS.h"
@@ -7,13 +7,13 @@
 
 namespace wheelwire {
 
-/// Used by the control task only. The driver's interrupt fills the driver's own buffer.
+/// For the control task only. The driver's interrupt fills the driver's own buffer.
 class Line final : public ByteStream {
  public:
   bool start();
-  /// From now on `task` is notified with `bits` when bytes have come.
+  /// From now on `task` is notified with `bits` when bytes arrive.
   void notify(TaskHandle_t task, uint32_t bits);
-  /// Hands waiting bytes to the hardware, which may take but a few at a time.
+  /// Hands waiting bytes to the hardware, which may take only a few at a time.
   void push();
 
   size_t read(uint8_t* out, size_t capacity) override;

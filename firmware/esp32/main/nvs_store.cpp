@@ -53,7 +53,7 @@ bool NvsStore::save(const uint8_t* data, size_t size) {
 
 bool NvsStore::erase() {
   const SlowOperation flash_write;
-  // One that cannot be read is formatted: there is no entry to remove.
+  // Storage that cannot be read is formatted: no entry can be removed from it.
   if (faults_ != 0) {
     if (open_) nvs_close(handle_);
     open_ = false;

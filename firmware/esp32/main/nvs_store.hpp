@@ -1,5 +1,5 @@
-// The parameters' block in the chip's non-volatile storage (NVS). Its version and CRC are the
-// core's; NVS replaces it as a whole or not at all.
+// The parameters' block in the chip's non-volatile storage (NVS). The core adds version and CRC;
+// NVS replaces the block as a whole or not at all.
 #pragma once
 
 #include "hal.hpp"
@@ -7,7 +7,7 @@
 
 namespace wheelwire {
 
-/// Nothing is erased but when the host asks for it: what cannot be read may be what somebody needs.
+/// Erases only when the host asks for it: a block that cannot be read may still be needed.
 class NvsStore final : public ParameterStore {
  public:
   /// Never fails: without storage there is nothing to load, saving is refused, and faults() says

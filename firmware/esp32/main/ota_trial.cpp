@@ -15,7 +15,7 @@ void OtaTrial::start() {
 void OtaTrial::step(const Device& device, uint64_t now_us) {
   if (!on_trial_) return;
   if (!has_proved_itself(now_us, device.has_session(), device.state(), device.faults())) return;
-  on_trial_ = false;  // Tried once: where flash cannot be written, it would fail at every step.
+  on_trial_ = false;  // Tried once: if flash cannot be written, it would fail at every step.
   const SlowOperation flash_write;
   esp_ota_mark_app_valid_cancel_rollback();
 }

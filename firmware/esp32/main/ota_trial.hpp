@@ -8,7 +8,7 @@ namespace wheelwire {
 class OtaTrial {
  public:
   void start();
-  /// After each control step, from the control task: nothing can drive while flash is written.
+  /// Call after each control step, from the control task: nothing can drive while it writes flash.
   void step(const Device& device, uint64_t now_us);
 
  private:

@@ -7,7 +7,8 @@ namespace wheelwire {
 namespace {
 
 constexpr int kGroup = 0;
-// 80 MHz gives 4000 steps at 20 kHz, but the counter's 16 bits end at 1.2 kHz; below it, 5 MHz do.
+// 80 MHz gives 4000 steps at 20 kHz, but overflows the 16-bit counter below 1.2 kHz; there 5 MHz is
+// used.
 constexpr uint32_t kFineHz = 80'000'000;
 constexpr uint32_t kCoarseHz = 5'000'000;
 constexpr uint32_t kCounterEnd = 65'535;
@@ -89,7 +90,7 @@ bool PwmBridge::start_pwm(mcpwm_timer_handle_t timer) {
       .comparator = comparator_,
       .action = MCPWM_GEN_ACTION_LOW,
   };
-  // The fall first: an output that knows only how to rise would stay high.
+  // The falling edge first: an output with only a rising one would stay high.
   return mcpwm_generator_set_action_on_compare_event(output, fall) == ESP_OK &&
          mcpwm_generator_set_action_on_timer_event(output, rise) == ESP_OK;
 }
@@ -100,7 +101,7 @@ void PwmBridge::set_inputs(bool in1, bool in2) {
 }
 
 void PwmBridge::set_enable(uint16_t duty_q15) {
-  if (pwm_route_ == 0) return;  // It did not start: EN stays low.
+  if (pwm_route_ == 0) return;  // Not started: EN stays low.
   // At full duty the counter never reaches the comparator, and EN stays high.
   mcpwm_comparator_set_compare_value(comparator_, duty_q15 * period_ticks_ / INT16_MAX);
   REG_WRITE(output_route_register(pins_.enable), duty_q15 == 0 ? SIG_GPIO_OUT_IDX : pwm_route_);

@@ -7,11 +7,12 @@
 
 namespace wheelwire {
 
-/// Both bridges run on one timer, and so at one frequency and in phase.
+/// One timer for both bridges: they have the same frequency and are in phase.
 class PwmTimer {
  public:
   bool create(uint32_t frequency_hz);
-  /// Once the bridges are started: making an output routes EN to it, which must not rise there.
+  /// Call after both bridges have started: creating a PWM output routes EN to it, and EN must not
+  /// rise then.
   bool run();
   mcpwm_timer_handle_t handle() const { return timer_; }
   uint32_t period_ticks() const { return period_ticks_; }
@@ -21,8 +22,8 @@ class PwmTimer {
   uint32_t period_ticks_ = 0;
 };
 
-/// EN is routed to the PWM only while it is to be high: low is a plain output, not a PWM of 0 %,
-/// and the dead-man's low lasts until a control step asks for more.
+/// EN is routed to the PWM only while a drive is wanted, and is a plain low output otherwise, not a
+/// PWM of 0 %: so EN that the dead-man pulled low stays low until a control step drives again.
 class PwmBridge final : public BridgePort {
  public:
   explicit PwmBridge(const BridgePins& pins) : pins_(pins) {}
@@ -38,7 +39,7 @@ class PwmBridge final : public BridgePort {
   BridgePins pins_;
   uint32_t period_ticks_ = 0;
   mcpwm_cmpr_handle_t comparator_ = nullptr;
-  uint32_t pwm_route_ = 0;  ///< In the GPIO matrix while EN follows the PWM; 0: not started.
+  uint32_t pwm_route_ = 0;  ///< Signal in the GPIO matrix while EN follows the PWM; 0: not started.
 };
 
 }  // namespace wheelwire

@@ -7,8 +7,8 @@
 namespace wheelwire {
 namespace {
 
-/// One step of the physics a control period: the chip computes doubles in software. The default
-/// robot's time constant is a hundred times as long, and after a gap it just takes longer.
+/// One physics step per control period, since the chip computes doubles in software. The default
+/// robot's time constant is a hundred times as long. After a longer gap simulated time is lost.
 constexpr double kMaxStepS = 2e-3;
 
 }  // namespace

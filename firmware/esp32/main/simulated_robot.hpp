@@ -1,5 +1,5 @@
-// The simulator's motors and encoders on the chip: a bare board on a desk is a complete robot. Its
-// EN pins stay low.
+// The simulator's motors and encoders on the chip, so that a bare board is a complete robot. Its EN
+// pins stay low.
 #pragma once
 
 #include "bridge_port.hpp"

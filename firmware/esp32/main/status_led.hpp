@@ -8,8 +8,8 @@
 
 namespace wheelwire {
 
-/// Whether the LED is lit: short blink ready, steady driving, even slow blink timed out, fast
-/// blink e-stop or fault.
+/// Whether the LED is on. Short blinks: ready; steady: driving; slow blinking: timed out; fast
+/// blinking: e-stop or fault.
 constexpr bool is_lit(SupervisorState state, uint32_t time_ms) {
   switch (state) {
     case SupervisorState::kBoot:

@@ -1,18 +1,18 @@
-// The task watchdog: a task that hangs ends in a panic, and that in a silent restart. (The command
-// watchdog, which stops a robot whose host is gone, is the core's.)
+// The task watchdog: a task that hangs causes a panic, and that a silent restart. (The command
+// watchdog, which stops a robot whose host is gone, is in the core.)
 #pragma once
 
 namespace wheelwire {
 
 bool start_task_watchdog();
 
-/// Watches the calling task, which from now on feeds it.
+/// Watches the calling task, which must feed it from now on.
 bool watch_this_task();
 void feed_task_watchdog();
 
-/// While it exists, tasks may stand still for longer: a flash write stalls both cores, and a
-/// sector's erasure takes up to some hundred milliseconds. The core lets it happen only while
-/// stopped, and the dead-man holds EN low meanwhile.
+/// While one exists, tasks may stall for longer: a flash write stalls both cores, and erasing a
+/// sector takes up to some hundred milliseconds. The core writes only while stopped, and the
+/// dead-man holds EN low meanwhile.
 class SlowOperation {
  public:
   SlowOperation();

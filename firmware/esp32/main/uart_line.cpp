@@ -1,4 +1,4 @@
-// The line on UART0, which a DevKit's USB bridge carries.
+// The line on UART0, behind a DevKit's USB bridge.
 #include "byte_queue.hpp"
 #include "driver/uart.h"
 #include "driver/uart_select.h"
@@ -13,15 +13,15 @@ namespace {
 constexpr uart_port_t kPort = UART_NUM_0;
 constexpr uint32_t kBaudRate = CONFIG_WHEELWIRE_BAUD_RATE;
 constexpr uint32_t kBitsPerByte = 10;
-// Ten milliseconds of 2 Mbit/s: more than a control step ever takes.
+// Ten milliseconds at 2 Mbit/s: longer than any control step.
 constexpr size_t kReceiveBuffer = 2048;
-// Longer would only keep old frames waiting on a slow line.
+// A longer one would only keep stale frames waiting on a slow line.
 constexpr size_t kSendBuffer = 1024;
-// The interrupt comes after this many bytes, or this many byte times of silence.
+// An interrupt after this many bytes, or after this many byte times of silence.
 constexpr int kReceiveThreshold = 64;
 constexpr uint8_t kReceiveTimeout = 2;
 
-// The driver's own send buffer blocks when it is full, and does not tell how full it is.
+// Not the driver's own send buffer: it blocks when full, and does not say how full it is.
 ByteQueue<kSendBuffer> to_send;
 
 // Written once by Line::notify before the callback is set.

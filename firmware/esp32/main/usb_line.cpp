@@ -43,7 +43,7 @@ bool Line::write(const uint8_t* data, size_t size) {
   return usb_serial_jtag_write_bytes(data, size, 0) == static_cast<int>(size);
 }
 
-void Line::push() {}  // The driver's interrupt does.
+void Line::push() {}  // The driver's interrupt does it.
 
 uint32_t Line::bytes_per_second() const { return 0; }
 

@@ -1,4 +1,4 @@
-// The motors and encoders that are wired to this chip.
+// The motors, encoders and contact that are wired to this chip.
 #pragma once
 
 #include "encoders.hpp"
@@ -12,7 +12,7 @@ namespace wheelwire {
 struct WiredRobot {
   static constexpr uint32_t kCapabilities = capability::kEstopInput;
 
-  /// Starts whatever can be started. False: a peripheral did not start, and EN stays low.
+  /// Starts as much as possible. False: a peripheral did not start, and EN stays low.
   bool start(const Parameters& parameters);
 
   PwmTimer timer;

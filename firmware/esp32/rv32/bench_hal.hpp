@@ -1,4 +1,4 @@
-// The least robot that drives: wheels that follow their duty, and a line without errors.
+// The simplest robot that drives: wheels that follow their duty, and a line without errors.
 #pragma once
 
 #include <string.h>
@@ -15,7 +15,7 @@ class BenchWheel final : public BridgePort {
   void set_inputs(bool in1, bool in2) override { direction_ = in1 - in2; }
   void set_enable(uint16_t duty_q15) override { duty_q15_ = duty_q15; }
 
-  /// One millisecond of the world.
+  /// Advances by one millisecond.
   void turn() {
     const int64_t wanted_umps = static_cast<int64_t>(kNoLoad_umps) * direction_ * duty_q15_;
     speed_umps_ += static_cast<int32_t>(wanted_umps / kFullDuty - speed_umps_) / kLag_ms;
@@ -39,7 +39,7 @@ class BenchEncoders final : public EncoderPort {
  public:
   BenchEncoders(const BenchWheel& left, const BenchWheel& right) : left_(left), right_(right) {}
 
-  /// Outside of what is counted.
+  /// Not counted.
   void sample(uint64_t now_us) { counts_ = {now_us, left_.counter(), right_.counter()}; }
   EncoderCounts latch() override { return counts_; }
 

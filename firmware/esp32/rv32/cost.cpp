@@ -1,6 +1,6 @@
-// Drives the whole firmware for four seconds and prints, as JSON, what it took in instructions.
+// Drives the whole firmware for four seconds and prints its instruction counts as JSON.
 //
-// What the bench's own HAL takes is counted too; it copies bytes and numbers and no more.
+// The bench's own HAL is counted, too; it only copies bytes and numbers.
 #include <stdio.h>
 
 #include "bench_hal.hpp"
@@ -22,7 +22,7 @@ constexpr uint32_t kTtl_us = 300'000;
 // Setpoints come every 17 steps, state goes every 10: each with and without the other.
 constexpr uint32_t kSetpointInterval = 17;
 
-/// Straight, curves, on the spot, reversals: the slew limit is at work most of the time.
+/// Straight, curves, on the spot, reversals: the slew limit is active most of the time.
 constexpr float kTargets_mps[][2] = {{0.4f, 0.4f},   {0.15f, 0.3f},   {-0.4f, -0.4f}, {0.2f, -0.2f},
                                      {0.02f, 0.02f}, {-0.37f, 0.11f}, {0.5f, 0.3f},   {0.0f, 0.0f}};
 constexpr uint32_t kTargetCount = sizeof kTargets_mps / sizeof kTargets_mps[0];
@@ -49,7 +49,7 @@ struct Bench {
                  .git_hash = 0}};
   uint64_t now_us = 0;
 
-  /// One period of the world, then one control step. Returns what the step took.
+  /// Advances the world by a period, then runs a control step. Returns the step's count.
   uint32_t step() {
     now_us += device.control_period_us();
     left.turn();
@@ -79,10 +79,10 @@ class LinkBench {
     line_.arrive(sent);
     SetWheelVelocity received;
     return instructions([&] {
-      link_.new_turn();
+      link_.renew_read_budget();
       Frame frame;
       if (link_.receive(frame)) received = SetWheelVelocity::decode(frame.body);
-      asm volatile("" : : "m"(received));  // or the decoding is left out, for nothing reads it
+      asm volatile("" : : "m"(received));  // Or the compiler drops the unused result.
     });
   }
 
@@ -113,7 +113,7 @@ Bench bench;
 LinkBench link_bench;
 Result result;
 
-/// False when the robot did not drive all the time.
+/// False if the robot stopped driving.
 bool run() {
   bench.connect();
   for (uint32_t i = 0; i < kSteps; ++i) {

@@ -14,7 +14,7 @@ inline uint32_t retired() {
   return count;
 }
 
-/// Instructions that `work` takes, without those of counting.
+/// Instructions that `work` takes, without those for counting.
 template <typename Work>
 uint32_t instructions(Work&& work) {
   const uint32_t begin = retired();

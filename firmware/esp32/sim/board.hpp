@@ -1,4 +1,4 @@
-// The chip's peripherals on the plant: every interface that the core drives and listens to.
+// The chip's peripherals, connected to the plant: every interface that the core uses.
 #pragma once
 
 #include <array>
@@ -59,7 +59,7 @@ class SimulatedBoard final : public EncoderPort {
   Nanoseconds now() const { return now_; }
   uint64_t device_us() const { return clock.microseconds(now_); }
 
-  /// Runs physics and wires up to `end`; a device that is not `listening` loses what it is sent.
+  /// Advances physics and line to `end`. A device that is not `listening` loses what it is sent.
   void run_until(Nanoseconds end, bool listening);
   /// Outputs off, counters and clock from 0, the line's buffers lost. The store is kept.
   void reset();

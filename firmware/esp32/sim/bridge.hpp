@@ -23,10 +23,10 @@ struct BridgeModel {
   /// 3.2 V at 1 A and at most 4.9 V at 2 A.
   double drop_v = 1.3;
   double drop_ohm = 1.2;
-  /// False: the winding's inductance carries its current over the PWM's off time, so the motor sees
-  /// the average voltage. True: the current dies out as EN falls (low PWM frequency, small
-  /// inductance), which bends the duty-to-speed curve up and lets no low duty brake. Motors lie
-  /// between the two.
+  /// False: the winding's inductance sustains the current during the PWM's off time, so the motor
+  /// sees the average voltage. True: the current dies out as EN falls (low PWM frequency, small
+  /// inductance), which raises the duty-to-speed curve, and a low duty never brakes. Real motors
+  /// lie between the two.
   bool chopped = false;
 
   /// Average current [A] through a winding of `winding_ohm` with back-EMF `emf` [V]. Quasi-static:

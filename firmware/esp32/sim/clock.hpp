@@ -1,4 +1,4 @@
-// Simulated time, and the device's clock that runs from its reset and drifts against it.
+// Simulated time, and the device's clock, which starts at a reset and drifts against it.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@ class DeviceClock {
  public:
   double ppm() const { return ppm_; }
 
-  /// From `now` on, parts per million fast of simulated time. The clock does not jump.
+  /// From `now` on the clock runs fast by this many parts per million. It does not jump.
   void set_ppm(double ppm, Nanoseconds now) {
     anchor_us_ = exact_us(now);
     anchor_ = now;

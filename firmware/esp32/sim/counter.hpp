@@ -47,7 +47,7 @@ class PulseCounter {
   static constexpr CounterChannel kChannelB = {EdgeAction::kIncrease, EdgeAction::kDecrease,
                                                LevelAction::kKeep, LevelAction::kInverse};
 
-  /// The hardware returns to 0 as it reaches a limit.
+  /// The hardware returns to 0 when it reaches a limit.
   void count(int delta) {
     const int next = value_ + delta;
     value_ =

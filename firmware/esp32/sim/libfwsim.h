@@ -17,7 +17,7 @@ extern "C" {
 
 typedef struct fwsim fwsim;
 
-/* What every function returns that returns an int. */
+/* Returned by every function that returns an int. */
 enum fwsim_status {
   FWSIM_OK = 0,
   FWSIM_UNKNOWN_NAME = -1, /* No variable of this name. */
@@ -44,7 +44,7 @@ FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
 /* Keeps the parameters in a file; call it before the first advance. */
 FWSIM_EXPORT int fwsim_use_store(fwsim* sim, const char* path);
 
-/* Another default of the parameter with this id, from the next reset on. */
+/* Changes the default of the parameter with this id, from the next reset on. */
 FWSIM_EXPORT int fwsim_preset(fwsim* sim, int parameter, float value);
 
 FWSIM_EXPORT int fwsim_set(fwsim* sim, const char* name, double value);
@@ -58,7 +58,7 @@ FWSIM_EXPORT int fwsim_write(fwsim* sim, const uint8_t* data, size_t size);
 /* Bytes that have reached the host; *size is set to how many were read. */
 FWSIM_EXPORT int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size);
 
-/* Starts the device again, for a reason as in DeviceHello's reset_reason. */
+/* Resets the device; `reason` is as in DeviceHello's reset_reason. */
 FWSIM_EXPORT int fwsim_reset(fwsim* sim, int reason);
 
 FWSIM_EXPORT size_t fwsim_variable_count(void);

@@ -41,7 +41,7 @@ size_t Line::wire_share(double seconds, size_t queued, double& credit) const {
   if (baud_ == 0) return queued;
   credit += seconds * baud_ / kBitsPerByte;
   const size_t whole = std::min(queued, static_cast<size_t>(credit));
-  // An idle wire saves nothing up.
+  // Time in which the wire was idle is not credited.
   credit = whole == queued ? 0.0 : credit - static_cast<double>(whole);
   return whole;
 }

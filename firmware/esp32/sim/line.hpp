@@ -32,11 +32,12 @@ class Line final : public ByteStream {
   size_t host_read(uint8_t* out, size_t capacity);
   size_t host_waiting() const { return to_host_.size(); }
 
-  /// Carries bytes over the wire for `seconds`. A device that is not `listening` loses what comes.
+  /// Carries bytes over the wire for `seconds`. A device that is not `listening` loses what
+  /// arrives.
   void carry(double seconds, bool listening);
   /// Until the last byte on either wire has arrived, whichever is first [s]; 0 when both are idle.
   double until_idle() const;
-  /// The chip's buffers are empty after a reset.
+  /// Empties the chip's buffers, as a reset does.
   void reset();
   /// Bytes that the chip sends without the firmware, at its boot ROM's baud rate.
   void emit_from_rom(const Bytes& text);

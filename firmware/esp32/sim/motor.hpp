@@ -5,7 +5,7 @@
 
 namespace wheelwire::sim {
 
-/// What a motor's data sheet says, at the nominal supply behind the bridge.
+/// The figures of a motor's data sheet, at the nominal supply behind the bridge.
 struct MotorRating {
   double supply_v = 7.4;  ///< At which the other three hold.
   double no_load_rpm = 200.0;
@@ -32,11 +32,11 @@ struct MotorConstants {
 ///   R  = V / stall current - r;
 ///   kt = stall torque / stall current;
 ///   ke = (V - (R + r) i0) / w0, where i0 = friction(w0) / kt is the no-load current.
-/// ke exceeds kt by what the gearbox loses.
+/// ke exceeds kt by the gearbox's losses.
 MotorConstants derive(const MotorRating& rating, const BridgeModel& bridge,
                       const Friction& friction);
 
-/// What pushes on one wheel from outside.
+/// External load on one wheel.
 struct WheelLoad {
   double torque_nm = 0.0;  ///< Against forward.
   bool blocked = false;    ///< Held fast.

@@ -1,4 +1,4 @@
-// A wheel's quadrature encoder: rotation in, levels of A and B out, with the faults that occur.
+// A wheel's quadrature encoder: rotation in, levels of A and B out, with common faults.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@ struct EncoderModel {
   bool dead = false;      ///< The levels are stuck.
   bool reversed = false;  ///< A and B swapped.
   int stuck = 0;          ///< Which level never changes: 1 that of A, 2 that of B.
-  double lost = 0.0;      ///< The part of the edges, by chance, that the levels do not show.
+  double lost = 0.0;      ///< Fraction of the edges that are lost, at random.
   /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
   /// order of the edges is kept.
   double edge_error_ticks = 0.0;
@@ -72,8 +72,8 @@ class Quadrature {
   static constexpr int kStuckB = 2;
 
   uint64_t seed_;
-  uint64_t edges_ = 0;     ///< That could have been lost.
-  int64_t shown_ = 0;      ///< The interval that the levels tell of, as far as they go.
+  uint64_t edges_ = 0;     ///< Edges so far, lost or not.
+  int64_t shown_ = 0;      ///< The interval that the levels show.
   double position_ = 0.5;  // Between two edges: neither direction is a tick ahead.
   int64_t interval_ = 0;   ///< Between edge(interval_) and edge(interval_ + 1).
   bool a_ = false;

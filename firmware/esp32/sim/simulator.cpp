@@ -21,7 +21,7 @@ Identity power_on_identity(uint64_t board_id) {
       .git_hash = WHEELWIRE_GIT_HASH};
 }
 
-/// In the manner of the ESP32's ROM.
+/// Like the text of the ESP32's ROM.
 Bytes rom_text(ResetReason reason) {
   const std::string text = "\r\nrst:0x" + std::to_string(static_cast<int>(reason)) +
                            ",boot:0x13 (SPI_FAST_FLASH_BOOT)\r\nentry 0x400805e4\r\n";

@@ -17,7 +17,7 @@ struct Record {
   uint64_t drive_removed_us = 0;  ///< When drive_on last ended.
   uint64_t deadline_us = 0;       ///< Of the last setpoint that had one.
   bool stands_still = true;       ///< Both wheels.
-  uint64_t standstill_us = 0;     ///< When they last came to it, to the control period.
+  uint64_t standstill_us = 0;     ///< When they last stopped, to within a control period.
 };
 
 class Simulator {
@@ -27,25 +27,25 @@ class Simulator {
 
   /// Runs the device and the world for `duration`.
   void advance(Nanoseconds duration);
-  /// When something happens without the host: a control step, or a byte is the last on its wire.
+  /// The next event without the host: a control step, or the arrival of the last byte on a wire.
   Nanoseconds next_event() const;
   /// Lets the firmware read and answer what has arrived, as its UART event does between steps.
   void service_link();
-  /// The device starts again, with a new boot id and its outputs off for boot_time_us.
+  /// Resets the device: a new boot id, and outputs off for boot_time_us.
   void reset(ResetReason reason);
 
-  /// Another default of a parameter from the next reset on; false when it is not possible.
+  /// Changes the default of a parameter from the next reset on; false if the value is not allowed.
   bool preset(int parameter, float value);
-  /// The next control step comes this much too late.
+  /// Delays the next control step by this much.
   void delay_control(uint64_t us) { next_step_us_ += us; }
-  /// A motor or encoder peripheral does not start. Mended, it starts at the next reset.
+  /// A motor or encoder peripheral does not start. After a repair it starts at the next reset.
   void set_driver_failed(bool failed);
   bool driver_failed() const { return driver_failed_; }
-  /// A core dump lies in flash or does not: as on the chip, the firmware looks when it starts.
+  /// Whether flash holds a core dump. As on the chip, the firmware checks when it starts.
   void set_core_dump(bool present);
   bool core_dump() const { return (identity_.capabilities & capability::kCoreDump) != 0; }
 
-  /// From the next reset on. Until then it is drawn from the seed.
+  /// Takes effect at the next reset. Before, the id is drawn from the seed.
   void set_board_id(uint64_t board_id) { identity_.board_id = board_id; }
 
   uint32_t boot_id() const { return identity_.boot_id; }

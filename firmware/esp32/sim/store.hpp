@@ -11,10 +11,10 @@ namespace wheelwire::sim {
 
 class Store final : public ParameterStore {
  public:
-  bool failing = false;     ///< Saves and erasures fail, and change nothing.
-  uint32_t unreadable = 0;  ///< Why, as flags of `fault`; an erasure ends it.
+  bool failing = false;     ///< Saving and erasing fail, and change nothing.
+  uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; erasing clears it.
 
-  /// From now on the block is this file's contents.
+  /// From now on the block is kept in this file.
   void use_file(const std::string& path) { path_ = path; }
 
   size_t load(uint8_t* out, size_t capacity) override;

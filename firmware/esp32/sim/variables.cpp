@@ -8,7 +8,7 @@ namespace wheelwire::sim {
 
 namespace {
 
-/// A variable of the simulation as it is described, before it can be read or set.
+/// The description of a variable, before it is bound to what it reads and sets.
 Variable real(std::string name, const char* unit, double minimum, double maximum, std::string doc) {
   return {.name = std::move(name),
           .unit = unit,
@@ -38,7 +38,7 @@ Variable reading(std::string name, const char* unit, std::string doc,
   return variable;
 }
 
-/// Converts without a warning whatever the field's type; the table's bounds keep it exact.
+/// Converts to any field type without a warning; the table's bounds keep it exact.
 template <typename Field>
 void assign(Field& field, double value) {
   if constexpr (std::is_same_v<Field, bool>) {
@@ -79,15 +79,15 @@ void add_world(std::vector<Variable>& table) {
   table.insert(table.end(),
                {
                    with_model<[](auto& m) -> auto& { return m.bridge.supply_v; }>(
-                       real("supply_v", "V", 0, 60, "Motor supply, ahead of the bridge.")),
+                       real("supply_v", "V", 0, 60, "Motor supply, before the bridge.")),
                    with_model<[](auto& m) -> auto& { return m.bridge.drop_v; }>(
                        real("bridge.drop_v", "V", 0, 5, "The L298N's drop at no current.")),
                    with_model<[](auto& m) -> auto& { return m.bridge.drop_ohm; }>(real(
                        "bridge.drop_ohm", "V/A", 0, 5, "How its drop grows with the current.")),
-                   with_model<[](auto& m) -> auto& { return m.bridge.chopped; }>(toggle(
-                       "bridge.chopped",
-                       "The winding's current dies out in the PWM's off time, as at a low PWM "
-                       "frequency.")),
+                   with_model<[](auto& m) -> auto& { return m.bridge.chopped; }>(
+                       toggle("bridge.chopped",
+                              "The winding's current decays in the PWM's off time, as at a low PWM "
+                              "frequency.")),
                    with_model<[](auto& m) -> auto& { return m.motor.supply_v; }>(real(
                        "motor.supply_v", "V", 1, 60, "Supply at which the motor's ratings hold.")),
                    with_model<[](auto& m) -> auto& { return m.motor.no_load_rpm; }>(real(
@@ -99,7 +99,7 @@ void add_world(std::vector<Variable>& table) {
                    with_model<[](auto& m) -> auto& { return m.friction.coulomb_nm; }>(real(
                        "friction.coulomb_nm", "N m", 0, 1, "Of a turning wheel with its gearbox.")),
                    with_model<[](auto& m) -> auto& { return m.friction.static_nm; }>(
-                       real("friction.static_nm", "N m", 0, 1, "To break a standing wheel away.")),
+                       real("friction.static_nm", "N m", 0, 1, "To start a wheel from rest.")),
                    with_model<[](auto& m) -> auto& { return m.friction.viscous_nms; }>(
                        real("friction.viscous_nms", "N m s/rad", 0, 0.1, "Grows with the speed.")),
                    with_model<[](auto& m) -> auto& { return m.mass_kg; }>(
@@ -125,7 +125,7 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_reversed; }>(
               toggle(side + ".motor_reversed", "The motor's wires are swapped.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].load_nm; }>(
-              real(side + ".load_nm", "N m", -10, 10, "Pulls against forward.")),
+              real(side + ".load_nm", "N m", -10, 10, "Acts against forward motion.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].blocked; }>(
               toggle(side + ".blocked", "The wheel is held fast.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.dead; }>(
@@ -136,7 +136,7 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
               whole(side + ".encoder_stuck", "", 0, 2,
                     "The channel whose level never changes: 1 for A, 2 for B; 0: neither.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.lost; }>(
-              real(side + ".encoder_lost", "", 0, 1, "The part of the edges that does not count.")),
+              real(side + ".encoder_lost", "", 0, 1, "The share of the edges that is lost.")),
           with_field<[](auto& s) -> auto& {
             return s.board.encoders[kSide].model.edge_error_ticks;
           }>(real(side + ".encoder_error_ticks", "tick", 0, 0.45,
@@ -147,7 +147,7 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
                   [](const Simulator& s) { return s.board.plant.current_a(kSide); }),
           reading("true." + side + "_mps", "m/s", "Speed at the rim.",
                   [](const Simulator& s) { return s.board.plant.speed_mps(kSide); }),
-          reading("true." + side + "_ticks", "tick", "What a faultless encoder would have counted.",
+          reading("true." + side + "_ticks", "tick", "What an ideal encoder would have counted.",
                   [](const Simulator& s) {
                     return static_cast<double>(s.board.encoders[kSide].ticks());
                   }),
@@ -168,7 +168,7 @@ void add_device(std::vector<Variable>& table) {
                    with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
                        whole("store_unreadable", "", 0, 0xFFFF,
                              "Why the saved parameters cannot be read, as the fault flag of that "
-                             "name; the firmware looks when it starts, erasing ends it.")),
+                             "name; checked when the firmware starts, cleared by erasing.")),
                    with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(whole(
                        "boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
                    with_field<[](auto& s) -> auto& { return s.boot_text; }>(
@@ -187,15 +187,15 @@ void add_device(std::vector<Variable>& table) {
     return true;
   };
   Variable failed = toggle("driver_failed",
-                           "A motor or encoder peripheral does not start; mended, it starts at "
+                           "A motor or encoder peripheral does not start; set to 0, it starts at "
                            "the next reset.");
   failed.get = [](const Simulator& s) { return s.driver_failed() ? 1.0 : 0.0; };
   failed.set = [](Simulator& s, double value) {
     s.set_driver_failed(value != 0.0);
     return true;
   };
-  Variable dump = toggle(
-      "core_dump", "Flash holds the core dump of a crash; the firmware looks when it starts.");
+  Variable dump = toggle("core_dump",
+                         "Flash holds the core dump of a crash; checked when the firmware starts.");
   dump.get = [](const Simulator& s) { return s.core_dump() ? 1.0 : 0.0; };
   dump.set = [](Simulator& s, double value) {
     s.set_core_dump(value != 0.0);
@@ -240,7 +240,7 @@ void add_readings(std::vector<Variable>& table) {
               [](const Simulator& s) { return static_cast<double>(s.record().drive_removed_us); }),
           reading("deadline_us", "us", "Device clock; of the last setpoint that was accepted.",
                   [](const Simulator& s) { return static_cast<double>(s.record().deadline_us); }),
-          reading("stands_still", "0 or 1", "Both wheels.",
+          reading("stands_still", "0 or 1", "Both wheels are at rest.",
                   [](const Simulator& s) { return s.record().stands_still ? 1.0 : 0.0; }),
           reading("standstill_us", "us", "Device clock when stands_still last began.",
                   [](const Simulator& s) { return static_cast<double>(s.record().standstill_us); }),

@@ -17,7 +17,7 @@ struct Variable {
   double maximum;
   bool whole;  ///< Takes whole numbers only.
   double (*get)(const Simulator& simulator);
-  /// Null when read-only. Returns false when the value does not go with the others.
+  /// Null if read-only. Returns false if the value is inconsistent with the others.
   bool (*set)(Simulator& simulator, double value);
 };
 

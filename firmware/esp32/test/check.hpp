@@ -1,4 +1,4 @@
-// Enough of a test framework: TEST registers a function, CHECK reports and goes on.
+// A minimal test framework: TEST registers a function, CHECK reports and continues.
 #pragma once
 
 #include <cstdio>

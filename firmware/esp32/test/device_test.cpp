@@ -8,7 +8,7 @@ using test::RobotBench;
 
 namespace {
 
-/// What moved the supervisor, in the order in which the host is told.
+/// What moved the supervisor, in the order of the events that the host received.
 std::vector<SupervisorEvent> causes(const RobotBench& bench) {
   std::vector<SupervisorEvent> found;
   for (const Event& event : bench.of<Event>()) {

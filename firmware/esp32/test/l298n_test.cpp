@@ -6,7 +6,7 @@ using namespace wheelwire;
 
 namespace {
 
-/// Notes what the pins do, and whether the inputs ever switched while EN was not low.
+/// Records what the pins do, and whether the inputs ever switched while EN was not low.
 class Pins final : public BridgePort {
  public:
   void set_inputs(bool a, bool b) override {

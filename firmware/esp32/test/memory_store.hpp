@@ -24,7 +24,7 @@ class MemoryStore final : public ParameterStore {
   }
 
   std::vector<uint8_t> block;
-  bool failing = false;  ///< Saves and erasures fail, and change nothing.
+  bool failing = false;  ///< Saving and erasing fail, and change nothing.
 };
 
 }  // namespace wheelwire

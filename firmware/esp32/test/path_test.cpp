@@ -15,33 +15,33 @@ constexpr int32_t kTick_q10 = 576 * 1024;
 }  // namespace
 
 TEST(the_wheel_ahead_waits_and_the_one_behind_hurries_a_little) {
-  const WheelPair command = make_up({200'000, 200'000}, {10'000, 0}, kGains);
+  const WheelPair command = correct_setpoint({200'000, 200'000}, {10'000, 0}, kGains);
   CHECK(command.left == 200'000 + 5999);  // 3 %
   CHECK(command.right == 100'000);
 }
 
 TEST(no_correction_turns_a_wheel_back) {
-  const WheelPair forward = make_up({200'000, 200'000}, {50'000, 0}, kGains);
+  const WheelPair forward = correct_setpoint({200'000, 200'000}, {50'000, 0}, kGains);
   CHECK(forward.right == 0);
-  const WheelPair backward = make_up({-200'000, -200'000}, {-50'000, 0}, kGains);
+  const WheelPair backward = correct_setpoint({-200'000, -200'000}, {-50'000, 0}, kGains);
   CHECK(backward.right == 0 && backward.left < -200'000);
-  const WheelPair standing = make_up({0, 100'000}, {20'000, 20'000}, kGains);
+  const WheelPair standing = correct_setpoint({0, 100'000}, {20'000, 20'000}, kGains);
   CHECK(standing.left == 0);
 }
 
 TEST(a_reversed_setpoint_forgets_and_a_saturated_wheel_keeps_the_heading_only) {
-  const WheelPair reversed = remember({10'000, 4000}, false, false, kGains);
+  const WheelPair reversed = trim_errors({10'000, 4000}, false, false, kGains);
   CHECK(reversed.left == 0 && reversed.right == 0);
-  const WheelPair saturated = remember({10'000, 4000}, true, true, kGains);
+  const WheelPair saturated = trim_errors({10'000, 4000}, true, true, kGains);
   CHECK(saturated.left == 3000 && saturated.right == -3000);
-  const WheelPair bounded = remember({900'000, -900'000}, true, false, kGains);
+  const WheelPair bounded = trim_errors({900'000, -900'000}, true, false, kGains);
   CHECK(bounded.left == 50'000 && bounded.right == -50'000);
 }
 
 TEST(without_gains_nothing_is_made_up) {
   const PathGains off{};
   CHECK(!off.follows());
-  CHECK(make_up({200'000, -1}, {10'000, 10'000}, off).left == 200'000);
+  CHECK(correct_setpoint({200'000, -1}, {10'000, 10'000}, off).left == 200'000);
 }
 
 TEST(a_wheel_that_keeps_up_shows_no_error_between_its_ticks) {
@@ -52,7 +52,7 @@ TEST(a_wheel_that_keeps_up_shows_no_error_between_its_ticks) {
     const auto before = static_cast<int64_t>((step - 1) * 30 / 576);
     error.update(static_cast<int32_t>(now - before), step * 1000, kPeriod_us, kTick_q10);
     CHECK(error.um() == 0);
-    CHECK(error.least_umps(kTick_q10) == 0);
+    CHECK(error.minimum_umps(kTick_q10) == 0);
   }
 }
 
@@ -62,8 +62,8 @@ TEST(a_wheel_that_stands_falls_behind_by_its_whole_setpoint) {
   error.set_target(-100'000);
   for (uint64_t step = 2; step <= 1001; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
   CHECK(magnitude(error.um() + 100'000) < 1000);
-  CHECK(magnitude(error.least_umps(kTick_q10) + 100'000) < 1000);
-  error.forget_but(-2000);
+  CHECK(magnitude(error.minimum_umps(kTick_q10) + 100'000) < 1000);
+  error.trim_to(-2000);
   error.update(0, 1'002'000, kPeriod_us, kTick_q10);
   CHECK(magnitude(error.um() + 2000) <= 101);
 }
@@ -74,7 +74,7 @@ TEST(ticks_to_and_fro_are_no_progress) {
   error.set_target(100'000);
   for (uint64_t step = 2; step <= 501; ++step)
     error.update(step % 2 == 0 ? 1 : -1, step * 1000, kPeriod_us, kTick_q10);
-  CHECK(error.least_umps(kTick_q10) > 90'000);
+  CHECK(error.minimum_umps(kTick_q10) > 90'000);
 }
 
 TEST(a_wheel_that_is_pushed_at_rest_is_not_behind) {
@@ -105,5 +105,5 @@ TEST(while_no_tick_comes_the_next_one_may_be_about_to) {
   error.set_target(100'000);
   for (uint64_t step = 2; step <= 11; ++step) error.update(0, step * 1000, kPeriod_us, kTick_q10);
   // 1000 um asked in 10 ms, of which 576 um may have been rolled.
-  CHECK(magnitude(error.least_umps(kTick_q10) - 42'400) < 200);
+  CHECK(magnitude(error.minimum_umps(kTick_q10) - 42'400) < 200);
 }

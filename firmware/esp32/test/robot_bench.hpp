@@ -1,4 +1,4 @@
-// A whole robot on hardware made of variables, and a host that sends exactly what a test says.
+// A whole device on hardware made of variables, and a host that sends exactly what a test says.
 #pragma once
 
 #include <deque>
@@ -12,7 +12,7 @@
 
 namespace wheelwire::test {
 
-/// One half of a bridge. Notes when EN fell, and how long it had been low when the inputs switched.
+/// One half of a bridge. Records for how long EN was low when the inputs switched.
 class BenchBridge final : public BridgePort {
  public:
   explicit BenchBridge(const uint64_t& now_us) : now_us_(now_us) {}
@@ -54,7 +54,7 @@ struct BenchEncoders final : EncoderPort {
 struct BenchLine final : ByteStream {
   std::deque<uint8_t> to_device;
   std::vector<uint8_t> to_host;
-  size_t room = SIZE_MAX;  ///< Bytes that it still takes.
+  size_t room = SIZE_MAX;  ///< Bytes that it accepts before it is full.
   uint32_t rate = 0;
 
   size_t read(uint8_t* out, size_t capacity) override {
@@ -152,7 +152,7 @@ class RobotBench {
   Stop stop(StopMode mode = StopMode::kConfigured) {
     return {session_id(), ++request_id, command_seq, mode};
   }
-  /// Commands a velocity and lets the loop run for a while.
+  /// Commands a velocity and runs for some steps.
   void drive(float left_mps, float right_mps, int steps = 20) {
     send(velocity(left_mps, right_mps));
     run(steps);
@@ -173,7 +173,7 @@ class RobotBench {
     device.service_link(now_us);
     collect();
   }
-  /// Both wheels count on.
+  /// Advances both counters.
   void turn(int left_ticks, int right_ticks) {
     encoders.counts.left = static_cast<int16_t>(encoders.counts.left + left_ticks);
     encoders.counts.right = static_cast<int16_t>(encoders.counts.right + right_ticks);

@@ -21,10 +21,10 @@ Session opened() {
 
 TEST(a_session_is_named_by_nonce_and_boot_id) {
   Session session;
-  CHECK(!session.names(0));
+  CHECK(!session.matches(0));
   session.open(0x1234, 0xff00);
-  CHECK(session.names(0x1234 ^ 0xff00));
-  CHECK(!session.names(0x1234));
+  CHECK(session.matches(0x1234 ^ 0xff00));
+  CHECK(!session.matches(0x1234));
   CHECK(session.is_open_with(0x1234));
 }
 

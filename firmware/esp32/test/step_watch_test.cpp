@@ -13,7 +13,7 @@ constexpr uint32_t kRatesHz[] = {100, 101, 150, 200,  250,  300, 333,
 /// drive, 0 when it never did within 200 ms.
 uint32_t removed_at_us(uint32_t rate_hz, uint32_t phase_us, uint32_t freeze_us, uint32_t late_us) {
   const uint32_t period_us = 1'000'000 / rate_hz;
-  const uint32_t limit = looks_without_a_step(period_us);
+  const uint32_t limit = checks_without_a_step(period_us);
   StepWatch watch;
   uint32_t steps = 0;
   uint32_t next_step_us = 0;
@@ -23,7 +23,7 @@ uint32_t removed_at_us(uint32_t rate_hz, uint32_t phase_us, uint32_t freeze_us, 
       if (steps % 2 == 1 && next_step_us + late_us > now_us) break;
       ++steps;
     }
-    if (watch.look(steps, limit)) return now_us;
+    if (watch.check(steps, limit)) return now_us;
   }
   return 0;
 }
@@ -56,13 +56,13 @@ TEST(steps_that_come_keep_the_drive) {
 
 TEST(the_drive_stays_off_until_the_next_step) {
   StepWatch watch;
-  for (int i = 0; i < 5; ++i) watch.look(1, 5);
-  for (int i = 0; i < 100; ++i) CHECK(watch.look(1, 5));
-  CHECK(!watch.look(2, 5));
+  for (int i = 0; i < 5; ++i) watch.check(1, 5);
+  for (int i = 0; i < 100; ++i) CHECK(watch.check(1, 5));
+  CHECK(!watch.check(2, 5));
 }
 
 TEST(a_count_that_wraps_is_a_step) {
   StepWatch watch;
-  for (int i = 0; i < 100; ++i) watch.look(UINT32_MAX, 5);
-  CHECK(!watch.look(0, 5));
+  for (int i = 0; i < 100; ++i) watch.check(UINT32_MAX, 5);
+  CHECK(!watch.check(0, 5));
 }

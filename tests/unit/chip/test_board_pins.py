@@ -76,7 +76,7 @@ def test_an_encoder_without_pull_ups_is_refused(tmp_path: Path, pin: str, gpio: 
         ({"LEFT_ENABLE": 34}, "left EN: choose a pin that can drive"),
         ({"ESTOP": 35}, "e-stop: choose a pin with a pull-up"),
         ({"BATTERY": 21}, "battery: choose a pin of ADC1"),
-        ({"LEFT_A": 19}, "a pin has two tasks"),
+        ({"LEFT_A": 19}, "a pin is used twice"),
     ],
 )
 def test_what_the_chip_cannot_do_is_refused(

@@ -1,5 +1,5 @@
-// The pins of this build: the board's, unless the configuration says otherwise. What the chip
-// cannot do, or what would keep it from booting, does not compile.
+// The pins of this build: the board's, unless the configuration says otherwise. A pin that the chip
+// cannot use in its role, or that would keep it from booting, does not compile.
 #pragma once
 
 #include "sdkconfig.h"
@@ -16,7 +16,7 @@
 
 namespace wheelwire {
 
-/// A negative number in the configuration leaves the pin to the board.
+/// A negative number in the configuration selects the board's pin.
 constexpr int chosen(int configured, int of_board) {
   return configured >= 0 ? configured : of_board;
 }
@@ -69,6 +69,6 @@ static_assert(kChipPins.can_count(kPins.right_encoder.b, kPullUpsFitted),
 static_assert(kChipPins.can_pull_up(kPins.estop), "e-stop: choose a pin with a pull-up");
 static_assert(kChipPins.can_measure(kPins.battery), "battery: choose a pin of ADC1");
 static_assert(kChipPins.can_drive(kPins.status_led), "status LED: choose a pin that can drive");
-static_assert(are_distinct(kPins), "a pin has two tasks");
+static_assert(are_distinct(kPins), "a pin is used twice");
 
 }  // namespace wheelwire

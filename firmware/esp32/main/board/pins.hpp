@@ -1,4 +1,4 @@
-// Which pins a board uses, and what its chip forbids. No IDF, all at compile time.
+// Which pins a board uses, and which its chip allows. No IDF, all at compile time.
 #pragma once
 
 #include <stddef.h>
@@ -40,7 +40,7 @@ struct Pins {
   BridgePins right;
   EncoderPins left_encoder;
   EncoderPins right_encoder;
-  bool encoder_pull_ups_fitted;  ///< Outside the chip, on A and B of both.
+  bool encoder_pull_ups_fitted;  ///< External ones, on A and B of both.
   int estop;
   int battery;
   int status_led;
@@ -61,17 +61,17 @@ struct ChipPins {
   constexpr bool can_drive(int pin) const {
     return can_listen(pin) && !(input_only & mask_of(pin));
   }
-  /// An input that must read high when its wire is broken.
+  /// For an input that must read high when its wire is broken.
   constexpr bool can_pull_up(int pin) const { return can_drive(pin); }
-  /// An encoder's open collector, or its wire when it is off, leaves an input without a pull-up to
-  /// whatever runs beside it: it counts what nobody turned.
+  /// Without a pull-up, an input floats while the encoder's open collector is off or its wire is
+  /// broken: it picks up noise and counts ticks of a wheel that is at rest.
   constexpr bool can_count(int pin, bool pull_up_fitted) const {
     return can_listen(pin) && (pull_up_fitted || can_pull_up(pin));
   }
   constexpr bool can_measure(int pin) const { return can_listen(pin) && (adc1 & mask_of(pin)); }
 };
 
-/// True when no pin has two tasks.
+/// True when no pin is used twice.
 constexpr bool are_distinct(const Pins& pins) {
   const int used[] = {pins.left.enable,     pins.left.in1,       pins.left.in2,
                       pins.right.enable,    pins.right.in1,      pins.right.in2,

@@ -1,7 +1,6 @@
 #include "baud.hpp"
 
-// Linux has speeds beyond the standard constants in termios2 alone, whose header excludes
-// termios.h.
+// On Linux non-standard speeds need termios2, whose header cannot be included with termios.h.
 #ifdef __linux__
 #include <asm/termbits.h>
 #include <sys/ioctl.h>
@@ -13,7 +12,7 @@ namespace wheelwire::sim {
 
 uint32_t baud_of(int fd) {
 #ifdef __linux__
-  // The request of TCGETS2, whose own header clashes with <sys/ioctl.h>.
+  // TCGETS2, whose header conflicts with <sys/ioctl.h>.
   termios2 settings{};
   return ::ioctl(fd, _IOR('T', 0x2A, termios2), &settings) == 0 ? settings.c_ospeed : 0;
 #else

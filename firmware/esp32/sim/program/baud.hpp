@@ -5,7 +5,7 @@
 
 namespace wheelwire::sim {
 
-/// The output speed that `fd` is set to [baud]; 0 when it is no terminal or hung up.
+/// The output speed of `fd` [baud]; 0 if it is not a terminal or has hung up.
 uint32_t baud_of(int fd);
 
 }  // namespace wheelwire::sim

@@ -11,7 +11,7 @@ class Commands {
  public:
   explicit Commands(SimulatedDevice& device) : device_(device) {}
 
-  /// Carries one line out, or changes nothing and says why; returns the answer.
+  /// Carries out one line, or changes nothing if it cannot. Returns the answer, which says why.
   std::string run(const std::string& line);
   bool quit() const { return quit_; }
 

@@ -34,7 +34,7 @@ void Console::receive() {
 std::optional<std::string> Console::next_line() {
   const size_t end = input_.find('\n');
   if (end == std::string::npos) {
-    // A line without an end is no command.
+    // An endless line is not a command.
     if (input_.size() >= kMaxInput) input_.clear();
     return std::nullopt;
   }
@@ -53,13 +53,13 @@ void Console::print_if_idle(const std::string& line) {
   if (output_.empty()) print(line);
 }
 
-/// A ready pipe takes a line shorter than PIPE_BUF whole, without blocking; ours all are.
+/// A writable pipe takes a line shorter than PIPE_BUF whole, without blocking. All of ours are.
 void Console::flush() {
   while (!output_.empty() && takes_output()) {
     const std::string& line = output_.front();
     const ssize_t written = ::write(STDOUT_FILENO, line.data(), line.size());
     if (written < 0 && errno == EINTR) continue;
-    output_.pop_front();  // With nobody to read it, a line is lost.
+    output_.pop_front();  // Without a reader the line is lost.
   }
 }
 

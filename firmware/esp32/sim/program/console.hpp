@@ -1,4 +1,4 @@
-// Standard input by lines and standard output by lines, neither of which may hold time up.
+// Standard input and standard output, line by line; neither may delay simulated time.
 #pragma once
 
 #include <deque>
@@ -9,16 +9,16 @@ namespace wheelwire::sim {
 
 class Console {
  public:
-  /// Reads what is there; to be called when there is something.
+  /// Reads what is available. Call when the input is readable.
   void receive();
   std::optional<std::string> next_line();
   bool ended() const { return ended_; }
 
   /// Queues a line for standard output.
   void print(const std::string& line);
-  /// A line that is only worth something now: dropped while earlier ones wait for the reader.
+  /// Queues a line that is of use only now: dropped while earlier ones wait for the reader.
   void print_if_idle(const std::string& line);
-  /// Writes what the reader takes, without waiting.
+  /// Writes as much as the reader takes, without blocking.
   void flush();
 
  private:

@@ -14,7 +14,7 @@ class HostPort {
 
   virtual const std::string& name() const = 0;
   virtual int descriptor() const = 0;
-  /// What the host has set the port to; 0 when it hung up, or where there is no such thing.
+  /// The rate that the host has set; 0 if it has hung up or the port has no rate.
   virtual uint32_t host_baud() const = 0;
   /// The host is gone for good.
   virtual bool ended() const = 0;

@@ -16,7 +16,7 @@ LinkFile::LinkFile(std::string path, std::string target)
   std::error_code error;
   const fs::file_status status = fs::symlink_status(path_, error);
   if (fs::exists(status) && !fs::is_symlink(status)) {
-    throw std::runtime_error(path_ + " exists and is no link; choose another path");
+    throw std::runtime_error(path_ + " exists and is not a link; choose another path");
   }
   const std::string fresh = path_ + "." + std::to_string(::getpid());
   fs::create_symlink(target_, fresh, error);

@@ -7,11 +7,11 @@ namespace wheelwire::sim {
 
 class LinkFile {
  public:
-  /// Takes the place of another link at `path`, never of a file. Throws std::runtime_error.
+  /// Replaces another link at `path`, but never a file. Throws std::runtime_error.
   LinkFile(std::string path, std::string target);
   LinkFile(const LinkFile&) = delete;
   LinkFile& operator=(const LinkFile&) = delete;
-  /// Removes the link, unless it is somebody else's by now.
+  /// Removes the link, unless another process has replaced it.
   ~LinkFile();
 
  private:

@@ -35,7 +35,8 @@ Descriptor lock(const std::string& path, const std::string& link) {
       throw std::runtime_error(link + " is the port of another simulator" + holder(file.get()) +
                                " that is running: use that one, end it, or give another --link");
     }
-    // The former holder may have removed the file between the opening and the lock.
+    // The former holder may have removed the file after it was opened here and before it was
+    // locked.
     if (is_at(file.get(), path)) return file;
   }
 }
@@ -45,7 +46,7 @@ Descriptor lock(const std::string& path, const std::string& link) {
 LinkLock::LinkLock(const std::string& link) : path_(link + ".lock"), file_(lock(path_, link)) {
   const std::string pid = std::to_string(::getpid());
   [[maybe_unused]] const int emptied = ::ftruncate(file_.get(), 0);
-  [[maybe_unused]] const ssize_t told = ::pwrite(file_.get(), pid.data(), pid.size(), 0);
+  [[maybe_unused]] const ssize_t written = ::pwrite(file_.get(), pid.data(), pid.size(), 0);
 }
 
 LinkLock::~LinkLock() { ::unlink(path_.c_str()); }

@@ -1,4 +1,4 @@
-// A path for a link belongs to one simulator at a time, while its port is unplugged, too.
+// A link's path belongs to one simulator at a time, even while its port is unplugged.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@ namespace wheelwire::sim {
 
 class LinkLock {
  public:
-  /// Locks `link`.lock, which names this process. The kernel unlocks it however the process ends.
-  /// Throws std::runtime_error, naming the other process, when one holds it.
+  /// Locks `link`.lock, which holds this process's id. The kernel unlocks it however the process
+  /// ends. Throws std::runtime_error, which names the other process, if one holds it.
   explicit LinkLock(const std::string& link);
   LinkLock(const LinkLock&) = delete;
   LinkLock& operator=(const LinkLock&) = delete;

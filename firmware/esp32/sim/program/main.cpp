@@ -32,8 +32,8 @@ volatile sig_atomic_t g_stop_requested = 0;
 
 extern "C" void request_stop(int) { g_stop_requested = 1; }
 
-/// Lets the stopping signals in only while waiting, so that none is missed. Returns the signal mask
-/// for that.
+/// Blocks the stop signals except while waiting, so that none is missed. Returns the mask to wait
+/// with.
 sigset_t install_signal_handlers() {
   struct sigaction action{};
   action.sa_handler = request_stop;
@@ -75,7 +75,8 @@ class Program {
     while (!finished()) {
       const Ready ready = wait(pacer.until(next_event()));
       advance(pacer.behind(device_.simulator().board.now()));
-      if (ready.port) device_.receive();  // Not sooner: it is sent now, not in the time made up.
+      if (ready.port)
+        device_.receive();  // Not sooner: it was sent now, not in the time being caught up.
       device_.simulator().service_link();
       device_.send();
       if (ready.console) obey_console();
@@ -103,7 +104,7 @@ class Program {
     bool port;
   };
 
-  /// Sleeps for `time`, or less if something comes in.
+  /// Sleeps for `time`, or until there is input.
   Ready wait(Nanoseconds time) {
     fd_set readable;
     FD_ZERO(&readable);
@@ -119,13 +120,13 @@ class Program {
             .port = port >= 0 && FD_ISSET(port, &readable) != 0};
   }
 
-  /// The next time at which something happens without the host.
+  /// The next time at which something happens without input.
   Nanoseconds next_event() const {
     return std::min(device_.simulator().next_event(), truth_.due());
   }
 
-  /// Event by event, so that every change of the drive is seen, and what came over the wire is
-  /// answered when it came.
+  /// Event by event, so that every change of the drive is seen, and bytes are answered when they
+  /// arrive.
   void advance(Nanoseconds duration) {
     Simulator& simulator = device_.simulator();
     const Nanoseconds end = simulator.board.now() + duration;

@@ -55,25 +55,25 @@ constexpr const char* kUsage =
 Runs the firmware's core with a simulated robot, in real time, behind a pseudo-terminal.
 The first line on standard output is JSON and names the port.
 
-  --link PATH        make a symbolic link to the port; PATH is one board, at every start, and
-                     belongs to one simulator at a time
-  --lock PATH        keep others from PATH as if it were the link, which somebody else makes
-  --announce TEXT    write TEXT once the port is there, in place of the first line of JSON
-  --baud N           baud rate of the chip; a host at another rate gets and sends garbage
-                     (default: 0, any rate will do, as on USB)
+  --link PATH        make a symbolic link to the port; the same PATH is the same board at every
+                     start, and belongs to one simulator at a time
+  --lock PATH        lock PATH as if it were the link, without making the link
+  --announce TEXT    write TEXT once the port is open, instead of the first line of JSON
+  --baud N           baud rate of the chip; a host at another rate receives and sends garbage
+                     (default: 0, any rate works, as on USB)
   --store FILE       keep saved parameters in FILE (default: in memory)
   --seed N           seed of boot ids and encoder errors (default: random)
   --set NAME=VALUE   set a variable before power-on; may be repeated
   --truth-hz N       write the robot's true state N times a second, as lines of JSON, and
                      at once when the drive is applied or removed
   --exit-with-stdin  end when standard input ends
-  --preset ID=VALUE  another default of the parameter with this id; may be repeated
-  --socket FD        a connected socket that was inherited, in place of the pseudo-terminal; end
-                     when it does
+  --preset ID=VALUE  change the default of the parameter with this id; may be repeated
+  --socket FD        use an inherited, connected socket instead of a pseudo-terminal; end when it
+                     does
   --parent PID       end when this process ends
   --help             show this
 
-Commands, a line each on standard input, each answered by a line of JSON:
+Commands, one per line on standard input, each answered by a line of JSON:
   set NAME VALUE     get NAME       quit
   reset [REASON]     unplug         plug
 REASON is unknown, power_on, external (default), software, panic, task_watchdog,
@@ -84,7 +84,7 @@ Variables:
 
 std::pair<std::string, double> parse_setting(const std::string& text) {
   const size_t equals = text.find('=');
-  if (equals == std::string::npos) throw std::invalid_argument("NAME=VALUE is to be given");
+  if (equals == std::string::npos) throw std::invalid_argument("expected NAME=VALUE");
   return {text.substr(0, equals), parse_number(text.substr(equals + 1))};
 }
 

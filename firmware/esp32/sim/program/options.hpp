@@ -10,11 +10,11 @@ namespace wheelwire::sim {
 
 struct Options {
   std::string link;
-  std::string lock;          ///< In place of `link`, where somebody else makes the link.
+  std::string lock;          ///< To lock in place of `link`, if the link is made elsewhere.
   std::string announcement;  ///< Empty: a line of JSON.
   std::string store;
   int socket = -1;  ///< A descriptor in place of the pseudo-terminal.
-  int parent = -1;  ///< Process id: its end is ours too.
+  int parent = -1;  ///< Id of a process; when it ends, so does this one.
   uint64_t seed = 0;
   double truth_hz = 0.0;
   bool exit_with_stdin = false;

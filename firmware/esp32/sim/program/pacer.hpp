@@ -1,4 +1,4 @@
-// Keeps simulated time on the wall clock, by absolute deadlines.
+// Keeps simulated time in step with the wall clock, by absolute deadlines.
 #pragma once
 
 #include <chrono>
@@ -11,7 +11,7 @@ class Pacer {
  public:
   using WallClock = std::chrono::steady_clock;
 
-  /// Simulated time `now` is the wall clock's present.
+  /// Simulated time `now` corresponds to the present on the wall clock.
   explicit Pacer(Nanoseconds now) { anchor(now); }
 
   /// How far simulated time `now` is behind. After a gap (a suspended laptop, a stopped process)

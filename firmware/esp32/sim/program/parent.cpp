@@ -11,7 +11,7 @@ namespace wheelwire::sim {
 
 namespace {
 
-/// A fork of the parent may hold its socket and its pipes open: only this tells of its end.
+/// A fork of the parent may hold its socket and pipes open, so their end of file is not enough.
 int open_descriptor([[maybe_unused]] int pid) {
 #ifdef SYS_pidfd_open
   if (pid >= 0) {

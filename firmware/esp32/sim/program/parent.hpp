@@ -10,7 +10,7 @@ class Parent {
   /// -1: none. Throws std::runtime_error when it has ended already.
   explicit Parent(int pid);
 
-  /// Becomes readable at its end; -1 where the system has no such thing.
+  /// Becomes readable when it ends; -1 where the system does not support that.
   int descriptor() const { return descriptor_.get(); }
   bool ended() const;
 

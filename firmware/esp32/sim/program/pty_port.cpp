@@ -15,7 +15,7 @@ namespace wheelwire::sim {
 
 namespace {
 
-constexpr auto kNobodyReads = std::chrono::seconds(1);
+constexpr auto kReaderTimeout = std::chrono::seconds(1);
 
 int checked(int result, const char* action) {
   if (result < 0) {
@@ -56,24 +56,24 @@ Bytes PtyPort::read() {
   Bytes data(4096);
   const ssize_t count = ::read(master_.get(), data.data(), data.size());
   data.resize(count > 0 ? static_cast<size_t>(count) : 0);
-  if (!data.empty()) sign_of_life_ = Clock::now();
+  if (!data.empty()) last_activity_ = Clock::now();
   return data;
 }
 
 void PtyPort::write(const Bytes& data) {
   const Clock::time_point now = Clock::now();
-  // An answer shall not wait for a question that need not be asked each time.
-  const bool in_doubt = now - sign_of_life_ > kNobodyReads / 2;
-  if (in_doubt) look_for_reader(now);
-  // A full pseudo-terminal takes what it can; the rest is lost, as on a serial port.
+  // Avoids a system call per write, which would delay answers.
+  const bool in_doubt = now - last_activity_ > kReaderTimeout / 2;
+  if (in_doubt) check_reader(now);
+  // A full pseudo-terminal takes what fits; the rest is lost, as on a serial port.
   [[maybe_unused]] const ssize_t taken = ::write(master_.get(), data.data(), data.size());
   if (in_doubt) unread_ = unread();
 }
 
-void PtyPort::look_for_reader(Clock::time_point now) {
+void PtyPort::check_reader(Clock::time_point now) {
   const size_t unread_now = unread();
-  if (unread_now == 0 || unread_now < unread_) sign_of_life_ = now;
-  if (now - sign_of_life_ > kNobodyReads) ::tcflush(slave_.get(), TCIFLUSH);
+  if (unread_now == 0 || unread_now < unread_) last_activity_ = now;
+  if (now - last_activity_ > kReaderTimeout) ::tcflush(slave_.get(), TCIFLUSH);
 }
 
 size_t PtyPort::unread() const {

@@ -24,22 +24,22 @@ class PtyPort final : public HostPort {
   bool ended() const override { return false; }
 
   Bytes read() override;
-  /// What does not fit is lost, and so is all but the latest while nobody reads: the kernel keeps
-  /// nothing for a closed serial port either.
+  /// What does not fit is lost. While nobody reads, so is everything but the latest write: a closed
+  /// serial port buffers nothing, either.
   void write(const Bytes& data) override;
 
  private:
   using Clock = std::chrono::steady_clock;
 
-  void look_for_reader(Clock::time_point now);
+  void check_reader(Clock::time_point now);
   size_t unread() const;
 
   Descriptor master_;
   std::string name_;
   Descriptor slave_;  ///< Held open: a host that closes the port must not hang it up.
   std::optional<LinkFile> link_;
-  size_t unread_ = 0;                              ///< After the last write that was in doubt.
-  Clock::time_point sign_of_life_ = Clock::now();  ///< When the host last read or wrote.
+  size_t unread_ = 0;                               ///< After the last write that was in doubt.
+  Clock::time_point last_activity_ = Clock::now();  ///< When the host last read or wrote.
 };
 
 }  // namespace wheelwire::sim

@@ -16,12 +16,12 @@ namespace {
 constexpr int kAddressedByName = -1;
 constexpr int kSocketGone = -2;
 
-/// What one end receives of the other's bytes. A port that hung up garbles nothing.
+/// What one end receives of the other's bytes. Without a rate at one end they arrive intact.
 Bytes over_uart(const Bytes& data, uint32_t from_baud, uint32_t to_baud) {
   return from_baud == 0 || to_baud == 0 ? data : resample(data, from_baud, to_baud);
 }
 
-/// A link stands for one board, whenever the program is started: a host that knows it goes on.
+/// The same link is the same board at every start, so a host that knows the board resumes.
 uint64_t board_of(const std::string& link) {
   uint64_t hash = 0;
   for (const char c : std::filesystem::absolute(link).lexically_normal().string()) {
@@ -37,7 +37,7 @@ SimulatedDevice::SimulatedDevice(const Options& options)
   const std::string& owned = options.lock.empty() ? link_ : options.lock;
   if (!owned.empty()) lock_.emplace(owned);
   if (!link_.empty()) simulator_.set_board_id(board_of(link_));
-  // To the host that started this process, each one that it starts is the same board.
+  // All simulators that a host process starts are the same board to it.
   if (socket_ >= 0) simulator_.set_board_id(mix(static_cast<uint64_t>(options.parent)) >> 16);
   if (!options.store.empty()) simulator_.board.store.use_file(options.store);
   for (const auto& [name, value] : options.settings) {
@@ -50,7 +50,7 @@ SimulatedDevice::SimulatedDevice(const Options& options)
       throw std::invalid_argument("cannot preset parameter " + std::to_string(parameter));
     }
   }
-  // The constructor has switched the power on already; the settings are to hold from there.
+  // The constructor has already powered the device on; the settings must hold from power-on.
   simulator_.reset(ResetReason::kPowerOn);
   plug();
 }

@@ -14,8 +14,8 @@ namespace wheelwire::sim {
 
 class SimulatedDevice {
  public:
-  /// Throws std::invalid_argument for a setting that cannot be, std::runtime_error for a port that
-  /// cannot be opened.
+  /// Throws std::invalid_argument for a bad setting, std::runtime_error if the port cannot be
+  /// opened.
   explicit SimulatedDevice(const Options& options);
 
   Simulator& simulator() { return simulator_; }
@@ -25,15 +25,15 @@ class SimulatedDevice {
   const std::string& port_name() const { return port_->name(); }
   /// -1 when unplugged.
   int descriptor() const { return port_ ? port_->descriptor() : -1; }
-  /// Throws std::runtime_error; a socket that was unplugged is gone.
+  /// Throws std::runtime_error. A socket cannot be plugged in again.
   void plug();
   void unplug() { port_.reset(); }
   /// The host that this process was started for is gone.
   bool host_ended() const { return port_ && port_->ended(); }
 
-  /// Takes what the host has sent onto the line.
+  /// Puts what the host has sent onto the line.
   void receive();
-  /// Hands what is on the line to the host; unplugged, it is lost.
+  /// Hands what is on the line to the host; if unplugged, it is lost.
   void send();
 
  private:

@@ -9,7 +9,7 @@
 namespace wheelwire::sim {
 
 SocketPort::SocketPort(int fd) : socket_(fd), name_("socket " + std::to_string(fd)) {
-  // States that the host does not read shall not grow old in a queue.
+  // States that the host does not read must not go stale in a queue.
   const int least = 0;
   if (::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &least, sizeof least) != 0) {
     throw std::runtime_error("cannot use " + name_ + ": " + std::strerror(errno));

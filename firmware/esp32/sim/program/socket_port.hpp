@@ -8,7 +8,7 @@ namespace wheelwire::sim {
 
 class SocketPort final : public HostPort {
  public:
-  /// Throws std::runtime_error when `fd` is no socket.
+  /// Throws std::runtime_error if `fd` is not a socket.
   explicit SocketPort(int fd);
 
   const std::string& name() const override { return name_; }

@@ -10,11 +10,11 @@ namespace wheelwire::sim {
 
 class TruthStream {
  public:
-  /// 0 Hz: nothing.
+  /// 0 Hz: none.
   explicit TruthStream(double rate_hz)
       : interval_(rate_hz > 0.0 ? static_cast<Nanoseconds>(1e9 / rate_hz) : 0) {}
 
-  /// To be called after every advance.
+  /// Call after every advance.
   void report(const Simulator& simulator, Console& console);
   /// When the next one is due, whatever the drive does.
   Nanoseconds due() const {

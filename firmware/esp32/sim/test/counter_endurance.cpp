@@ -2,7 +2,7 @@
 //
 //   wheelwire-counter-endurance [EDGES]
 //
-// Forward, back, by chance, and hovering about each limit; the firmware's total has to be exact at
+// Forward, back, at random, and hovering around each limit; the firmware's total must be exact at
 // each of its steps. Exits with 1 at the first tick that is lost or invented.
 
 #include <cstdint>
@@ -26,7 +26,7 @@ constexpr int kHoverReach = 5;
 /// Of each phase; a run has many of each.
 constexpr int64_t kPhaseEdges = 400'000;
 
-/// A wheel's encoder at the counter's inputs, and what both sides make of it.
+/// A wheel's encoder at the counter's inputs, and the totals on both sides.
 class Bench {
  public:
   int64_t edges() const { return edges_; }
@@ -96,7 +96,7 @@ class EnduranceRun {
     return true;
   }
 
-  /// Goes to the last count before `limit`, then to and fro across it.
+  /// Goes to the last count before `limit`, then back and forth across it.
   bool hover_about(int limit) {
     const int direction = limit < 0 ? -1 : 1;
     while (bench_.counter() != limit - direction) {

@@ -1,4 +1,4 @@
-// The obvious estimator, for comparison: from one tick to another, both chosen when a tick comes.
+// A simple estimator, for comparison: from one tick to another, both chosen when a tick arrives.
 #pragma once
 
 #include <cstdint>

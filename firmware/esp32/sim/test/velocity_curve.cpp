@@ -1,8 +1,8 @@
-// How wrong and how noisy the measured velocity is at each speed: bench/velocity.py plots it.
+// Error and noise of the measured velocity at each speed: bench/velocity.py plots them.
 //
 // An ideal encoder at constant speed, control steps at the rate that the argument gives in Hz (1000
 // by default), 3 s at each of 100 phases between ticks and steps. Prints, as CSV, counts per turn,
-// m/s, and for the estimator and for the obvious one beside it: error of the mean and standard
+// m/s, and for the estimator and for a simple one: error of the mean and standard
 // deviation, as fractions of the speed.
 #include <cmath>
 #include <cstdio>
