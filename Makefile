@@ -22,11 +22,11 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write what is generated: from the protocol's definitions, and the picture of the package
+gen: $(VENV)/installed  ## Write the generated files: from the protocol's definitions, and the picture of the package
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw-rooms
 
-gen-check: $(VENV)/installed  ## Fail when a generated file is not up to date
+gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
 	$(BIN)/python tools/draw-rooms --check
 
@@ -87,10 +87,10 @@ wheels: build/wheels-venv/installed  ## A release's wheels, for three processors
 	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels build $(WHEELS)
 	@build/wheels-venv/bin/python tools/wheels build sdist
 
-wheels-check: wheels $(VENV)/installed  ## Try those wheels; needs qemu-user-static, libc6-arm64-cross, libc6-armhf-cross
+wheels-check: wheels $(VENV)/installed  ## Test those wheels; needs qemu-user-static, libc6-arm64-cross, libc6-armhf-cross
 	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels check $(WHEELS)
 
-wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it afresh, drive a simulated robot
+wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it in a fresh environment, drive a simulated robot
 	@$(BIN)/python tools/wheels build native
 	@$(BIN)/python tools/wheels check native
 
@@ -110,16 +110,16 @@ fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clan
 	@$(BIN)/python tools/install-extra fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
 
-corruption: cpp-tests  ## Damage frames in every way, and count what gets through; about two minutes
+corruption: cpp-tests  ## Corrupt frames in every way and count the wrong ones accepted; about two minutes
 	@$(HOST_BUILD)/wheelwire-corruption --random 100000000
 
-bench: $(VENV)/installed  ## Every benchmark beside its peers, to build/bench/report.md
+bench: $(VENV)/installed  ## All benchmarks, compared with the peers, to build/bench/report.md
 	@# Pigweed's HDLC needs none of the 60 packages, linters and SciPy among them, that it asks for.
 	@$(BIN)/python tools/install-extra bench 'pigweed>=0.0.24'
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
 	@$(BIN)/python bench/report.py
 
-reliability: cpp-tests  ## Figures of docs/reliability.md but for fuzzing, corruption, soak; 4 min
+reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 4 min
 	$(BIN)/python bench/stop_times.py
 	$(BIN)/python bench/endurance.py
 	$(BIN)/python bench/clock.py

@@ -1,6 +1,6 @@
 """Drive in one task and watch in another: python examples/asyncio_drive.py --port /dev/ttyUSB0.
 
-Ctrl-C, an error in either task, or the end of the time: the robot is stopped whatever ends it.
+The robot is stopped however the program ends: by Ctrl-C, by an error in either task, or in time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Drive, and live through an e-stop and a lost link: python examples/estop.py --port /dev/ttyUSB0.
+"""Drive, and handle an e-stop and a lost link: python examples/estop.py --port /dev/ttyUSB0.
 
-The device stops by itself. All that is left to the program is to notice, to wait for a person, and
-to clear the latch; the device refuses that while the cause lasts.
+The device stops by itself. The program only has to notice it, wait for a person and clear the
+e-stop, which the device refuses while the cause is present.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import wheelwire
 
 
 def wait_for_release(robot: wheelwire.BaseDriver) -> None:
-    """Ask until the e-stop could be cleared."""
+    """Ask the user until the e-stop can be cleared."""
     while True:
         input("e-stop: release the button, look around, then press Enter ")
         try:
@@ -26,7 +26,7 @@ def wait_for_release(robot: wheelwire.BaseDriver) -> None:
 
 
 def main() -> None:
-    """Drive forward for some seconds, not counting those of an e-stop."""
+    """Drive forward for some seconds, not counting the time of an e-stop."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--port", default="/dev/ttyUSB0")
     parser.add_argument("--seconds", type=float, default=5.0)

@@ -1,7 +1,7 @@
 """Write each sample to a CSV file: python examples/log_csv.py run.csv --port /dev/ttyUSB0.
 
-It sends no setpoint; turn the wheels by hand. In a program of your own, write the samples that it
-reads while it drives: a port has room for one program.
+It sends no setpoint; turn the wheels by hand. To log while driving, write the samples in the
+program that drives: only one program can use a port.
 """
 
 from __future__ import annotations

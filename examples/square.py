@@ -39,7 +39,7 @@ def turn_to(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry, heading_r
 
 
 def come_to_rest(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry) -> None:
-    """Stop, and follow the wheels until they stand."""
+    """Stop, and update the odometry until the wheels are at rest."""
     robot.stop()
     while True:
         sample = robot.read()

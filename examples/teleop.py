@@ -2,8 +2,8 @@
 
     i forward    , backward    j left    l right    space stop    e e-stop    c clear    q quit
 
-Hold a key to go on. A terminal tells nothing of a key's release, and repeats a held one only after
-half a second: so each key drives for that long, and then the setpoint expires.
+Hold a key to keep driving. A terminal does not report the release of a key, and starts repeating a
+held one after half a second: so each key drives for that long, then the setpoint expires.
 """
 
 from __future__ import annotations

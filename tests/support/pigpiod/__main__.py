@@ -1,4 +1,4 @@
-"""`python -m support.pigpiod`: a daemon that is told what to do on its standard input.
+"""`python -m support.pigpiod`: a daemon that is controlled by its standard input.
 
 Each line is a command, each answer a line of JSON; the end of the input is the end of the daemon.
 """
