@@ -17,7 +17,7 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from support.ros import TIMEOUT_S, Diagnostics, Graph, wait
+from support.ros import TIMEOUT_S, Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from wheelwire.simulation.simulator import Simulator
 
@@ -135,11 +135,12 @@ def test_the_transform_is_odoms_pose(graph: Graph, simulator: Simulator) -> None
     transforms = graph.listen(tf2.TFMessage, "/tf")
     with RobotNode(graph, port=simulator.port, base_frame_id="base_footprint"):
         publisher = graph.publisher(Twist, "cmd_vel")
-        publisher.publish(Twist(linear=Vector3(x=0.3)))
-        wait(lambda: odometry and odometry[-1].pose.pose.position.x > 0.05, "5 cm")
-        wait(
-            lambda: transforms and transforms[-1].transforms[0].transform.translation.x > 0.05, "tf"
-        )
+        with Repeater(publisher, lambda: Twist(linear=Vector3(x=0.3))):
+            wait(lambda: odometry and odometry[-1].pose.pose.position.x > 0.05, "5 cm")
+            wait(
+                lambda: transforms and transforms[-1].transforms[0].transform.translation.x > 0.05,
+                "tf",
+            )
     poses = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in tuple(odometry)}
     compared = 0
     for message in tuple(transforms):
