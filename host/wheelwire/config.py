@@ -303,6 +303,7 @@ def _validated(content: dict[str, Any]) -> RobotConfig:
     except ImportError as error:
         raise _not_installed(error) from error
     try:
+        # Names and parameters were checked before: pydantic checks the types of the rest.
         return TypeAdapter(RobotConfig).validate_python(content)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

@@ -74,7 +74,7 @@ def ensure_stopped(port: str) -> None:
     except WheelwireError:
         return  # an empty chip or another release
     with robot:
-        robot.stop()
+        robot.stop()  # the reset before flashing would only let the wheels coast
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
         sample = robot.read()
         while sample.left_mps or sample.right_mps:

@@ -153,6 +153,7 @@ class RobotConnection:
         """
         if values and self.robot.sessions != self._session:
             raise LinkLost("a new session is being prepared; try again in a second")
+        # The robot has no transaction: after a refusal the values set so far are set back.
         before: dict[str, float] = {}
         try:
             for name, value in values.items():

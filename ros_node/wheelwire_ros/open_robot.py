@@ -50,6 +50,7 @@ class OpenRobot:
         self._newest: WheelSample | None = None
         self._closing = False
         self._time_base = TimeBase(lambda: int(node.get_clock().now().nanoseconds))
+        # An error below closes in reverse order what has been opened; `pop_all` keeps it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
             self._prepare(robot, estopped=estopped)

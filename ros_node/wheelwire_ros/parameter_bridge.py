@@ -47,6 +47,7 @@ class ParameterBridge:
             for info in robot.parameters.list()
             if info.name in parameters.ROBOT_PARAMETERS
         ]
+        # Setting them calls `_check`, which must not send the robot its own values.
         self._mirroring = True
         try:
             self._node.set_parameters(values)

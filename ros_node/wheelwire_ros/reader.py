@@ -62,7 +62,7 @@ class SampleReader:
                 raise  # for good: the node ends, and its supervisor restarts it
             except WheelwireError as error:
                 self._note_silence(error)
-                boot_id = None
+                boot_id = None  # the next sample is a change, even of the same boot
                 continue
             if self._closing.is_set():
                 return

@@ -108,7 +108,7 @@ class McuLoop:
     def _end(self) -> None:
         self._ending = True
         self._low_steps = 0
-        self._endings = []
+        self._endings = []  # they stay readable: waiting for them again would not wait
         self._line.close()
         self._apply(self._core.hang_up(self._now_us()))
 

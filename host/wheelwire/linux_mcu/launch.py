@@ -65,7 +65,7 @@ def launch(settings: McuSettings) -> McuTransport:
         ConfigurationError: The settings are invalid.
     """
     ours, theirs = socket.socketpair()
-    with theirs:
+    with theirs:  # with a copy here, the end of the child would not close the connection
         child_settings = replace(settings, socket=theirs.fileno(), parent=os.getpid())
         process = start(
             [sys.executable, "-m", "wheelwire.linux_mcu", child_settings.to_json()], theirs.fileno()

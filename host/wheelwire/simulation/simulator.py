@@ -310,7 +310,7 @@ class Simulator:
                     self._on_state(state)
             else:
                 self._answers.put(line)
-        self._answers.put(None)
+        self._answers.put(None)  # a caller may be waiting for an answer
 
     def _next_answer(self) -> dict[str, Any]:
         try:

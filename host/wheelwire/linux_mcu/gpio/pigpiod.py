@@ -105,6 +105,7 @@ class PigpiodGpio(Gpio):
     def _start(self, parameters: Mapping[str, float]) -> None:
         client, pins = self._client, self._pins
         enables = (pins.left_pwm, pins.right_pwm)
+        # First: from here on EN goes low by itself if this process dies.
         self._watchdog = PigpioWatchdog(client, enables)
         pwm_hz = round(parameters["pwm_frequency_hz"])
         self.left = PigpiodHalfBridge(client, enables[0], (pins.left_dir1, pins.left_dir2), pwm_hz)
