@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -87,7 +88,7 @@ def test_every_verb(line: str) -> None:
             assert simulator.get("state") == SupervisorState.IDLE
 
 
-def test_unplugged_and_plugged_in_again() -> None:
+def test_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
     async def use(simulator: Simulator) -> None:
         async with aio.open_driver("serial", port=simulator.port) as robot:
 
@@ -105,7 +106,7 @@ def test_unplugged_and_plugged_in_again() -> None:
                 while robot.sessions == count:
                     await robot.read(PATIENCE_S)
 
-    with Simulator() as simulator:
+    with Simulator(link=tmp_path / "robot") as simulator:
         asyncio.run(use(simulator))
 
 
