@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from support.command import TIMEOUT_S
+from support.processes import interruptible
 from support.waiting import wait_until
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
@@ -30,6 +31,7 @@ def start(name: str, *arguments: str) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=interruptible,
     )
 
 
