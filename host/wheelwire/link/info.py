@@ -1,4 +1,4 @@
-"""Who is at either end of the link."""
+"""Who is at either end of the link, and what was counted on it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from wheelwire_protocol.codes import Board, Capability, ResetReason
+from wheelwire_protocol.codes import Board, Capability, RefusalCode, ResetReason
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import DeviceHello
 
-from ..errors import Release
+from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,24 @@ class BootHistory:
         return boot_id not in self._boots
 
 
+def device_of_session(hello: DeviceHello) -> DeviceInfo:
+    """Check an answer to a hello, and return who opened the session.
+
+    Raises:
+        ProtocolMismatch: The device has another protocol version or schema; no session.
+        LinkLost: The device is still starting; no session yet.
+        DeviceRefused: It refused for another reason; no session.
+        ValueError: The answer contains an unknown code.
+    """
+    if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, schema_hash()):
+        raise ProtocolMismatch(host_release(), device_release(hello))
+    if hello.refusal == RefusalCode.BOOTING:
+        raise LinkLost("the device is still starting; wait a moment")
+    if hello.refusal != RefusalCode.NONE:
+        raise DeviceRefused(hello.refusal, "the session")
+    return DeviceInfo.from_hello(hello)
+
+
 def device_release(hello: DeviceHello) -> Release:
     """The device's side of a comparison; readable in every protocol version."""
     firmware = f"{hello.version_major}.{hello.version_minor}.{hello.version_patch}"
@@ -139,6 +157,30 @@ class LinkStatistics:
     def bad(self) -> int:
         """Chunks that did not decode to a valid, known message; as in the decoder's counters."""
         return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
+
+
+ROUND_TRIPS = 1024
+
+
+class RoundTrips:
+    """The last `ROUND_TRIPS` round trips. One thread adds; any may look."""
+
+    def __init__(self) -> None:
+        self._newest_us: list[int] = []
+        """Unordered: a list, which other threads can copy atomically."""
+        self._oldest = 0
+
+    def add(self, round_trip_us: int) -> None:
+        """Take one in, in place of the oldest when there are enough."""
+        if len(self._newest_us) < ROUND_TRIPS:
+            self._newest_us.append(round_trip_us)
+        else:
+            self._newest_us[self._oldest] = round_trip_us
+            self._oldest = (self._oldest + 1) % ROUND_TRIPS
+
+    def quantile_us(self, fraction: float) -> float:
+        """The nearest-rank quantile; NaN of nothing."""
+        return quantile(self._newest_us, fraction)
 
 
 def quantile(values: Collection[float], fraction: float) -> float:

@@ -53,12 +53,11 @@ from ..errors import (
     DeviceRefused,
     InvalidCommand,
     LinkLost,
-    ProtocolMismatch,
     WheelwireError,
     WrongBoard,
 )
 from .clock import ClockEstimator, Synchroniser
-from .info import BootHistory, DeviceInfo, LinkStatistics, device_release, host_release, quantile
+from .info import BootHistory, DeviceInfo, LinkStatistics, RoundTrips, device_of_session
 from .requests import Answer, Done, RequestMessage, RequestQueue
 from .setpoints import SETPOINT_IDS, SetpointSender
 from .state_stream import DUTY_SCALE, Measurement, StateStream
@@ -76,7 +75,6 @@ STREAM_US = 500_000
 """A device is not streaming if no state came for this long while other messages did."""
 QUIET_PERIOD_US = 25_000
 """Between pings until something is received."""
-ROUND_TRIPS = 1024
 
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 
@@ -161,9 +159,7 @@ class Session:
         self._invalid = 0
         self._foreign = 0
         self._refused = 0
-        self._round_trips_us: list[int] = []
-        """The last `ROUND_TRIPS`, unordered: a list, which other threads can copy atomically."""
-        self._oldest_round_trip = 0
+        self._round_trips = RoundTrips()
 
         self._nonce = 0
         self._hello_due_us = 0
@@ -217,8 +213,8 @@ class Session:
             setpoints_repeated=self._setpoints.repeated,
             sessions=self.count,
             device_resets=self._boots.resets,
-            round_trip_p50_us=quantile(self._round_trips_us, 0.50),
-            round_trip_p99_us=quantile(self._round_trips_us, 0.99),
+            round_trip_p50_us=self._round_trips.quantile_us(0.50),
+            round_trip_p99_us=self._round_trips.quantile_us(0.99),
             clock_error_us=clock.error_us(now_us) if clock.synchronised else float("nan"),
         )
 
@@ -243,11 +239,7 @@ class Session:
         self._output.clear()
 
     def receive(self, data: bytes, now_us: int) -> list[Measurement]:
-        """Process received bytes. Never raises, whatever they are.
-
-        Returns:
-            What was measured anew; see `every_state`.
-        """
+        """Process bytes, whatever they are; returns what was measured anew, see `every_state`."""
         self.bytes_received += len(data)
         messages = self._decoder.feed(data)
         self.frames_received += len(messages)
@@ -328,9 +320,8 @@ class Session:
     def check_open(self) -> None:
         """Raise the reason if the session is not open."""
         if self.phase is not Phase.OPEN:
-            raise self.error.with_traceback(
-                None
-            )  # raised again and again for hours: tracebacks must not pile up
+            # It is raised again and again for hours: tracebacks must not pile up.
+            raise self.error.with_traceback(None)
 
     def velocity_frame(
         self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
@@ -456,7 +447,7 @@ class Session:
             return
         self.unanswered_since_us = now_us
         try:
-            device = _judge(hello)
+            device = device_of_session(hello)
             self._check_board(device)
         except WheelwireError as error:
             self.error = error
@@ -558,11 +549,8 @@ class Session:
         exchange = self._synchroniser.on_pong(pong, now_us)
         if exchange is None:
             self._foreign += 1
-        elif len(self._round_trips_us) < ROUND_TRIPS:
-            self._round_trips_us.append(exchange.round_trip_us)
         else:
-            self._round_trips_us[self._oldest_round_trip] = exchange.round_trip_us
-            self._oldest_round_trip = (self._oldest_round_trip + 1) % ROUND_TRIPS
+            self._round_trips.add(exchange.round_trip_us)
 
     def _on_event(self, event: Event, now_us: int) -> None:
         """Track the supervisor: without a stream, only events show its state."""
@@ -607,21 +595,3 @@ class Session:
         quiet_us = self._heard_us + (QUIET_US if streams else IDLE_QUIET_US)
         earliest_us = self._synchroniser.sent_us + QUIET_PERIOD_US
         return min(self._synchroniser.due_us, max(quiet_us, earliest_us))
-
-
-def _judge(hello: DeviceHello) -> DeviceInfo:
-    """Check an answer to a hello, and return who opened the session.
-
-    Raises:
-        ProtocolMismatch: The device has another protocol version or schema; no session.
-        LinkLost: The device is still starting; no session yet.
-        DeviceRefused: It refused for another reason; no session.
-        ValueError: The answer contains an unknown code.
-    """
-    if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, schema_hash()):
-        raise ProtocolMismatch(host_release(), device_release(hello))
-    if hello.refusal == RefusalCode.BOOTING:
-        raise LinkLost("the device is still starting; wait a moment")
-    if hello.refusal != RefusalCode.NONE:
-        raise DeviceRefused(hello.refusal, "the session")
-    return DeviceInfo.from_hello(hello)
