@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from support.bare_host import ECHO
 
 SCRIPTS = sorted((Path(__file__).parents[2] / "bench").glob("*.py"))
+OURS = ("bench", "peers", "support", "wheelwire", "wheelwire_protocol", "wheelwire_ros")
 IMPORT = "import runpy, sys; runpy.run_path(sys.argv[1], run_name='imported')"
 
 
@@ -25,6 +27,9 @@ def test_each_finds_what_it_imports(script: Path) -> None:
         cwd="/",
         check=False,
     )
+    missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", result.stderr)
+    if missing and missing[1] not in OURS:
+        pytest.skip(f"{missing[1]} is missing: make bench installs it")
     assert result.returncode == 0, result.stderr
 
 

@@ -368,6 +368,8 @@ class Session:
             LinkLost: The session is not open.
         """
         self.check_open()
+        if isinstance(message, (ClearEstop, ClearFault)):
+            self._setpoints.void()  # only what is commanded from now on may move the wheels
         self._requests.submit(message._replace(session_id=self._id), done, now_us)
 
     def withdraw(self, done: Done) -> None:

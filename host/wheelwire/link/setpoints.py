@@ -69,6 +69,10 @@ class SetpointSender:
         self.supervisor = None
         self.faults = NO_FAULT
 
+    def void(self) -> None:
+        """What was sent is not to be sent again."""
+        self._unseen = None
+
     def check(self) -> None:
         """Find out before sending that the device will not drive.
 

@@ -9,6 +9,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEve
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,
+    ClearFault,
     Estop,
     Refuse,
     SetWheelVelocity,
@@ -92,6 +93,22 @@ def test_a_stop_outdates_the_setpoints_before_it() -> None:
     line.run(0.05)
     before, after = (setpoint.command_seq for setpoint in line.device.obeyed)
     assert before < stop.command_seq < after
+
+
+@pytest.mark.parametrize("clear", [ClearEstop, ClearFault])
+def test_clearing_voids_the_repeat_of_a_setpoint(clear: type[ClearEstop | ClearFault]) -> None:
+    """It was lost on its way to a latched device, which would obey its copy after the clear."""
+    line = VirtualLine().open()
+    line.to_device.impairment.loss = 1.0
+    line.drive(ttl_s=0.4)
+    line.run(0.005)
+    line.to_device.impairment.loss = 0.0
+    line.to_host.impairment.loss = 1.0  # the answer comes late, or never
+    line.session.request(clear(0, 0), lambda _: None, line.now_us)
+    line.run(0.3)
+    assert line.sent_of(clear)
+    assert len(line.sent_of(SetWheelVelocity)) == 1
+    assert not line.device.obeyed
 
 
 @pytest.mark.parametrize("news", ["refused", "obeyed"])
