@@ -75,7 +75,8 @@ test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64: make t
 ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
 endif
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadgroup
+	@# By files: the tests of one share a build folder, or a robot that goes through a tutorial.
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile
 
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/wheels
