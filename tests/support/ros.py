@@ -56,10 +56,10 @@ def take_domain() -> tuple[int, socket.socket]:
         first_port = 7400 + 250 * domain
         reservation = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            reservation.bind(("", first_port + 249))
+            reservation.bind(("127.0.0.1", first_port + 249))
             for participant in range(8):
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                    probe.bind(("", first_port + 10 + 2 * participant))
+                    probe.bind(("127.0.0.1", first_port + 10 + 2 * participant))
         except OSError:
             reservation.close()
         else:

@@ -134,9 +134,13 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
     end = time.monotonic() + seconds
+    driving = False
     while (left := end - time.monotonic()) > 0:
-        if left >= COMMAND_PERIOD_S:  # the setpoint before lasts to the end as well
-            robot.set_velocity(*twist, ttl=min(TTL_S, left))
+        # A short rest of the drive is left to the setpoint before, which lasts to the end as well;
+        # the stop below ends a first one that would last longer.
+        if left >= COMMAND_PERIOD_S or not driving:
+            robot.set_velocity(*twist, ttl=min(TTL_S, max(left, COMMAND_PERIOD_S)))
+            driving = True
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
     robot.stop()

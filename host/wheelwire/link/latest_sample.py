@@ -42,8 +42,6 @@ class LatestSample:
         self._asked_us = -ATTENTION_US
         self._iterators: list[ref[SampleIterator]] = []
         """Copied before iterating: other threads add to it."""
-        self.is_iterated = False
-        """Whether anyone wants every sample, not just the newest."""
 
     def put(self, measurement: Measurement) -> None:
         """Store what was measured; `notify_all` tells those who wait for it."""
@@ -59,7 +57,7 @@ class LatestSample:
         self._last = state
         self._unread.append(measurement)
         self._current = True
-        if self.is_iterated:
+        if self._iterators:
             self._put_into_iterators(measurement)
 
     def _put_into_iterators(self, measurement: Measurement) -> None:
@@ -69,9 +67,6 @@ class LatestSample:
                 self._iterators.remove(reference)
             else:
                 iterator.put(measurement)
-        # Another thread may add one at any time: it sets this after it has added.
-        self.is_iterated = False
-        self.is_iterated = bool(self._iterators)
 
     def notify_all(self) -> None:
         """Wake who waits for what was put."""
@@ -100,7 +95,6 @@ class LatestSample:
         """All samples from now on; `wait`: see `SampleIterator`."""
         iterator = SampleIterator(wait or self._wait_for)
         self._iterators.append(ref(iterator))
-        self.is_iterated = True
         if self._failure is not None:  # possibly before it was listed
             iterator.end(None if self._closed else self._failure)
         return iterator
@@ -149,13 +143,18 @@ class LatestSample:
         return self._ticks
 
     @property
+    def is_iterated(self) -> bool:
+        """Whether anyone wants every sample, not just the newest."""
+        return bool(self._iterators)
+
+    @property
     def is_current(self) -> bool:
         """A sample was measured since the last interruption."""
         return self._current
 
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then the next sample is wanted without delay."""
-        return now_us < self._asked_us + ATTENTION_US or self.is_iterated
+        return now_us < self._asked_us + ATTENTION_US or bool(self._iterators)
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
         self._changed.wait_for(ready, ITERATOR_WAIT_S)

@@ -198,7 +198,7 @@ class Session:
         counters, clock = self._decoder.counters, self._synchroniser.clock
         return LinkStatistics(
             frames_sent=self._frames_sent_before + self._encoder.encoded,
-            frames_received=counters.frames,
+            frames_received=self.frames_received,
             frames_lost=counters.seq_lost,
             bad_crc=counters.bad_crc,
             bad_cobs=counters.bad_cobs,
