@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from wheelwire import BaseDriver, WheelSample, WheelwireError
 
 from .connection import RobotConnection
+from .time_base import WAITING_FOR_CLOCK
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
@@ -34,6 +35,8 @@ class Report:
     """How often the odometry was rebased after a reset of the device."""
     ignored_types: list[str]
     """Message types that others publish on cmd_vel but this node does not subscribe to."""
+    waiting_for_clock: bool = False
+    """Whether motion cannot be stamped, because use_sim_time is set and /clock is silent."""
 
 
 def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
@@ -77,6 +80,8 @@ def _link(
     level, message = OK, "connected"
     if problem is not None:
         level, message = ERROR, str(problem)
+    elif report.waiting_for_clock:
+        level, message = WARN, WAITING_FOR_CLOCK
     values = {"driver": driver_type, **identity, **asdict(robot.statistics)}
     if report.sample is not None:
         values["sample_time_error_s"] = report.sample.stamp_error_s

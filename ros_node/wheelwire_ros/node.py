@@ -14,6 +14,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from wheelwire import BaseDriver, WheelwireError
 
 from . import diagnostics
+from .library_log import forward_library_log
 from .lifecycle import Autostart, refuse_impossible_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
@@ -42,6 +43,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def __init__(self, name: str, settings: Iterable[Setting] = ()) -> None:
         super().__init__(name)
+        forward_library_log(self.get_logger())
         self._bridge = ParameterBridge(self, settings, self._use_settings)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED

@@ -49,7 +49,9 @@ class OpenRobot:
         self._on_failure = on_failure
         self._newest: WheelSample | None = None
         self._closing = False
-        self._time_base = TimeBase(lambda: int(node.get_clock().now().nanoseconds))
+        self._time_base = TimeBase(
+            lambda: int(node.get_clock().now().nanoseconds), node.get_logger()
+        )
         # An error below closes in reverse order what has been opened; `pop_all` keeps it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
@@ -88,6 +90,7 @@ class OpenRobot:
             self._time_base.error_s,
             self._estimator.rebases,
             self._commands.ignored_types(),
+            waiting_for_clock=not self._time_base.runs,
         )
         return diagnostics.open_statuses(name, driver_type, report)
 
@@ -140,7 +143,9 @@ class OpenRobot:
         self._newest = sample
         motion = self._estimator.update(sample)
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
-            self._publisher.publish(motion, self._time_base.to_ros_ns(sample.stamp))
+            stamp_ns = self._time_base.to_ros_ns(sample.stamp)
+            if stamp_ns is not None:
+                self._publisher.publish(motion, stamp_ns)
 
     def _fail(self, error: Exception) -> None:
         """Called in the reader's thread. Without samples the robot must not go on driving."""

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wheelwire_ros.time_base import TimeBase
+from wheelwire_ros.time_base import WAITING_FOR_CLOCK, TimeBase
 
 OFFSET_NS = 1_700_000_000_123_456_789
 
@@ -26,31 +26,76 @@ class Clocks:
         return seen
 
 
+class Log:
+    """Keeps what is logged, each with its severity."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, str]] = []
+
+    def info(self, text: str) -> None:
+        self.lines.append(("info", text))
+
+    def warning(self, text: str) -> None:
+        self.lines.append(("warning", text))
+
+
+def ros_ns(base: TimeBase, stamp_s: float) -> int:
+    converted = base.to_ros_ns(stamp_s)
+    assert converted is not None
+    return converted
+
+
 def test_a_monotonic_time_becomes_ros_time() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, clocks.monotonic_ns)
-    assert abs(base.to_ros_ns(4.5) - (4_500_000_000 + OFFSET_NS)) <= 1000
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    assert abs(ros_ns(base, 4.5) - (4_500_000_000 + OFFSET_NS)) <= 1000
     assert base.error_s == 1e-6
 
 
 def test_an_interrupted_reading_is_not_the_one_that_counts() -> None:
     clocks = Clocks([40_000_000, 30_000_000, 0, 50_000_000, 20_000_000])
-    base = TimeBase(clocks.ros_ns, clocks.monotonic_ns)
-    assert abs(base.to_ros_ns(1.0) - (1_000_000_000 + OFFSET_NS)) <= 1000
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
+    assert abs(ros_ns(base, 1.0) - (1_000_000_000 + OFFSET_NS)) <= 1000
 
 
 def test_no_stamp_is_in_the_future_though_the_ros_clock_was_set_back() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
     clocks.offset_ns -= 3_000_000_000
     stamp_ns = clocks.now_ns - 1_000_000
-    assert abs(base.to_ros_ns(stamp_ns / 1e9) - (stamp_ns + clocks.offset_ns)) <= 2000
-    assert base.to_ros_ns(clocks.now_ns / 1e9 + 60) <= clocks.ros_ns()
+    assert abs(ros_ns(base, stamp_ns / 1e9) - (stamp_ns + clocks.offset_ns)) <= 2000
+    assert ros_ns(base, clocks.now_ns / 1e9 + 60) <= clocks.ros_ns()
 
 
 def test_a_step_of_the_ros_clock_is_followed() -> None:
     clocks = Clocks([])
-    base = TimeBase(clocks.ros_ns, clocks.monotonic_ns)
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
     clocks.offset_ns += 3_000_000_000
     base.measure()
-    assert abs(base.to_ros_ns(1.0) - (4_000_000_000 + OFFSET_NS)) <= 1000
+    assert abs(ros_ns(base, 1.0) - (4_000_000_000 + OFFSET_NS)) <= 1000
+
+
+def test_nothing_is_converted_until_the_simulated_clock_runs() -> None:
+    clocks, log, simulated_ns = Clocks([]), Log(), 0
+    base = TimeBase(lambda: simulated_ns, log, clocks.monotonic_ns)
+    assert base.to_ros_ns(4.5) is None
+    base.measure()
+    assert not base.runs
+    assert log.lines == [("warning", WAITING_FOR_CLOCK)]
+    simulated_ns = 7_000_000_000
+    assert abs(ros_ns(base, clocks.now_ns / 1e9 - 0.25) - 6_750_000_000) <= 10_000
+    assert base.runs
+    assert log.lines[1:] == [("info", "/clock runs: motion is published from now on")]
+
+
+def test_a_time_before_the_beginning_of_the_simulation_is_none() -> None:
+    clocks, simulated_ns = Clocks([]), 1_000_000
+    base = TimeBase(lambda: simulated_ns, Log(), clocks.monotonic_ns)
+    assert base.runs
+    assert base.to_ros_ns(clocks.now_ns / 1e9 - 0.25) is None
+
+
+def test_nothing_is_logged_of_a_clock_that_runs() -> None:
+    log = Log()
+    TimeBase(Clocks([]).ros_ns, log)
+    assert log.lines == []

@@ -1,0 +1,55 @@
+"""use_sim_time: the node waits for /clock, says so, and drives all the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+from support import stop_host
+from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros_process import RobotNode
+from support.ros_rig import NODE, SPEED_MPS, stamp_s, twist
+from support.stop_host import stopped
+from wheelwire.simulation.simulator import Simulator
+
+START_S = 100
+
+
+def test_it_waits_for_the_clock_and_obeys_meanwhile(graph: Graph, tmp_path: Path) -> None:
+    odometry, joints = graph.listen(Odometry, "odom"), graph.listen(JointState, "joint_states")
+    diagnostics = Diagnostics(graph)
+    with (
+        Simulator(link=tmp_path / "port", truth_hz=200.0) as simulator,
+        RobotNode(graph, port=simulator.port, use_sim_time=True) as node,
+    ):
+        diagnostics.wait(
+            "link",
+            lambda status, _: status.level == DiagnosticStatus.WARN and "/clock" in status.message,
+        )
+        wait(lambda: "waiting for /clock" in node.errors(), "a line in the log")
+        with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(SPEED_MPS)):
+            stop_host.wait(simulator, lambda state: state.drive_on)
+            assert graph.call(SetBool, f"{NODE}/estop", data=True).success
+            stop_host.wait(simulator, stopped)
+        assert not odometry
+        assert not joints
+
+        clock = graph.publisher(Clock, "/clock")
+        time_s = iter(range(START_S, 10**9))
+        with Repeater(clock, lambda: Clock(clock=Time(sec=next(time_s))), rate_hz=10):
+            wait(lambda: odometry and joints, "motion")
+            diagnostics.wait("link", lambda status, _: status.level == DiagnosticStatus.OK)
+        assert stamp_s(odometry[0]) > START_S - 1
+        assert stamp_s(joints[0]) > START_S - 1
+        assert node.errors().count("waiting for /clock") == 1
