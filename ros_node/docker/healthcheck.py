@@ -2,7 +2,7 @@
 
 Exits with 1 if the node is dead or hangs, or cannot reach its robot.
 
-    healthcheck.py [NODE]      hardware_robot by default; with its namespace, robot1/hardware_robot
+    healthcheck.py [NODE]      hardware_robot by default; with its namespace, /robot1/hardware_robot
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class LinkListener:
 
 def main() -> str | None:
     """Run the check; returns what is wrong, or None."""
-    robot = sys.argv[1] if len(sys.argv) > 1 else "hardware_robot"
+    robot = sys.argv[1].strip("/") if len(sys.argv) > 1 else "hardware_robot"
     listener = LinkListener(robot)
     rclpy.init(args=[])
     node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)

@@ -1,7 +1,12 @@
 """A robot's nodes: wheels, lidar, and the model that connects their frames.
 
-Without a namespace the topics are /cmd_vel, /odom, /scan, /tf. With one they are all below it,
-including /tf, as Nav2 expects for several robots; the frames keep their names.
+Several robots on one graph are told apart in one of two ways:
+
+- `namespace`: topics, services and /tf are below it, as Nav2 expects; the frames keep their names.
+- `namespace` and `frame_prefix`: the same, but all robots share one /tf, with frames of their own.
+
+Joints keep their names: robot_state_publisher finds them in the model by the names in joint_states,
+which is below the namespace.
 """
 
 from pathlib import Path
@@ -20,13 +25,8 @@ PARAMETERS = SHARE / "config" / "pi4b_params.yaml"
 MODEL = SHARE / "urdf" / "pi4b.urdf"
 
 TF_BELOW_NAMESPACE = [("/tf", "tf"), ("/tf_static", "tf_static")]
-COMMON = {
-    "namespace": LaunchConfiguration("namespace"),
-    "remappings": TF_BELOW_NAMESPACE,
-    "output": "screen",
-}
+LASER_FRAME = "laser_link"
 RESPAWN = {"respawn": True, "respawn_delay": 2.0}
-SWITCH = ["true", "false"]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -35,44 +35,67 @@ def generate_launch_description() -> LaunchDescription:
         [
             _argument("driver", "", "mock, l298n, pigpio or serial. Empty: as in params_file."),
             _argument("port", "", "Port of the serial driver. Empty: as in params_file."),
-            _argument("params_file", str(PARAMETERS), "The robot's parameters."),
-            _argument("lidar", "true", "Start the RPLidar's node.", SWITCH),
+            _argument("params_file", str(PARAMETERS), "YAML file of the robot's parameters."),
+            _argument("model", str(MODEL), "URDF file of the robot's model."),
+            _argument("robot_state_publisher", "true", "Publish the model: true or false."),
+            _argument("lidar", "true", "Start the RPLidar's node: true or false."),
             _argument("lidar_port", "/dev/rplidar", "The RPLidar's port."),
-            _argument("robot_state_publisher", "true", "Publish the robot's model.", SWITCH),
-            _argument("namespace", "", "Namespace of all nodes, for several robots on one graph."),
-            OpaqueFunction(function=_hardware_robot),
-            _lidar(),
-            _robot_state_publisher(),
+            _argument(
+                "namespace", "", "Namespace of all nodes, topics and services, /tf included."
+            ),
+            _argument(
+                "frame_prefix",
+                "",
+                "Prefix of all frames, such as robot1: robot1/odom. /tf then stays outside the "
+                "namespace, for all robots to share.",
+            ),
+            _argument("use_sim_time", "false", "Take the time from /clock: true or false."),
+            _argument("log_level", "info", "Of all nodes: debug, info, warn, error or fatal."),
+            OpaqueFunction(function=_nodes),
         ]
     )
 
 
-def _argument(
-    name: str, default: str, description: str, choices: list[str] | None = None
-) -> DeclareLaunchArgument:
-    return DeclareLaunchArgument(
-        name, default_value=default, description=description, choices=choices
-    )
+def _argument(name: str, default: str, description: str) -> DeclareLaunchArgument:
+    return DeclareLaunchArgument(name, default_value=default, description=description)
 
 
-def _hardware_robot(context: LaunchContext) -> list[Node]:
-    """An argument overrides the file, but only if it was given."""
-    arguments = {"driver_type": "driver", "port": "port"}
-    values = {p: LaunchConfiguration(a).perform(context) for p, a in arguments.items()}
-    given = {parameter: value for parameter, value in values.items() if value}
+def _nodes(context: LaunchContext) -> list[Node]:
+    prefix = _given("frame_prefix", context).strip("/")
+    prefix = f"{prefix}/" if prefix else ""
+    common = {
+        "namespace": LaunchConfiguration("namespace"),
+        "remappings": [] if prefix else TF_BELOW_NAMESPACE,
+        "output": "screen",
+        "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+    }
+    clock = {"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)}
     return [
-        Node(
-            package="wheelwire_ros",
-            executable="hardware_robot",
-            name="hardware_robot",
-            parameters=[LaunchConfiguration("params_file"), given],
-            **COMMON,
-            **RESPAWN,
-        )
+        _hardware_robot(context, prefix, clock, common),
+        _lidar(prefix, clock, common),
+        _robot_state_publisher(context, prefix, clock, common),
     ]
 
 
-def _lidar() -> Node:
+def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
+    """An argument overrides the file, but only if it was given."""
+    values = {
+        "driver_type": _given("driver", context),
+        "port": _given("port", context),
+        "tf_frame_prefix": prefix,
+    }
+    given = {parameter: _text(value) for parameter, value in values.items() if value}
+    return Node(
+        package="wheelwire_ros",
+        executable="hardware_robot",
+        name="hardware_robot",
+        parameters=[LaunchConfiguration("params_file"), {**given, **clock}],
+        **common,
+        **RESPAWN,
+    )
+
+
+def _lidar(prefix: str, clock: dict, common: dict) -> Node:
     """An RPLidar A1 or A2. Jazzy's apt package has rplidar_composition, but no rplidar_node."""
     return Node(
         condition=IfCondition(LaunchConfiguration("lidar")),
@@ -81,23 +104,42 @@ def _lidar() -> Node:
         name="rplidar_node",
         parameters=[
             {
-                "serial_port": LaunchConfiguration("lidar_port"),
+                "serial_port": _text(LaunchConfiguration("lidar_port")),
                 "serial_baudrate": 115_200,
-                "frame_id": "laser_link",
+                "frame_id": _text(prefix + LASER_FRAME),
                 "inverted": False,
                 "angle_compensate": True,
+                **clock,
             }
         ],
-        **COMMON,
+        **common,
         **RESPAWN,
     )
 
 
-def _robot_state_publisher() -> Node:
+def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
+    model = Path(_given("model", context)).expanduser()
+    if model.suffix == ".xacro":
+        raise ValueError(f"{model}: convert it first: xacro {model} > {model.with_suffix('.urdf')}")
     return Node(
         condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
         package="robot_state_publisher",
         executable="robot_state_publisher",
-        parameters=[{"robot_description": ParameterValue(MODEL.read_text(), value_type=str)}],
-        **COMMON,
+        parameters=[
+            {
+                "robot_description": _text(model.read_text()),
+                "frame_prefix": _text(prefix),  # it is put before the name as it is
+                **clock,
+            }
+        ],
+        **common,
     )
+
+
+def _given(argument: str, context: LaunchContext) -> str:
+    return LaunchConfiguration(argument).perform(context)
+
+
+def _text(value: object) -> ParameterValue:
+    """A string, also where it looks like a number or a switch."""
+    return ParameterValue(value, value_type=str)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -10,6 +11,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
 from support.ros import Diagnostics, Graph, Repeater, wait
@@ -17,6 +19,14 @@ from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
+
+MODEL = Path(__file__).parents[2] / "ros_node" / "urdf" / "pi4b.urdf"
+
+
+def model_joints() -> set[str]:
+    """The joints that move."""
+    joints = ET.parse(MODEL).getroot().iter("joint")  # noqa: S314 - our own file
+    return {joint.attrib["name"] for joint in joints if joint.attrib["type"] == "continuous"}
 
 
 def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
@@ -35,6 +45,8 @@ def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
         assert right_odometry[-1].pose.pose.position.x == 0
         assert left_odometry[-1].header.frame_id == "left/odom"
         assert right_odometry[-1].child_frame_id == "right/base_link"
+        # robot_state_publisher finds them in the model, whose joints have no prefix.
+        assert set(graph.first(JointState, "/left/joint_states").name) == model_joints()
         assert graph.call(SetBool, "/right/hardware_robot/estop", data=True).success
         assert right.get("state") == SupervisorState.ESTOPPED
         assert left.get("state") != SupervisorState.ESTOPPED

@@ -14,6 +14,8 @@ from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
+import yaml
+
 
 @dataclass
 class LaunchContext:
@@ -46,7 +48,8 @@ class IfCondition:
     predicate: LaunchConfiguration
 
     def holds(self, context: LaunchContext) -> bool:
-        return {"true": True, "false": False}[self.predicate.perform(context)]
+        value = self.predicate.perform(context).strip().lower()
+        return {"true": True, "1": True, "false": False, "0": False}[value]
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Node:
     namespace: Any = None
     parameters: list[Any] = field(default_factory=list)
     remappings: list[tuple[str, str]] = field(default_factory=list)
+    arguments: list[Any] = field(default_factory=list)
     output: str = "log"
     respawn: bool = False
     respawn_delay: float | None = None
@@ -130,6 +134,7 @@ def _resolved(node: Node, context: LaunchContext) -> Node:
         node,
         namespace=_value(node.namespace, context),
         parameters=[_value(parameter, context) for parameter in node.parameters],
+        arguments=[_value(argument, context) for argument in node.arguments],
     )
 
 
@@ -137,7 +142,15 @@ def _value(value: Any, context: LaunchContext) -> Any:
     if isinstance(value, LaunchConfiguration):
         return value.perform(context)
     if isinstance(value, ParameterValue):
-        return value.value_type(value.value)
+        given = _value(value.value, context)
+        return _switch(given) if value.value_type is bool else value.value_type(given)
     if isinstance(value, dict):
         return {name: _value(entry, context) for name, entry in value.items()}
+    return value
+
+
+def _switch(text: str) -> bool:
+    """As launch reads it: by YAML, which takes true, True and TRUE."""
+    value = yaml.safe_load(text)
+    assert isinstance(value, bool)
     return value

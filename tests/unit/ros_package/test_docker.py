@@ -11,13 +11,22 @@ from typing import Any
 import pytest
 import yaml
 
-from support.launch_stand_in import arguments, load
+from support.launch_stand_in import arguments, load, started
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros_node"
 DOCKER = PACKAGE / "docker"
-TTY_USB, TTY_ACM = "188", "166"
+TTY_USB, TTY_ACM, TTY_AMA = "188", "166", "204"
 """Major numbers of the kernel's devices.txt."""
+COMPOSE = DOCKER / "docker-compose.pi.yml"
+
+
+def interpolated(**environment: str) -> dict[str, Any]:
+    """The services, with the environment's values where the file asks for them."""
+    text = COMPOSE.read_text()
+    text = re.sub(r"\$\{(\w+):-([^}]*)\}", lambda m: environment.get(m[1]) or m[2], text)
+    assert "${" not in text, "another form of interpolation"
+    return dict(yaml.safe_load(text)["services"])
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +39,27 @@ def instructions() -> list[list[str]]:
 
 @pytest.fixture(scope="module")
 def robot() -> dict[str, Any]:
-    compose = yaml.safe_load((DOCKER / "docker-compose.pi.yml").read_text())
-    (service,) = compose["services"].values()
-    return dict(service)
+    return dict(interpolated()["robot"])
 
 
-def test_the_image_is_jazzy(instructions: list[list[str]]) -> None:
-    assert instructions[0] == ["FROM", "ros:jazzy"]
+def test_the_image_is_one_release_of_jazzy(instructions: list[list[str]]) -> None:
+    name, image = instructions[0]
+    assert name == "FROM"
+    assert re.fullmatch(r"ros:jazzy-ros-base-noble@sha256:[0-9a-f]{64}", image)
+
+
+def test_the_image_does_not_run_as_root(instructions: list[list[str]]) -> None:
+    names = [words[0] for words in instructions]
+    assert instructions[names.index("USER")] == ["USER", "1000:1000"]
+    assert names.index("USER") > max(i for i, name in enumerate(names) if name in {"RUN", "COPY"})
+
+
+def test_nobody_in_it_becomes_root() -> None:
+    for service in interpolated().values():
+        assert service["user"] == "1000:1000"
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert "privileged" not in service
 
 
 def test_what_is_copied_is_there(instructions: list[list[str]]) -> None:
@@ -70,7 +93,8 @@ def test_what_runs_in_it_was_put_there(
     assert yaml.safe_load(" ".join(entrypoint[1:])) == ["/entrypoint.sh"]
     check = robot["healthcheck"]["test"]
     assert check[0] == "CMD"
-    assert {"/entrypoint.sh", "/healthcheck.py"} == {w for w in check if w.startswith("/")} <= put
+    assert check[1:-1] == ["/entrypoint.sh", "python3", "/healthcheck.py"]
+    assert {"/entrypoint.sh", "/healthcheck.py"} <= put
     assert (DOCKER / "entrypoint.sh").stat().st_mode & stat.S_IXUSR
 
 
@@ -90,14 +114,51 @@ def test_the_command_is_the_launch_files(robot: dict[str, Any]) -> None:
     links = {f"/dev/{name}" for name in re.findall(r'SYMLINK\+="(\w+)"', rules)}
     assert {values["port"], values["lidar_port"]} == links
     mounts = dict(volume.split(":")[:2] for volume in robot["volumes"])
+    assert all(values.values()), "launch refuses an empty value"
     assert values["params_file"] == f"{mounts['../config']}/pi4b_params.yaml"
+
+
+def test_a_namespace_reaches_the_nodes_and_the_health_check() -> None:
+    robot = interpolated(NAMESPACE="robot1", FRAME_PREFIX="robot1")["robot"]
+    assert {"namespace:=robot1", "frame_prefix:=robot1"} <= set(robot["command"])
+    assert robot["healthcheck"]["test"][-1] == "robot1/hardware_robot"
+
+
+def test_a_slash_is_no_prefix_and_no_namespace(robot: dict[str, Any]) -> None:
+    given = dict(argument.split(":=") for argument in robot["command"] if ":=" in argument)
+    nodes = started(load(PACKAGE / "launch" / "hardware_bringup.launch.py"), **given)
+    assert {node.namespace for node in nodes.values()} == {"/"}
+    assert "tf_frame_prefix" not in nodes["hardware_robot"].parameters[1]
+    assert robot["healthcheck"]["test"][-1] == "/hardware_robot"
+
+
+def test_the_middleware_can_be_chosen(instructions: list[list[str]]) -> None:
+    services = interpolated(RMW_IMPLEMENTATION="rmw_zenoh_cpp")
+    for service in services.values():
+        assert service["environment"]["RMW_IMPLEMENTATION"] == "rmw_zenoh_cpp"
+    default = interpolated()["robot"]["environment"]["RMW_IMPLEMENTATION"]
+    installed = {word for words in instructions if words[0] == "RUN" for word in words}
+    assert {"ros-jazzy-rmw-zenoh-cpp", "ros-jazzy-rmw-cyclonedds-cpp"} <= installed
+    assert default == "rmw_fastrtps_cpp", "the image has it"
+    router = services["zenoh-router"]
+    assert router["profiles"] == ["zenoh"], "only if it is asked for"
+    assert router["command"] == ["ros2", "run", "rmw_zenoh_cpp", "rmw_zenohd"]
+    assert router["image"] == services["robot"]["image"]
+
+
+def test_every_variable_is_explained() -> None:
+    head, services = COMPOSE.read_text().split("services:", 1)
+    used = set(re.findall(r"\$\{(\w+):-", services))
+    assert used == set(re.findall(r"\b[A-Z]+(?:_[A-Z]+)*\b", head)) & used
+    page = (ROOT / "docs" / "ros.md").read_text()
+    assert {name for name in used if f"`{name}" not in page} == set()
 
 
 def test_devices_can_come_back(robot: dict[str, Any]) -> None:
     assert "/dev:/dev" in robot["volumes"]
     allowed = [re.fullmatch(r"c (\d+):\* rwm?", rule) for rule in robot["device_cgroup_rules"]]
-    assert {rule[1] for rule in allowed if rule} == {TTY_USB, TTY_ACM}
-    assert len(allowed) == 2
+    assert {rule[1] for rule in allowed if rule} == {TTY_USB, TTY_ACM, TTY_AMA}
+    assert len(allowed) == 3
 
 
 def test_it_is_restarted_and_ends_in_order(robot: dict[str, Any]) -> None:

@@ -56,9 +56,9 @@ def reporter() -> Iterator[Reporter]:
         reporter.close()
 
 
-def check(domain: int) -> subprocess.CompletedProcess[str]:
+def check(domain: int, node: str = "/robot1/hardware_robot") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, CHECK, "robot1/hardware_robot"],
+        [sys.executable, CHECK, node],
         env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
         capture_output=True,
         text=True,
@@ -71,6 +71,13 @@ def test_healthy_while_the_link_is_up(reporter: Reporter) -> None:
     reporter.says(DiagnosticStatus.OK, "connected")
     result = check(reporter.domain)
     assert result.returncode == 0, result.stderr
+
+
+def test_a_namespace_is_another_robot(reporter: Reporter) -> None:
+    reporter.says(DiagnosticStatus.OK, "connected")
+    result = check(reporter.domain, "/hardware_robot")
+    assert result.returncode == 1
+    assert result.stderr.startswith("hardware_robot does not report")
 
 
 def test_unhealthy_without_a_link(reporter: Reporter) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -11,6 +12,7 @@ from support.launch_stand_in import LaunchDescription, Node, arguments, load, st
 
 PACKAGE = Path(__file__).parents[3] / "ros_node"
 PARAMETERS = str(PACKAGE / "config" / "pi4b_params.yaml")
+URDF = PACKAGE / "urdf" / "pi4b.urdf"
 ROBOT, LIDAR, MODEL = "hardware_robot", "rplidar_composition", "robot_state_publisher"
 
 
@@ -25,12 +27,16 @@ def test_the_arguments(bringup: LaunchDescription) -> None:
         "driver": "",
         "port": "",
         "params_file": PARAMETERS,
+        "model": str(URDF),
+        "robot_state_publisher": "true",
         "lidar": "true",
         "lidar_port": "/dev/rplidar",
-        "robot_state_publisher": "true",
         "namespace": "",
+        "frame_prefix": "",
+        "use_sim_time": "false",
+        "log_level": "info",
     }
-    assert all(argument.description for argument in declared.values())
+    assert all(argument.description.endswith(".") for argument in declared.values())
 
 
 def test_all_three_nodes_by_default(bringup: LaunchDescription) -> None:
@@ -39,23 +45,29 @@ def test_all_three_nodes_by_default(bringup: LaunchDescription) -> None:
     assert {node.output for node in nodes.values()} == {"screen"}
 
 
+@pytest.mark.parametrize("no", ["false", "False", "FALSE", "0"])
 @pytest.mark.parametrize(
     ("switch", "executable"), [("lidar", LIDAR), ("robot_state_publisher", MODEL)]
 )
-def test_a_node_can_be_left_out(bringup: LaunchDescription, switch: str, executable: str) -> None:
-    assert set(started(bringup, **{switch: "false"})) == {ROBOT, LIDAR, MODEL} - {executable}
+def test_a_node_can_be_left_out(
+    bringup: LaunchDescription, switch: str, executable: str, no: str
+) -> None:
+    assert set(started(bringup, **{switch: no})) == {ROBOT, LIDAR, MODEL} - {executable}
+    yes = no.replace("0", "1").replace("false", "true").replace("False", "True")
+    assert executable in started(bringup, **{switch: yes.replace("FALSE", "TRUE")})
 
 
 def test_the_robot_is_as_the_file_says(bringup: LaunchDescription) -> None:
     robot = started(bringup)[ROBOT]
     assert (robot.package, robot.name) == ("wheelwire_ros", "hardware_robot")
-    assert robot.parameters == [PARAMETERS, {}]
+    assert robot.parameters == [PARAMETERS, {"use_sim_time": False}]
     assert Path(PARAMETERS).is_file()
 
 
 def test_arguments_go_before_the_file(bringup: LaunchDescription) -> None:
     robot = started(bringup, params_file="mine.yaml", driver="pigpio", port="/dev/ttyACM0")[ROBOT]
-    assert robot.parameters == ["mine.yaml", {"driver_type": "pigpio", "port": "/dev/ttyACM0"}]
+    given = {"driver_type": "pigpio", "port": "/dev/ttyACM0", "use_sim_time": False}
+    assert robot.parameters == ["mine.yaml", given]
 
 
 def test_the_lidar_is_the_guides(bringup: LaunchDescription) -> None:
@@ -68,16 +80,25 @@ def test_the_lidar_is_the_guides(bringup: LaunchDescription) -> None:
             "frame_id": "laser_link",
             "inverted": False,
             "angle_compensate": True,
+            "use_sim_time": False,
         }
     ]
     assert not any("scan" in name for pair in lidar.remappings for name in pair)
 
 
-def test_the_model_is_published(bringup: LaunchDescription) -> None:
+def test_the_model_is_published(bringup: LaunchDescription, tmp_path: Path) -> None:
     model = started(bringup)[MODEL]
-    (parameters,) = model.parameters
     assert model.package == MODEL
-    assert ET.fromstring(parameters["robot_description"]).tag == "robot"  # noqa: S314 - our own
+    assert _only_parameters(model)["robot_description"] == URDF.read_text()
+    mine = tmp_path / "mine.urdf"
+    mine.write_text("<robot name='mine'/>")
+    other = started(bringup, model=str(mine))[MODEL]
+    assert _only_parameters(other)["robot_description"] == mine.read_text()
+
+
+def test_a_model_that_xacro_must_convert_first_is_refused(bringup: LaunchDescription) -> None:
+    with pytest.raises(ValueError, match=r"xacro /mine\.urdf\.xacro > "):
+        started(bringup, model="/mine.urdf.xacro")
 
 
 @pytest.mark.parametrize("executable", [ROBOT, LIDAR])
@@ -93,8 +114,50 @@ def test_a_namespace_holds_everything(bringup: LaunchDescription) -> None:
     nodes = started(bringup, namespace="robot1")
     for node in nodes.values():
         assert node.namespace == "robot1"
-        assert _remapped(node) == {"/tf": "tf", "/tf_static": "tf_static"}
+        assert dict(node.remappings) == {"/tf": "tf", "/tf_static": "tf_static"}
+    assert _only_parameters(nodes[MODEL])["frame_prefix"] == ""
+    assert "tf_frame_prefix" not in nodes[ROBOT].parameters[1]
 
 
-def _remapped(node: Node) -> dict[str, str]:
-    return dict(node.remappings)
+@pytest.mark.parametrize("given", ["robot1", "robot1/", "/robot1"])
+def test_a_prefix_reaches_all_frames(bringup: LaunchDescription, given: str) -> None:
+    """The model's, the lidar's and the odometry's are the same tree."""
+    pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+    from wheelwire_ros import parameters, robot_settings
+
+    nodes = started(bringup, namespace="robot1", frame_prefix=given)
+    links = {link.attrib["name"] for link in ET.parse(URDF).getroot().iter("link")}  # noqa: S314
+    prefix = _only_parameters(nodes[MODEL])["frame_prefix"]
+    assert prefix == "robot1/"
+    in_tree = {prefix + link for link in links}
+    assert _only_parameters(nodes[LIDAR])["frame_id"] in in_tree
+    defaults = {setting.name: setting.default for setting in parameters.SETTINGS}
+    frames = robot_settings.frames({**defaults, **nodes[ROBOT].parameters[1]}.__getitem__)
+    assert frames.base in in_tree
+    assert frames.odom == "robot1/odom"
+    for node in nodes.values():
+        assert node.namespace == "robot1"
+        assert not node.remappings, "all robots share one /tf"
+
+
+def test_a_prefix_that_looks_like_a_number_is_text(bringup: LaunchDescription) -> None:
+    nodes = started(bringup, frame_prefix="7", port="8")
+    assert nodes[ROBOT].parameters[1]["tf_frame_prefix"] == "7/"
+    assert nodes[ROBOT].parameters[1]["port"] == "8"
+    assert _only_parameters(nodes[LIDAR])["frame_id"] == "7/laser_link"
+
+
+@pytest.mark.parametrize("given", ["true", "True", "TRUE"])
+def test_all_nodes_take_the_same_clock(bringup: LaunchDescription, given: str) -> None:
+    for node in started(bringup, use_sim_time=given).values():
+        assert node.parameters[-1]["use_sim_time"] is True
+
+
+def test_all_nodes_log_from_the_same_level(bringup: LaunchDescription) -> None:
+    for node in started(bringup, log_level="debug").values():
+        assert node.arguments == ["--ros-args", "--log-level", "debug"]
+
+
+def _only_parameters(node: Node) -> dict[str, Any]:
+    (parameters,) = node.parameters
+    return dict(parameters)

@@ -68,6 +68,15 @@ def test_names_are_what_the_node_publishes(robot: ET.Element) -> None:
     assert robot.find(f"link[@name='{defaults['base_frame_id']}']") is not None
 
 
+def test_base_footprint_is_where_base_link_is(robot: ET.Element) -> None:
+    """It must be the child: the node gives base_link its parent, odom."""
+    (joint,) = [j for j in robot.findall("joint") if _name(j, "child") == "base_footprint"]
+    assert _name(joint, "parent") == "base_link"
+    assert joint.get("type") == "fixed"
+    assert joint.find("origin") is None
+    assert _joint(robot, "left_wheel_joint").find("parent[@link='base_link']") is not None
+
+
 def test_the_caster_stands_on_the_floor(robot: ET.Element) -> None:
     sphere = _link(robot, "caster_link").find("collision/geometry/sphere")
     assert sphere is not None
@@ -82,7 +91,8 @@ def test_the_root_has_no_inertia(robot: ET.Element) -> None:
 def test_inertias_are_those_of_the_bodies(robot: ET.Element) -> None:
     """Homogeneous bodies; the axes of inertia are those of the geometry."""
     inertials = [link for link in robot.findall("link") if link.find("inertial") is not None]
-    assert len(inertials) == len(robot.findall("link")) - 1
+    bodies = {link.get("name") for link in robot.findall("link")} - {"base_link", "base_footprint"}
+    assert {link.get("name") for link in inertials} == bodies
     for link in inertials:
         mass = _numbers(link, "inertial/mass", "value")[0]
         tensor = link.find("inertial/inertia")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import runpy
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,7 +25,10 @@ ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros_node"
 NAME = "wheelwire_ros"
 OURS = {"wheelwire", "wheelwire_protocol", NAME}
-FROM_PIP = {"numpy", "setuptools"}
+FROM_PIP = {"setuptools"}
+ROSDEP_KEYS = {"numpy": "python3-numpy", "pytest": "python3-pytest", "yaml": "python3-yaml"}
+OF_THE_TESTS = {"support", "tomli"}
+TESTS = ("tests/ros", "tests/unit/ros_package")
 
 
 @pytest.fixture
@@ -91,10 +94,29 @@ def test_ros2_run_finds_the_executable() -> None:
 def test_the_manifest_names_what_is_imported(manifest: ET.Element) -> None:
     declared = {element.text for element in manifest.findall("exec_depend")}
     sources = [*(PACKAGE / NAME).glob("*.py"), *(PACKAGE / "launch").glob("*.py")]
+    imported = _needed(sources)
+    assert imported <= declared
+    assert {"rclpy", "python3-numpy"} <= imported
+
+
+def test_the_manifest_names_what_the_tests_import(manifest: ET.Element) -> None:
+    of_the_node = {element.text for element in manifest.findall("exec_depend")}
+    declared = {element.text for element in manifest.findall("test_depend")}
+    imported = _needed(file for folder in TESTS for file in (ROOT / folder).glob("*.py"))
+    assert imported - of_the_node == declared
+
+
+def test_the_addresses_are_the_distributions(manifest: ET.Element) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    addresses = {url.text for url in manifest.findall("url")}
+    assert addresses == set(project.get("urls", {}).values())
+
+
+def _needed(sources: Iterable[Path]) -> set[str]:
+    """The rosdep keys of what is imported, but for this repository and Python itself."""
     imported = {module for source in sources for module in _imports(_tree(source))}
-    known = OURS | FROM_PIP | sys.stdlib_module_names
-    assert imported - known <= declared
-    assert "rclpy" in imported
+    known = OURS | FROM_PIP | OF_THE_TESTS | sys.stdlib_module_names
+    return {ROSDEP_KEYS.get(module, module) for module in imported - known}
 
 
 def _tree(source: Path) -> ast.Module:
