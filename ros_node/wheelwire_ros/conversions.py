@@ -111,9 +111,12 @@ def joint_message(motion: RobotMotion, stamp: Time, names: tuple[str, str]) -> J
 
 
 def battery_message(voltage_v: float, stamp: Time, frame: str) -> BatteryState:
-    """A battery of which only the voltage is known."""
+    """A battery of which only the voltage is measured; everything else says that it is unknown."""
     unknown = math.nan
     message = BatteryState(
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_UNKNOWN,
+        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN,
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_UNKNOWN,
         voltage=voltage_v,
         temperature=unknown,
         current=unknown,

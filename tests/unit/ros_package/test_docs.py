@@ -5,13 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-import yaml
 
 from support.launch_stand_in import arguments, load
-from wheelwire import load_config
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "ros.md").read_text()
@@ -52,34 +49,6 @@ def test_every_parameter_and_other_name() -> None:
 def test_the_python_compiles() -> None:
     for snippet in snippets("python"):
         compile(snippet, "docs/ros.md", "exec")
-
-
-def test_nav2_stays_within_the_robots_limits() -> None:
-    limit = load_config().parameters["max_velocity_mps"]
-    (nav2,) = [c for c in map(yaml.safe_load, snippets("yaml")) if "velocity_smoother" in c]
-    follow = nav2["controller_server"]["ros__parameters"]["FollowPath"]
-    smoother = nav2["velocity_smoother"]["ros__parameters"]
-    assert follow["vx_max"] == smoother["max_velocity"][0] <= limit
-    assert follow["vx_min"] == smoother["min_velocity"][0] >= -limit
-    assert follow["wz_max"] == smoother["max_velocity"][2] == -smoother["min_velocity"][2]
-
-
-def test_all_of_nav2_sends_the_same_type() -> None:
-    (nav2,) = [c for c in map(yaml.safe_load, snippets("yaml")) if "velocity_smoother" in c]
-    senders = {
-        "controller_server",
-        "behavior_server",
-        "velocity_smoother",
-        "collision_monitor",
-        "docking_server",
-    }
-    stamped = {name for name in nav2 if _stamped(nav2[name])}
-    assert stamped == senders
-
-
-def _stamped(node: dict[str, Any]) -> bool:
-    parameters = node.get("ros__parameters", {})
-    return parameters.get("enable_stamped_cmd_vel") is True
 
 
 def test_links_within_the_page_and_the_repository() -> None:

@@ -1,0 +1,159 @@
+"""Nav2's parameters against the node's: frames, topics, limits; what ROS's parser takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+import yaml
+
+from wheelwire import load_config
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+PACKAGE = Path(__file__).parents[3] / "ros_node"
+FILE = PACKAGE / "config" / "nav2_params.yaml"
+MAP = "map"
+SENDERS = {
+    "controller_server",
+    "behavior_server",
+    "velocity_smoother",
+    "collision_monitor",
+    "docking_server",
+}
+"""Of cmd_vel, or of a topic on the way to it."""
+X, YAW = 0, 2
+
+Parameters = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def nav2() -> Parameters:
+    """The parameters by node."""
+    content = yaml.safe_load(FILE.read_text())
+    for costmap in ("local_costmap", "global_costmap"):
+        content[costmap] = content[costmap][costmap]
+    return {node: entry["ros__parameters"] for node, entry in content.items()}
+
+
+@pytest.fixture(scope="module")
+def node() -> Parameters:
+    """The defaults of the robot's node."""
+    pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+    from wheelwire_ros.parameters import SETTINGS
+
+    return {setting.name: setting.default for setting in SETTINGS}
+
+
+def test_ros_reads_it() -> None:
+    """Its parser takes no aliases, and no lists of mixed types."""
+    tokens = list(yaml.scan(FILE.read_text()))
+    assert not [t for t in tokens if isinstance(t, yaml.AliasToken | yaml.AnchorToken)]
+    for name, value in _entries(yaml.safe_load(FILE.read_text())):
+        assert value is not None, name
+        if isinstance(value, list):
+            assert len({type(item) for item in value}) == 1, name
+
+
+def test_frames_are_the_nodes(nav2: Parameters, node: Parameters) -> None:
+    model = ET.parse(PACKAGE / "urdf" / "pi4b.urdf").getroot()  # noqa: S314 - our own file
+    base, odom = node["base_frame_id"], node["odom_frame_id"]
+    assert model.find(f"link[@name='{base}']") is not None
+    of_the_base = {"base_frame_id", "robot_base_frame", "base_frame"}
+    of_odometry = {"odom_frame_id", "local_frame", "fixed_frame"}
+    for name, value in _entries(nav2):
+        if name in of_the_base:
+            assert value == base, name
+        elif name in of_odometry:
+            assert value == odom, name
+    fixed = {n: p["global_frame"] for n, p in nav2.items() if "global_frame" in p}
+    assert fixed.pop("local_costmap") == odom
+    assert set(fixed.values()) == {MAP}
+
+
+def test_topics_are_the_nodes(nav2: Parameters) -> None:
+    pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+    from wheelwire_ros.command_subscriber import TOPIC
+
+    assert nav2["collision_monitor"]["cmd_vel_out_topic"] == TOPIC
+    assert {value for name, value in _entries(nav2) if name == "odom_topic"} == {"odom"}
+    scans = [p["topic"] for name, p in _entries(nav2) if name == "scan"]
+    assert len(scans) == 3
+    assert {topic.removeprefix("/") for topic in scans} == {"scan"}
+    for costmap in ("local_costmap", "global_costmap"):  # they have namespaces of their own
+        assert nav2[costmap]["obstacle_layer"]["scan"]["topic"] == "/scan"
+
+
+def test_all_senders_have_the_same_type(nav2: Parameters) -> None:
+    types = {name: p.get("enable_stamped_cmd_vel") for name, p in nav2.items()}
+    assert {name for name, stamped in types.items() if stamped is not None} == SENDERS
+    assert {types[name] for name in SENDERS} == {True}
+
+
+def test_velocities_are_the_robots(nav2: Parameters) -> None:
+    robot = load_config().parameters
+    smoother, follow = nav2["velocity_smoother"], nav2["controller_server"]["FollowPath"]
+    linear_mps, angular_radps = (smoother["max_velocity"][axis] for axis in (X, YAW))
+    outer_wheel_mps = linear_mps + angular_radps * robot["wheel_separation"] / 2
+    assert outer_wheel_mps <= robot["max_velocity_mps"] + 1e-9
+    assert smoother["min_velocity"] == [-limit for limit in smoother["max_velocity"]]
+    assert follow["desired_linear_vel"] <= linear_mps
+    assert follow["rotate_to_heading_angular_vel"] <= angular_radps
+    assert nav2["behavior_server"]["max_rotational_vel"] <= angular_radps
+    docking = nav2["docking_server"]["controller"]  # it is not smoothed
+    assert docking["v_linear_max"] <= linear_mps
+    assert docking["v_angular_max"] <= angular_radps
+
+
+def test_accelerations_are_the_robots(nav2: Parameters) -> None:
+    limit = PARAMETER_BY_NAME["max_acceleration_mps2"].default
+    smoother = nav2["velocity_smoother"]
+    assert smoother["max_accel"][X] < limit
+    assert smoother["max_decel"] == [-limit for limit in smoother["max_accel"]]
+    follow = nav2["controller_server"]["FollowPath"]
+    assert follow["max_angular_accel"] <= smoother["max_accel"][YAW]
+
+
+def test_a_command_lives_as_long_everywhere(nav2: Parameters, node: Parameters) -> None:
+    smoother = nav2["velocity_smoother"]
+    assert smoother["velocity_timeout"] == node["cmd_vel_timeout"]
+    assert 1 / smoother["smoothing_frequency"] < node["cmd_vel_timeout"] / 2
+
+
+def test_the_radius_covers_the_body(nav2: Parameters) -> None:
+    model = ET.parse(PACKAGE / "urdf" / "pi4b.urdf").getroot()  # noqa: S314 - our own file
+    (box,) = model.findall(".//collision/geometry/box")
+    length_m, width_m, _ = map(float, box.attrib["size"].split())
+    origin = model.find("joint[@name='chassis_joint']/origin")
+    assert origin is not None
+    forward_m = float(origin.attrib["xyz"].split()[0])
+    farthest_m = math.hypot(abs(forward_m) + length_m / 2, width_m / 2)
+    for costmap in ("local_costmap", "global_costmap"):
+        radius_m = nav2[costmap]["robot_radius"]
+        assert farthest_m <= radius_m <= farthest_m + 0.01
+        assert nav2[costmap]["inflation_layer"]["inflation_radius"] > radius_m
+
+
+def test_every_plugin_that_is_named_is_there(nav2: Parameters) -> None:
+    for name, parameters in nav2.items():
+        for key, listed in parameters.items():
+            if key.endswith("plugins"):
+                for plugin in listed:
+                    assert "::" in parameters[plugin]["plugin"], f"{name}: {plugin}"
+
+
+def test_the_robots_node_keeps_no_bond(nav2: Parameters) -> None:
+    manager = nav2["lifecycle_manager_robot"]
+    assert manager["node_names"] == ["hardware_robot"]
+    assert manager["bond_timeout"] == 0.0
+
+
+def _entries(parameters: Parameters) -> Iterator[tuple[str, Any]]:
+    """All names with their values, those within others too."""
+    for name, value in parameters.items():
+        yield name, value
+        if isinstance(value, dict):
+            yield from _entries(value)
