@@ -120,7 +120,8 @@ def _lidar(prefix: str, clock: dict, common: dict) -> Node:
 def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
     model = Path(_given("model", context)).expanduser()
     if model.suffix == ".xacro":
-        raise ValueError(f"{model}: convert it first: xacro {model} > {model.with_suffix('.urdf')}")
+        urdf = model.with_suffix("").with_suffix(".urdf")
+        raise ValueError(f"{model}: convert it first: xacro {model} > {urdf}")
     return Node(
         condition=IfCondition(LaunchConfiguration("robot_state_publisher")),
         package="robot_state_publisher",

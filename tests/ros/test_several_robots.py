@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -20,13 +23,21 @@ from support.ros_rig import SPEED_MPS, twist
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
-MODEL = Path(__file__).parents[2] / "ros_node" / "urdf" / "pi4b.urdf"
+ROS_NODE = Path(__file__).parents[2] / "ros_node"
+HEALTH = ROS_NODE / "docker" / "healthcheck.py"
+MODEL = ROS_NODE / "urdf" / "pi4b.urdf"
 
 
 def model_joints() -> set[str]:
     """The joints that move."""
     joints = ET.parse(MODEL).getroot().iter("joint")  # noqa: S314 - our own file
     return {joint.attrib["name"] for joint in joints if joint.attrib["type"] == "continuous"}
+
+
+def health(graph: Graph, node: str) -> int:
+    """The exit code of the container's health check."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(graph.domain)}
+    return subprocess.run([sys.executable, HEALTH, node], env=environment, check=False).returncode
 
 
 def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
@@ -52,3 +63,6 @@ def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
         assert left.get("state") != SupervisorState.ESTOPPED
         link = Diagnostics(graph, "left/hardware_robot").wait("link", lambda *_: True)
         assert link["port"] == left.port
+        for name in ("left", "right"):
+            assert health(graph, f"{name}/hardware_robot") == 0
+        assert health(graph, "/hardware_robot") == 1, "there is none without a namespace"

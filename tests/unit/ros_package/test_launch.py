@@ -96,9 +96,12 @@ def test_the_model_is_published(bringup: LaunchDescription, tmp_path: Path) -> N
     assert _only_parameters(other)["robot_description"] == mine.read_text()
 
 
-def test_a_model_that_xacro_must_convert_first_is_refused(bringup: LaunchDescription) -> None:
-    with pytest.raises(ValueError, match=r"xacro /mine\.urdf\.xacro > "):
-        started(bringup, model="/mine.urdf.xacro")
+@pytest.mark.parametrize("given", ["/mine.urdf.xacro", "/mine.xacro"])
+def test_a_model_that_xacro_must_convert_first_is_refused(
+    bringup: LaunchDescription, given: str
+) -> None:
+    with pytest.raises(ValueError, match=rf"xacro {given} > /mine\.urdf$"):
+        started(bringup, model=given)
 
 
 @pytest.mark.parametrize("executable", [ROBOT, LIDAR])
