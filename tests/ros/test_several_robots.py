@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -17,6 +19,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
+from support.launch_stand_in import load, started
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
@@ -24,6 +27,7 @@ from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
 ROS_NODE = Path(__file__).parents[2] / "ros_node"
+LAUNCH = ROS_NODE / "launch" / "hardware_bringup.launch.py"
 HEALTH = ROS_NODE / "docker" / "healthcheck.py"
 MODEL = ROS_NODE / "urdf" / "pi4b.urdf"
 
@@ -66,3 +70,38 @@ def test_they_do_not_hear_each_other(graph: Graph, tmp_path: Path) -> None:
         for name in ("left", "right"):
             assert health(graph, f"{name}/hardware_robot") == 0
         assert health(graph, "/hardware_robot") == 1, "there is none without a namespace"
+
+
+def test_with_prefixes_they_share_one_tf(graph: Graph, tmp_path: Path) -> None:
+    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
+    shared = graph.listen(tf2.TFMessage, "/tf")
+    with (
+        Simulator(link=tmp_path / "left") as left,
+        Simulator(link=tmp_path / "right") as right,
+        RobotNode(graph, namespace="/left", port=left.port, tf_frame_prefix="left/"),
+        RobotNode(graph, namespace="/right", port=right.port, tf_frame_prefix="right/"),
+    ):
+        both = {("left/odom", "left/base_link"), ("right/odom", "right/base_link")}
+        wait(lambda: edges(shared) >= both, "both robots' transforms")
+    assert edges(shared) == both
+
+
+def test_in_a_namespace_each_has_a_tf_of_its_own(graph: Graph, tmp_path: Path) -> None:
+    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
+    shared, own = (graph.listen(tf2.TFMessage, topic) for topic in ("/tf", "/left/tf"))
+    remappings = started(load(LAUNCH), namespace="left")["hardware_robot"].remappings
+    with (
+        Simulator(link=tmp_path / "left") as left,
+        RobotNode(graph, namespace="/left", port=left.port, remappings=remappings),
+    ):
+        wait(lambda: edges(own) == {("odom", "base_link")}, "/left/tf")
+    assert not shared
+
+
+def edges(messages: Iterable[Any]) -> set[tuple[str, str]]:
+    """The frames that the transforms connect."""
+    return {
+        (transform.header.frame_id, transform.child_frame_id)
+        for message in tuple(messages)
+        for transform in message.transforms
+    }

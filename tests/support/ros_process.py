@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ class RobotNode:
         graph: The graph to join.
         code: Code to run in place of the executable, with the same arguments.
         namespace: With its slash, such as `/left`; empty for none.
+        remappings: From a topic's name to another.
         parameters: By name, with `__` for a dot.
     """
 
@@ -29,6 +31,7 @@ class RobotNode:
         graph: Graph,
         code: str | None = None,
         namespace: str = "",
+        remappings: Sequence[tuple[str, str]] = (),
         **parameters: Any,
     ) -> None:
         program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
@@ -37,6 +40,8 @@ class RobotNode:
             arguments += ["-p", f"{name.replace('__', '.')}:={_yaml(value)}"]
         if namespace:
             arguments += ["-r", f"__ns:={namespace}"]
+        for name, other in remappings:
+            arguments += ["-r", f"{name}:={other}"]
         tests = str(Path(__file__).parents[1])
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.process = subprocess.Popen(
