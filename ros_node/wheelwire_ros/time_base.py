@@ -38,19 +38,16 @@ class TimeBase:
         self._offset_ns = 0
         self.error_s = 0.0
         """Error bound of the offset when it was measured. [s]"""
-        self.runs = ros_ns() > 0
+        self.runs = True
         """Whether the ROS clock has a time."""
-        if self.runs:
-            self.measure()
-        else:
-            log.warning(WAITING_FOR_CLOCK)
+        self.measure()
 
     def measure(self) -> None:
         """Measure the offset: of several readings the quickest, which was interrupted least."""
-        if not self._started():
-            return
-        width_ns, self._offset_ns = min(self._read() for _ in range(ATTEMPTS))
-        self.error_s = width_ns / 2e9
+        self._note_whether_it_runs()
+        if self.runs:
+            width_ns, self._offset_ns = min(self._read() for _ in range(ATTEMPTS))
+            self.error_s = width_ns / 2e9
 
     def to_ros_ns(self, stamp_s: float) -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
@@ -71,11 +68,14 @@ class TimeBase:
         # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
         return ros_ns if ros_ns > 0 else None
 
-    def _started(self) -> bool:
-        if not self.runs and self._ros_ns() > 0:
-            self.runs = True
-            self._log.info("/clock runs: motion is published from now on")
-        return self.runs
+    def _note_whether_it_runs(self) -> None:
+        runs = self._ros_ns() > 0
+        if runs != self.runs:
+            self.runs = runs
+            if runs:
+                self._log.info("/clock runs: motion is published from now on")
+            else:
+                self._log.warning(WAITING_FOR_CLOCK)
 
     def _read(self) -> tuple[int, int]:
         # The ROS clock was read between the two readings of the other one: at their middle, within

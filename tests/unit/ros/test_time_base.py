@@ -99,3 +99,17 @@ def test_nothing_is_logged_of_a_clock_that_runs() -> None:
     log = Log()
     TimeBase(Clocks([]).ros_ns, log)
     assert log.lines == []
+
+
+def test_a_clock_that_is_switched_to_a_simulation_is_waited_for() -> None:
+    clocks, log = Clocks([]), Log()
+    now_ns = clocks.ros_ns
+    base = TimeBase(lambda: now_ns(), log, clocks.monotonic_ns)
+
+    def simulated_ns() -> int:
+        return 0
+
+    now_ns = simulated_ns
+    assert base.to_ros_ns(clocks.now_ns / 1e9) is None
+    assert not base.runs
+    assert log.lines == [("warning", WAITING_FOR_CLOCK)]
