@@ -8,6 +8,11 @@ from dataclasses import dataclass, field
 
 from wheelwire import Twist
 
+COMMAND_TYPES = ("Twist", "TwistStamped")
+"""What can be published on cmd_vel, of geometry_msgs."""
+AUTO = "auto"
+"""Instead of one of them: what the first publisher publishes."""
+
 
 class Ignored(enum.Enum):
     """Why a command was not obeyed."""

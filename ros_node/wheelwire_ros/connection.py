@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -41,7 +42,10 @@ class Tuning:
 
 
 class RobotConnection:
-    """Sends commands to one open driver. Not thread-safe.
+    """Sends commands to one open driver.
+
+    `command`, `estop` and `stop` may be called by any thread; one thread at a time calls the other
+    methods, which wait for the robot. `command` never waits.
 
     A device that was reset has lost its parameters and its e-stop, and a lost link does not tell
     what happened meanwhile. So in a new session the e-stop is latched and the parameters are set
@@ -52,7 +56,8 @@ class RobotConnection:
         gate: Decides by age which commands are obeyed.
         given: Parameters that the user gave, by name.
         tuning: Limits and calibration.
-        on_session: Called for each new session, to prepare it further.
+        on_session: Called by `follow` for each new session, to prepare it further.
+        stop_soon: Calls `stop` without waiting for it, for `command`; by default it is waited for.
     """
 
     def __init__(
@@ -62,19 +67,41 @@ class RobotConnection:
         given: dict[str, float],
         tuning: Tuning,
         on_session: Callable[[], None],
+        stop_soon: Callable[[], object] | None = None,
     ) -> None:
         self.robot = robot
         self.gate = gate
         self.tuning = tuning
-        self.active = False
-        """Whether commands are obeyed."""
         self.estopped = False
         """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
         self._given = given
         self._on_session = on_session
+        self._stop_soon = stop_soon or self.stop
         self._session: int | None = None
+        """The session that is prepared."""
+        self._active = False
+        self._sending = threading.Lock()
+        """So that no command is sent after a stop that was called later."""
+        self._estops = 0
+        """How often the e-stop was set."""
+        self._estop_unsent = False
+
+    @property
+    def active(self) -> bool:
+        """Whether commands are obeyed."""
+        return self._active
+
+    @active.setter
+    def active(self, active: bool) -> None:
+        with self._sending:
+            self._active = active
+
+    @property
+    def is_prepared(self) -> bool:
+        """Whether the current session can be used; else `follow` is to be called."""
+        return self.robot.sessions == self._session and not self._estop_unsent
 
     @property
     def drive(self) -> DifferentialDrive:
@@ -87,12 +114,12 @@ class RobotConnection:
         Raises:
             WheelwireError: It could not be prepared; the next call tries again.
         """
-        session = self.robot.sessions
-        if session == self._session:
+        if self.is_prepared:
             return
+        session = self.robot.sessions
         try:
             if self.estopped:
-                self.robot.estop()  # first: nothing else may make the robot ready to drive
+                self._send_estop()  # first: nothing else may make the robot ready to drive
             for name, value in self._given.items():
                 self.robot.parameters.set(name, value)
             self._on_session()
@@ -116,17 +143,8 @@ class RobotConnection:
             CommandIgnored: It was not obeyed.
         """
         try:
-            if not self.active:
-                raise CommandIgnored(Ignored.INACTIVE)
-            if self.estopped:
-                raise CommandIgnored(Ignored.ESTOPPED)
-            self.follow()
-            tuning = self.tuning
-            slowed = limit(twist, tuning.max_linear_mps, tuning.max_angular_radps)
-            wheels = self.drive.wheel_velocities(slowed)
-            ttl_s = self.gate.time_to_live(born_s, time.monotonic())
-            self.robot.set_wheel_velocity(*wheels, ttl_s)
-            self._stop_if_over(born_s)
+            with self._sending:
+                self._command(twist, born_s)
         except InvalidCommand as error:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
         except LinkLost as error:
@@ -134,6 +152,22 @@ class RobotConnection:
         except WheelwireError as error:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.gate.obeyed += 1
+
+    def _command(self, twist: Twist, born_s: float) -> None:
+        if not self._active:
+            raise CommandIgnored(Ignored.INACTIVE)
+        if self.estopped:
+            raise CommandIgnored(Ignored.ESTOPPED)
+        if not self.is_prepared:
+            if self.problem is not None:
+                raise self.problem.with_traceback(None)
+            raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+        tuning = self.tuning
+        slowed = limit(twist, tuning.max_linear_mps, tuning.max_angular_radps)
+        wheels = self.drive.wheel_velocities(slowed)
+        ttl_s = self.gate.time_to_live(born_s, time.monotonic())
+        self.robot.set_wheel_velocity(*wheels, ttl_s)
+        self._cancel_if_over(born_s)
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
@@ -151,7 +185,7 @@ class RobotConnection:
         Raises:
             WheelwireError: A value was refused, or the robot cannot be reached.
         """
-        if values and self.robot.sessions != self._session:
+        if values and not self.is_prepared:
             raise LinkLost("a new session is being prepared; try again in a second")
         # The robot has no transaction: after a refusal the values set so far are set back.
         before: dict[str, float] = {}
@@ -168,28 +202,42 @@ class RobotConnection:
                     self.robot.parameters.set(name, value)
             raise
 
+    def stop(self) -> None:
+        """Stop, until the next command.
+
+        Raises:
+            WheelwireError: It was not acknowledged; the last command ends at its deadline.
+        """
+        self.robot.stop()
+
     def estop(self) -> None:
         """Stop and latch.
 
         Raises:
             WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
         """
+        self._estops += 1
         self.estopped = True
-        try:
-            self.robot.estop()
-        except WheelwireError:
-            self._session = None  # so that `follow` sends it, even in the same session
-            raise
+        self._send_estop()
 
     def clear_estop(self) -> None:
         """Clear the e-stop; raises `WheelwireError` while its cause is present."""
+        estops = self._estops
         self.robot.clear_estop()
-        self.estopped = False
+        if estops == self._estops:
+            self.estopped = False
+        else:  # set again meanwhile, and it is not known which of the two arrived first
+            self._send_estop()
 
-    def _stop_if_over(self, born_s: float) -> None:
+    def _send_estop(self) -> None:
+        self._estop_unsent = True  # so that `follow` sends it again, even in the same session
+        self.robot.estop()
+        self._estop_unsent = False
+
+    def _cancel_if_over(self, born_s: float) -> None:
         """Stop if the command expired while it was sent: this process may have been suspended."""
         try:
             self.gate.time_to_live(born_s, time.monotonic())
         except CommandIgnored:
-            self.robot.stop()
+            self._stop_soon()
             raise

@@ -35,6 +35,10 @@ class Report:
     """How often the odometry was rebased after a reset of the device."""
     ignored_types: list[str]
     """Message types that others publish on cmd_vel but this node does not subscribe to."""
+    published: int = 0
+    """Samples published; fewer than came where publish_rate is below the robot's rate."""
+    dropped: int = 0
+    """Samples that came but were not taken within a second."""
     waiting_for_clock: bool = False
     """Whether motion cannot be stamped, because use_sim_time is set and /clock is silent."""
 
@@ -49,11 +53,14 @@ def open_statuses(name: str, driver_type: str, report: Report) -> list[Diagnosti
     robot = report.connection.robot
     identity = identity_of(robot)
     hardware = identity.get("board_id", "")
-    return [
+    statuses = [
         _link(name, hardware, driver_type, report, identity),
         _robot(name, hardware, report),
         _commands(name, hardware, report),
     ]
+    if report.waiting_for_clock:
+        statuses.append(_status(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {}))
+    return statuses
 
 
 def identity_of(robot: BaseDriver) -> dict[str, str]:
@@ -80,13 +87,13 @@ def _link(
     level, message = OK, "connected"
     if problem is not None:
         level, message = ERROR, str(problem)
-    elif report.waiting_for_clock:
-        level, message = WARN, WAITING_FOR_CLOCK
     values = {"driver": driver_type, **identity, **asdict(robot.statistics)}
     if report.sample is not None:
         values["sample_time_error_s"] = report.sample.stamp_error_s
     values["ros_clock_offset_error_s"] = report.ros_offset_error_s
     values["odometry_rebases"] = report.rebases
+    values["samples_published"] = report.published
+    values["samples_dropped"] = report.dropped
     return _status(f"{name}: link", level, message, hardware, values)
 
 
@@ -141,7 +148,7 @@ def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         level = WARN
         message = (
             f"commands of type {', '.join(report.ignored_types)} are ignored: "
-            "set use_stamped_vel to match their type"
+            "have all publishers publish one type, or set cmd_vel_type"
         )
     return _status(f"{name}: commands", level, message, hardware, values)
 

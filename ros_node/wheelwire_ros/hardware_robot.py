@@ -17,7 +17,7 @@ from .pacing import sampling_rate_hz
 from .parameters import Setting
 
 CONNECT_TIMEOUT_S = 2.0
-"""Short, because every callback of the node waits while a driver connects."""
+"""Short, because a transition, and the end of the node, may wait for it."""
 NO_PIN = NO_CHIP = -1
 PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
 """The pins of the wiring guide."""
@@ -129,7 +129,7 @@ def _init(args: list[str] | None) -> None:
 def _run() -> None:
     node = HardwareRobot()
     try:
-        rclpy.spin(node)
+        node.spin()
     finally:
         node.close()
 

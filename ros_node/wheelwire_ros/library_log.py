@@ -7,6 +7,8 @@ from typing import Any
 
 LIBRARY = "wheelwire"
 """The name of the library's logger."""
+LINK = "wheelwire.link"
+"""Of the link's loss and return, which the node reports itself."""
 
 
 def forward_library_log(logger: Any) -> None:
@@ -32,6 +34,8 @@ class _RosHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Log a record; may be called in any thread."""
+        if record.name == LINK:
+            return
         text = self.format(record)
         # A call each: rclpy refuses another severity from the same line of code.
         if record.levelno >= logging.CRITICAL:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import TransitionCallbackReturn
+
+from .threads import NodeThreads
 
 AUTOSTART_PERIOD_S = 1.0
 
@@ -20,20 +23,35 @@ class Autostart:
             for that: from then on its state is the user's to change.
     """
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Any, threads: NodeThreads) -> None:
         self._node = node
-        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self._attempt, clock=steady_clock())
-        node.create_guard_condition(self._attempt).trigger()  # at once, not after the first period
+        self._threads = threads
+        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self._begin, clock=steady_clock())
+        self._is_trying = False
+        threads.call_soon(self._begin)  # at once, not after the first period
 
     def end(self) -> None:
         """Stop trying."""
         self._timer.cancel()
 
-    def _attempt(self) -> None:
-        if self._timer.is_canceled():
+    def _begin(self) -> None:
+        if self._timer.is_canceled() or self._is_trying:
             return
-        if self._node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
-            self._node.trigger_activate()
+        self._is_trying = True
+        with suppress(RuntimeError):  # the lane is closed
+            self._threads.transitions.submit(self._attempt)
+
+    def _attempt(self) -> None:
+        try:
+            if self._timer.is_canceled():  # meanwhile
+                return
+            if self._node.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+                self._node.trigger_activate()
+            self._node.update_state()
+        except Exception as error:
+            self._threads.fail(error)
+        finally:
+            self._is_trying = False
 
 
 def steady_clock() -> Clock:
@@ -41,15 +59,16 @@ def steady_clock() -> Clock:
     return Clock(clock_type=ClockType.STEADY_TIME)
 
 
-def refuse_impossible_transitions(node: Any) -> None:
-    """Answer a transition that is not possible in the current state with `success: false`.
+def defer_transitions(node: Any, threads: NodeThreads) -> None:
+    """Serve transitions in their lane, and refuse those that the current state does not have.
 
-    rclpy lets the error escape from the service's callback, which ends the node; a lifecycle
-    manager that configures a node which has started by itself would trigger that.
+    rclpy lets the error of such a transition escape from the service's callback, which ends the
+    node; a lifecycle manager that configures a node which has started by itself would trigger that.
     """
     for service in node.services:
         if service.srv_type is ChangeState:
             service.callback = _refusing(node, service.callback)
+            threads.defer(service, threads.transitions)
 
 
 def _refusing(node: Any, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -60,5 +79,7 @@ def _refusing(node: Any, change_state: Callable[[Any, Any], Any]) -> Callable[[A
             node.get_logger().warning(str(error))
             response.success = False
             return response
+        finally:
+            node.update_state()
 
     return serve

@@ -11,17 +11,19 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from wheelwire import BaseDriver, WheelwireError
+from wheelwire import BaseDriver, LinkLost, WheelwireError
 
-from . import diagnostics
+from . import diagnostics, robot_state
 from .library_log import forward_library_log
-from .lifecycle import Autostart, refuse_impossible_transitions, steady_clock
+from .lifecycle import Autostart, defer_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import Setting
+from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
+from .services import STOPPED_BY_DEADLINE, RobotServices
+from .threads import NodeThreads
 
 DIAGNOSTICS_PERIOD_S = 1.0
-NOT_CONFIGURED = "not configured"
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -30,8 +32,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     """Obeys velocity commands and publishes the robot's motion.
 
     When configured, it has the robot open and measures; when active, it obeys cmd_vel and
-    publishes. One thread runs all callbacks, another one reads the samples. No command is ever
-    repeated or extended: each expires after its own time to live, on the robot's clock.
+    publishes. What runs in which thread: `threads.py`. No command is ever repeated or extended:
+    each expires after its own time to live, on the robot's clock.
 
     Args:
         name: Name of the node.
@@ -48,13 +50,18 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._estopped = False
-        """Whether the e-stop was set when the robot was closed; opening it sets it again."""
-        self._failure: Exception | None = None
-        self._failed = self.create_guard_condition(self._raise_failure)
+        """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._threads = threads = NodeThreads(self)
+        self._state = StateReporter(
+            self, self._present_state, self._hardware_id, lambda: threads.call_soon(self.report)
+        )
+        RobotServices(self, threads)
+        defer_transitions(self, threads)
+        self._bridge.defer_requests(threads)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
-        refuse_impossible_transitions(self)
-        self._autostart = Autostart(self) if self.setting("autostart") else None
+        self._autostart = Autostart(self, threads) if self.setting("autostart") else None
+        self.update_state()
 
     @abstractmethod
     def open_driver(self) -> BaseDriver:
@@ -74,19 +81,57 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """The robot's parameters that the user gave, by name."""
         return dict(self._bridge.given)
 
+    def spin(self) -> None:
+        """Run until the context is shut down; raises what a callback or a thread raises."""
+        self._threads.spin()
+
     def close(self) -> None:
-        """Stop the wheels, then release everything. Safe to call more than once."""
-        open_robot, self._open = self._open, None
-        self._bridge.connection = None
-        if open_robot is not None:
-            self._estopped = open_robot.connection.estopped
-            open_robot.close()
+        """Stop the wheels, then release everything, for good. Safe to call more than once."""
+        self._close_robot()
+        self._threads.close()
+        self._close_robot()  # a transition that was under way may have opened it
+
+    def open_robot(self) -> OpenRobot:
+        """The robot while it is open; else raises `LinkLost` with the reason."""
+        if self._open is None:
+            raise LinkLost(f"the robot is not open: {self._closed_because}")
+        return self._open
+
+    @property
+    def estopped(self) -> bool:
+        """Whether this node has set the e-stop, whether a robot is open or not."""
+        open_robot = self._open
+        return self._estopped if open_robot is None else open_robot.connection.estopped
+
+    def set_estop(self) -> None:
+        """Set the e-stop of the robot, or of the one that will be opened.
+
+        Raises:
+            WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
+        """
+        self._estopped = True  # first: the robot may be about to be opened
+        self.open_robot().connection.estop()
+
+    def clear_estop(self) -> None:
+        """Clear the e-stop; raises `WheelwireError` while its cause is present."""
+        if self._open is None:
+            self._estopped = False
+        else:
+            self._open.connection.clear_estop()
+            self._estopped = False
 
     def report(self) -> None:
         """Publish /diagnostics; called every second, and at once when something changes."""
-        message = DiagnosticArray(status=self._statuses())
+        open_robot = self._open
+        if open_robot is not None:
+            open_robot.prepare_soon()
+        message = DiagnosticArray(status=self._statuses(open_robot))
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+    def update_state(self) -> None:
+        """Publish and log the robot's state if it has changed; from any thread."""
+        self._state.update()
 
     # --- lifecycle -----------------------------------------------------------------------------
 
@@ -94,16 +139,23 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Open the robot; fails if it cannot be reached or refuses a parameter."""
         try:
             self._open = OpenRobot(
-                self, self.open_driver(), self._bridge, self._fail, estopped=self._estopped
+                self,
+                self.open_driver(),
+                self._bridge,
+                self._threads,
+                self.update_state,
+                self._threads.fail,
+                estopped=self._estopped,
             )
         except WheelwireError as error:
-            if str(error) != self._closed_because:
-                self.get_logger().error(f"cannot configure: {error}")
             self._closed_because = str(error)
             return FAILURE
         except Exception:
             self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
+        if self._estopped and not self._open.connection.estopped:  # set while it was opened
+            with suppress(WheelwireError):  # sent again when the session is prepared
+                self._open.connection.estop()
         self._bridge.connection = self._open.connection
         self._closed_because = NOT_CONFIGURED
         self._end_autostart()
@@ -121,29 +173,36 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if self._open is not None:
             self._open.connection.active = False
             try:
-                self._open.connection.robot.stop()
+                self._open.connection.stop()
             except WheelwireError as error:
-                self.get_logger().warning(f"{error}; the last command ends at its deadline")
+                self.get_logger().warning(f"{error}; {STOPPED_BY_DEADLINE}")
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the wheels and close the robot."""
-        self.close()
+        self._close_robot()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As `on_cleanup`, permanently."""
         self._end_autostart()
-        self.close()
+        self._close_robot()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the wheels after a failed transition; the node can be configured again."""
-        self.close()
+        self._close_robot()
         self.get_logger().error(
             f"the transition from {state.label} failed: the node must be configured again"
         )
         return SUCCESS
+
+    def _close_robot(self) -> None:
+        open_robot, self._open = self._open, None
+        self._bridge.connection = None
+        if open_robot is not None:
+            self._estopped = open_robot.connection.estopped
+            open_robot.close()
 
     def _end_autostart(self) -> None:
         if self._autostart is not None:
@@ -152,22 +211,23 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     # --- what the parts report -----------------------------------------------------------------
 
     def _use_settings(self) -> None:
-        if self._open is not None:
+        open_robot = self._open
+        if open_robot is not None:
             with suppress(WheelwireError):  # not reachable: set in the next session
-                self._open.use_settings()
+                open_robot.use_settings()
 
-    def _fail(self, error: Exception) -> None:
-        """Called in the reader's thread: make the node's own thread raise the error and end."""
-        self._failure = error
-        self._failed.trigger()
+    def _present_state(self) -> RobotState:
+        open_robot = self._open
+        if open_robot is None:
+            return robot_state.closed(self._closed_because)
+        return open_robot.state()
 
-    def _raise_failure(self) -> None:
-        if self._failure is not None:
-            raise self._failure
+    def _hardware_id(self) -> str:
+        open_robot = self._open
+        return "" if open_robot is None else open_robot.hardware_id()
 
-    def _statuses(self) -> list[Any]:
+    def _statuses(self, open_robot: OpenRobot | None) -> list[Any]:
         name = self.get_fully_qualified_name().lstrip("/")
-        if self._open is None:
+        if open_robot is None:
             return diagnostics.closed_status(name, self.driver_type, self._closed_because)
-        self._open.follow()
-        return self._open.statuses(name, self.driver_type)
+        return open_robot.statuses(name, self.driver_type)

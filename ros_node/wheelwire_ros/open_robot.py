@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from wheelwire import BaseDriver, WheelSample, WheelwireError
 
-from . import diagnostics, robot_settings
-from .command_subscriber import LOG_PERIOD_S, CommandSubscriber
+from . import diagnostics, robot_settings, robot_state
+from .command_subscriber import CommandSubscriber
 from .commands import CommandGate
 from .connection import RobotConnection
 from .estimator import MotionEstimator
@@ -17,18 +17,21 @@ from .pacing import Pacer
 from .parameter_bridge import ParameterBridge
 from .publishers import MotionPublisher
 from .reader import SampleReader
-from .services import RobotServices
+from .robot_state import RobotState
+from .threads import NodeThreads
 from .time_base import TimeBase
 
 
 class OpenRobot:
-    """An open robot with its topics, its services and the thread that reads its samples.
+    """An open robot with its topics and the thread that reads its samples.
 
     Args:
         node: The lifecycle node, with all parameters declared.
         robot: Its driver; closed by `close`, and also if this raises.
         bridge: The bridge of the node's parameters.
-        on_failure: Called in the reader's thread when that fails; the wheels are stopped then.
+        threads: The node's.
+        on_change: Called in any thread when `state` may have changed.
+        on_failure: Called in any thread when a thread fails; the wheels are stopped then.
         estopped: Latch the e-stop before anything else.
 
     Raises:
@@ -40,22 +43,28 @@ class OpenRobot:
         node: Any,
         robot: BaseDriver,
         bridge: ParameterBridge,
+        threads: NodeThreads,
+        on_change: Callable[[], None],
         on_failure: Callable[[Exception], None],
         *,
         estopped: bool,
     ) -> None:
         self._node = node
         self._bridge = bridge
+        self._threads = threads
+        self._on_change = on_change
         self._on_failure = on_failure
         self._newest: WheelSample | None = None
         self._closing = False
+        self._preparing = False
+        """The preparation of a session is under way, or will be."""
         self._time_base = TimeBase(
             lambda: int(node.get_clock().now().nanoseconds), node.get_logger()
         )
         # An error below closes in reverse order what has been opened; `pop_all` keeps it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
-            self._prepare(robot, estopped=estopped)
+            self._prepare_robot(robot, estopped=estopped)
             self._join_graph(robot, resources)
             self._resources = resources.pop_all()
 
@@ -66,19 +75,41 @@ class OpenRobot:
         self.connection.robot.shutdown()  # it stops first
         self._resources.close()
 
-    def follow(self) -> None:
-        """Prepare the session if it is a new one."""
-        try:
-            self.connection.follow()
-        except WheelwireError as error:
-            self._node.get_logger().warning(str(error), throttle_duration_sec=LOG_PERIOD_S)
+    def prepare_soon(self) -> None:
+        """Have the session prepared if it is a new one, without waiting for it."""
+        if self._preparing or self.connection.is_prepared:
+            return
+        self._preparing = True
+        with suppress(RuntimeError):  # the lane is closed, and so is the robot soon
+            self._threads.requests.submit(self._prepare)
 
     def use_settings(self) -> None:
         """Apply the parameters that can change while the robot is open."""
         get, connection = self._node.setting, self.connection
         connection.gate.timeout_s = get("cmd_vel_timeout")
         connection.tuning = robot_settings.tuning(get)
-        self._estimator.drive = connection.drive
+        self.estimator.drive = connection.drive
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """The names of the latched faults, as of the newest sample."""
+        return tuple(str(fault.name) for fault in self.state().faults)
+
+    def state(self) -> RobotState:
+        """For `~/state`."""
+        connection = self.connection
+        return robot_state.of_robot(
+            self._newest,
+            self._reader.silence,
+            connection.problem,
+            connection.robot.sessions,
+            prepared=connection.is_prepared,
+            estopped=connection.estopped,
+        )
+
+    def hardware_id(self) -> str:
+        """The board's, for `~/state`."""
+        return diagnostics.identity_of(self.connection.robot).get("board_id", "")
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
         """The statuses for /diagnostics."""
@@ -88,13 +119,15 @@ class OpenRobot:
             self._newest,
             self._reader.silence,
             self._time_base.error_s,
-            self._estimator.rebases,
+            self.estimator.rebases,
             self._commands.ignored_types(),
+            self._publisher.published,
+            self._reader.dropped,
             waiting_for_clock=not self._time_base.runs,
         )
         return diagnostics.open_statuses(name, driver_type, report)
 
-    def _prepare(self, robot: BaseDriver, *, estopped: bool) -> None:
+    def _prepare_robot(self, robot: BaseDriver, *, estopped: bool) -> None:
         get = self._node.setting
         self.connection = RobotConnection(
             robot,
@@ -102,53 +135,70 @@ class OpenRobot:
             self._bridge.given,
             robot_settings.tuning(get),
             self._on_session,
+            lambda: self._threads.stops.submit(self._stop),
         )
         self.connection.estopped = estopped
-        self._estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
+        self.estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
         self._pacer = Pacer(get("publish_rate"))
         self.connection.follow()
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
-        node, connection = self._node, self.connection
+        node, threads = self._node, self._threads
         has_battery = robot.read().battery_v is not None
         self._publisher = MotionPublisher(
             node, robot_settings.topics(node.setting, has_battery=has_battery)
         )
         resources.callback(self._publisher.destroy)
-        resources.callback(RobotServices(node, connection, self._estimator).destroy)
-        stamped = node.setting("use_stamped_vel")
-        self._commands = CommandSubscriber(node, connection, stamped=stamped)
+        self._commands = CommandSubscriber(
+            node,
+            self.connection,
+            threads,
+            self.prepare_soon,
+            robot_settings.command_type(node.setting),
+        )
         resources.callback(self._commands.destroy)
-        changed = node.create_guard_condition(self._on_change)
-        resources.callback(node.destroy_guard_condition, changed)
-        self._reader = SampleReader(robot, self._on_sample, changed.trigger, self._fail)
+        self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
         resources.callback(self._reader.close)
+
+    def _prepare(self) -> None:
+        """In the lane of requests."""
+        try:
+            with suppress(WheelwireError):  # kept as `connection.problem`
+                self.connection.follow()
+        except Exception as error:
+            self._fail(error)
+        finally:
+            self._preparing = False
+        if not self._closing:
+            self._on_change()
+
+    def _stop(self) -> None:
+        with suppress(WheelwireError):  # the last command ends at its deadline
+            self.connection.stop()
 
     def _on_session(self) -> None:
         """Read the parameters again: a robot that was reset or flashed may have others."""
         self._bridge.mirror(self.connection.robot)
         self.use_settings()
 
-    def _on_change(self) -> None:
-        """Report that the robot was lost or is back, perhaps in a new session."""
-        silence = self._reader.silence
-        if silence is None:
-            self._node.get_logger().info("the robot is connected")
-        else:
-            self._node.get_logger().warning(f"the robot cannot be reached: {silence}")
-        self._node.report()
+    def _on_reach(self) -> None:
+        """Called in the reader's thread: the robot is lost, or back, perhaps in a new session."""
+        self.prepare_soon()
+        self._on_change()
 
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
-        self._newest = sample
-        motion = self._estimator.update(sample)
+        before, self._newest = self._newest, sample
+        motion = self.estimator.update(sample)
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
                 self._publisher.publish(motion, stamp_ns)
+        if before is None or (sample.state, sample.faults) != (before.state, before.faults):
+            self._on_change()
 
     def _fail(self, error: Exception) -> None:
-        """Called in the reader's thread. Without samples the robot must not go on driving."""
+        """Without samples the robot must not go on driving."""
         if self._closing or not self._node.context.ok():
             return
         self.connection.robot.shutdown()

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from wheelwire import BaseDriver, WheelwireError
 
 from . import parameters
 from .connection import RobotConnection
+from .threads import NodeThreads
 
 
 class ParameterBridge:
@@ -36,9 +39,16 @@ class ParameterBridge:
         self._fixed = {s.name for s in (*parameters.SETTINGS, *own) if not s.live}
         self._node = node
         self._on_change = on_change
-        self._mirroring = False
+        self._mirroring_thread: int | None = None
+        """The thread in which `mirror` sets parameters; another one may set others meanwhile."""
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._use)
+
+    def defer_requests(self, threads: NodeThreads) -> None:
+        """Serve in a lane what asks the robot, so that other parameters are answered meanwhile."""
+        for service in self._node.services:
+            if service.srv_type in (SetParameters, SetParametersAtomically):
+                threads.defer(service, threads.requests, self._asks_robot)
 
     def mirror(self, robot: BaseDriver) -> None:
         """Copy the robot's values to the node; raises `WheelwireError` if they cannot be read."""
@@ -48,11 +58,19 @@ class ParameterBridge:
             if info.name in parameters.ROBOT_PARAMETERS
         ]
         # Setting them calls `_check`, which must not send the robot its own values.
-        self._mirroring = True
+        self._mirroring_thread = threading.get_ident()
         try:
             self._node.set_parameters(values)
         finally:
-            self._mirroring = False
+            self._mirroring_thread = None
+
+    def _asks_robot(self, request: Any) -> bool:
+        names = {parameter.name for parameter in request.parameters}
+        return self.connection is not None and not names.isdisjoint(parameters.ROBOT_PARAMETERS)
+
+    @property
+    def _mirroring(self) -> bool:
+        return self._mirroring_thread == threading.get_ident()
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
         """Send the robot its parameters; refuse what it refuses, and what can no longer change."""

@@ -51,7 +51,9 @@ def _diagonal(name: str, default: list[float], doc: str) -> Setting:
 # fmt: off
 SETTINGS: tuple[Setting, ...] = (
     Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
-    Setting("use_stamped_vel", False, "cmd_vel is TwistStamped, not Twist."),
+    Setting("cmd_vel_type", "auto",
+            "Twist, TwistStamped, or auto: what the first publisher of cmd_vel publishes."),
+    Setting("use_stamped_vel", False, "True is cmd_vel_type TwistStamped."),
     Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",
             0.02, 5, live=True),
     Setting("publish_rate", 50.0, "Rate of odom. [Hz]", 1, 1000),

@@ -44,6 +44,8 @@ class MotionPublisher:
 
     def __init__(self, node: Any, topics: MotionTopics) -> None:
         self.topics = topics
+        self.published = 0
+        """Samples published."""
         self._publishes_transform = topics.transform and TFMessage is not None
         self._twist_covariance = conversions.diagonal(topics.twist_diagonal)
         self._node = node
@@ -67,6 +69,7 @@ class MotionPublisher:
             motion, stamp, topics.frames, topics.pose_diagonal, self._twist_covariance
         )
         self._odometry.publish(odometry)
+        self.published += 1
         if self._publishes_transform:
             self._transform.publish(TFMessage(transforms=[conversions.transform_message(odometry)]))
         self._joints.publish(conversions.joint_message(motion, stamp, topics.joints))

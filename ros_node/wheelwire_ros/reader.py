@@ -5,9 +5,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from wheelwire import BaseDriver, LinkClosed, WheelSample, WheelwireError
+from wheelwire import BaseDriver, LinkClosed, RequestTimeout, WheelSample, WheelwireError
 
 SILENCE_S = 0.25
+UNEXPLAINED = 4
+"""Times of silence after which the cause is no longer waited for: the link finds it sooner."""
 PAUSE_S = 0.05
 """Between two attempts to read from a lost link."""
 JOIN_S = 2.0
@@ -18,7 +20,7 @@ class SampleReader:
 
     Args:
         robot: An open driver.
-        on_sample: Called with each sample, in this thread.
+        on_sample: Called with each sample, in this thread, in order.
         on_change: Called in this thread when samples stop coming, and before the first sample after
             that or after a reset of the device: the session may be a new one.
         on_failure: Called with an error of this thread or of those callbacks; reading has ended.
@@ -34,12 +36,18 @@ class SampleReader:
         self.silence: WheelwireError | None = None
         """Why no sample has come recently; None while they come."""
         self._robot = robot
+        self._samples = robot.samples()
         self._on_sample = on_sample
         self._on_change = on_change
         self._on_failure = on_failure
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
         self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """Samples that this thread did not take within a second."""
+        return self._samples.dropped
 
     def close(self) -> None:
         """End the thread; no callback runs after this returns."""
@@ -55,22 +63,36 @@ class SampleReader:
 
     def _read(self) -> None:
         boot_id: int | None = None
+        unexplained = 0
         while not self._closing.is_set():
             try:
-                sample = self._robot.read(SILENCE_S)
+                sample = self._next()
+            except StopIteration:
+                return
             except LinkClosed:
                 raise  # for good: the node ends, and its supervisor restarts it
             except WheelwireError as error:
+                if isinstance(error, RequestTimeout) and unexplained < UNEXPLAINED:
+                    unexplained += 1  # the link may be about to find out that it is lost
+                    continue
                 self._note_silence(error)
                 boot_id = None  # the next sample is a change, even of the same boot
                 continue
             if self._closing.is_set():
                 return
-            self.silence = None
+            self.silence, unexplained = None, 0
             if sample.boot_id != boot_id:
                 boot_id = sample.boot_id
                 self._on_change()
             self._on_sample(sample)
+
+    def _next(self) -> WheelSample:
+        """The next sample; raises the reason if none comes for a while."""
+        while True:
+            sample = self._samples.poll()
+            if sample is not None:
+                return sample
+            self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
 
     def _note_silence(self, error: WheelwireError) -> None:
         began, self.silence = self.silence is None, error

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from wheelwire import InvalidArgument
+
+from .commands import AUTO, COMMAND_TYPES
 from .connection import Tuning
 from .conversions import Frames
 from .publishers import MotionTopics
@@ -22,6 +25,15 @@ def tuning(get: Get) -> Tuning:
         left_radius_multiplier=get("left_wheel_radius_multiplier"),
         right_radius_multiplier=get("right_wheel_radius_multiplier"),
     )
+
+
+def command_type(get: Get) -> str:
+    """The type of cmd_vel, or `AUTO`; raises `InvalidArgument`."""
+    name = str(get("cmd_vel_type"))
+    if name != AUTO and name not in COMMAND_TYPES:
+        choices = ", ".join((*COMMAND_TYPES, AUTO))
+        raise InvalidArgument(f"cmd_vel_type = {name!r}: give one of {choices}")
+    return "TwistStamped" if name == AUTO and get("use_stamped_vel") else name
 
 
 def frames(get: Get) -> Frames:

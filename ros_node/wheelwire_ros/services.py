@@ -1,4 +1,4 @@
-"""The node's services. Each answers with success or with the reason of its failure."""
+"""The node's services. Each answers with success, or with the reason of its failure."""
 
 from __future__ import annotations
 
@@ -9,53 +9,86 @@ from std_srvs.srv import SetBool, Trigger
 
 from wheelwire import WheelwireError
 
-from .connection import RobotConnection
-from .estimator import MotionEstimator
+from .open_robot import OpenRobot
+from .threads import NodeThreads
+
+SEEN_WHEN_DRIVEN = ("NOT_COUNTING", "REVERSED", "IMPLAUSIBLE")
+"""Ends of the names of faults whose cause is seen only while the wheel is driven."""
+STOPPED_BY_DEADLINE = "the last command ends at its deadline"
 
 
 class RobotServices:
     """The services, named below the node's name.
 
     Args:
-        node: An rclpy node.
-        connection: The connection to the robot.
-        estimator: The estimator whose pose `reset_odometry` resets.
+        node: A `BaseRobotNode`.
+        threads: The node's.
     """
 
-    def __init__(self, node: Any, connection: RobotConnection, estimator: MotionEstimator) -> None:
+    def __init__(self, node: Any, threads: NodeThreads) -> None:
         self._node = node
-        self._connection = connection
-        actions: dict[str, Callable[[], None]] = {
-            "clear_fault": connection.clear_fault,
-            "reset_odometry": estimator.reset,
-            "save_parameters": connection.save_parameters,
+        threads.urgent_service(node, SetBool, "~/estop", self._estop)
+        threads.urgent_service(node, Trigger, "~/stop", self._trigger(self._stop))
+        waiting: dict[str, Callable[[OpenRobot], str | None]] = {
+            "clear_fault": _clear_fault,
+            "save_parameters": _save_parameters,
         }
-        self._services = [node.create_service(SetBool, "~/estop", self._estop)]
-        for name, action in actions.items():
-            service = node.create_service(Trigger, f"~/{name}", _trigger(action))
-            self._services.append(service)
-
-    def destroy(self) -> None:
-        """Remove the services."""
-        for service in self._services:
-            self._node.destroy_service(service)
+        for name, action in waiting.items():
+            service = node.create_service(Trigger, f"~/{name}", self._trigger(action))
+            threads.defer(service, threads.requests)
+        node.create_service(Trigger, "~/reset_odometry", self._trigger(_reset_odometry))
 
     def _estop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        connection = self._connection
-        action = connection.estop if request.data else connection.clear_estop
-        return _answer(action, response)
+        def act() -> str:
+            if request.data:
+                self._node.set_estop()
+                return "e-stopped"
+            self._node.clear_estop()
+            return "the e-stop is cleared"
+
+        answer = _answer(act, response)
+        self._node.update_state()
+        return answer
+
+    def _stop(self, robot: OpenRobot) -> str:
+        try:
+            robot.connection.stop()
+        except WheelwireError as error:
+            raise WheelwireError(f"{error}; {STOPPED_BY_DEADLINE}") from error
+        return "stopped, until the next command"
+
+    def _trigger(self, action: Callable[[OpenRobot], str | None]) -> Callable[[Any, Any], Any]:
+        def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            return _answer(lambda: action(self._node.open_robot()), response)
+
+        return serve
 
 
-def _trigger(action: Callable[[], None]) -> Callable[[Any, Any], Any]:
-    def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return _answer(action, response)
+def _clear_fault(robot: OpenRobot) -> str:
+    faults = robot.faults
+    robot.connection.clear_fault()
+    again = [fault for fault in faults if fault.endswith(SEEN_WHEN_DRIVEN)]
+    if not again:
+        return "cleared"
+    return (
+        f"cleared; but the cause of {' and '.join(again)} shows only while the wheel is driven: if "
+        "it is still there, the fault returns with the next command"
+    )
 
-    return serve
+
+def _save_parameters(robot: OpenRobot) -> str:
+    robot.connection.save_parameters()
+    return "saved"
 
 
-def _answer(action: Callable[[], None], response: Any) -> Any:
+def _reset_odometry(robot: OpenRobot) -> str:
+    robot.estimator.reset()
+    return "the odometry begins here"
+
+
+def _answer(action: Callable[[], str | None], response: Any) -> Any:
     try:
-        action()
+        response.message = action() or ""
     except WheelwireError as error:
         response.message = str(error)
     else:

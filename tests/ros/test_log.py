@@ -1,4 +1,4 @@
-"""What the library logs, as others on the graph get it from /rosout."""
+"""What the library logs, as others on the graph get it from /rosout, and what the node says."""
 
 from __future__ import annotations
 
@@ -14,21 +14,46 @@ from support.ros import wait
 from support.ros_rig import open_rig
 
 LIBRARY = "hardware_robot.wheelwire"
+TELLING = """
+import logging, threading, time
+from wheelwire_ros import hardware_robot
+
+def tell():
+    while True:
+        logging.getLogger("wheelwire").warning("a line of the library")
+        time.sleep(0.1)
+
+threading.Thread(target=tell, daemon=True).start()
+hardware_robot.main()
+"""
+"""The node, beside which the library has something to say."""
 
 
 def test_the_librarys_records_reach_rosout(tmp_path: Path) -> None:
-    with open_rig(tmp_path) as rig:
+    with open_rig(tmp_path, code=TELLING) as rig:
         records = rig.graph.listen(Log, "/rosout")
-        # Discovery of /rosout takes its time, and a record of before is not sent again.
-        wait(lambda: rig.graph.node.count_publishers("/rosout") > 1, "the node's /rosout")
 
-        def logged(level: int, text: str) -> bool:
+        def logged(name: str, level: int, text: str) -> bool:
             return any(
-                (record.name, record.level) == (LIBRARY, level) and text in record.msg
+                (record.name, record.level) == (name, level) and text in record.msg
                 for record in tuple(records)
             )
 
+        wait(lambda: logged(LIBRARY, Log.WARN, "a line of the library"), "the library's line")
         rig.simulator.unplug()
-        wait(lambda: logged(Log.WARN, "the port is gone"), "the loss as a warning")
+        wait(lambda: logged("hardware_robot", Log.ERROR, "the port is gone"), "the loss")
         rig.simulator.plug()
-        wait(lambda: logged(Log.INFO, "link open"), "the new link as information")
+        wait(lambda: logged("hardware_robot", Log.INFO, "is connected: session 2"), "the return")
+
+
+def test_a_loss_and_a_return_are_one_line_each(tmp_path: Path) -> None:
+    with open_rig(tmp_path) as rig:
+        wait(lambda: "is connected: session 1" in rig.node.errors(), "the first connection")
+        before = rig.node.errors().count("\n")
+        rig.simulator.unplug()
+        rig.diagnostics.wait("link", lambda status, _: "the port is gone" in status.message)
+        rig.simulator.plug()
+        rig.diagnostics.wait("link", lambda status, _: status.message == "connected")
+        wait(lambda: "is connected: session 2" in rig.node.errors(), "the line of the return")
+        lines = rig.node.errors().splitlines()[before:]
+        assert len(lines) == 2, lines

@@ -34,7 +34,7 @@ def test_it_waits_for_the_clock_and_obeys_meanwhile(graph: Graph, tmp_path: Path
         RobotNode(graph, port=simulator.port, use_sim_time=True) as node,
     ):
         diagnostics.wait(
-            "link",
+            "clock",
             lambda status, _: status.level == DiagnosticStatus.WARN and "/clock" in status.message,
         )
         wait(lambda: "waiting for /clock" in node.errors(), "a line in the log")

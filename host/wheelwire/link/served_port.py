@@ -45,6 +45,8 @@ Task: TypeAlias = Callable[[Done, int], None]
 """Given `done` and the time: hands `done` on, calls it itself, or raises."""
 
 _log = logging.getLogger("wheelwire")
+_link_log = logging.getLogger("wheelwire.link")
+"""Of the link's loss and return alone, so that a program that reports them itself can filter."""
 
 
 class Changed(Protocol):
@@ -308,7 +310,7 @@ class ServedPort(ABC):
             if kept is not None:  # its traceback would keep the port's descriptors
                 kept.__traceback__ = None
         if self.policy.note_lost(error):
-            _log.warning("%s: %s", self.port, error)
+            _link_log.warning("%s: %s", self.port, error)
         self._session.disconnect(error)
         self._tell_changes()
         self._output = b""
@@ -329,10 +331,10 @@ class ServedPort(ABC):
             self._was_open = is_open
             if is_open:
                 self.policy.session_opened()
-                _log.info("%s: link open", self.port)
+                _link_log.info("%s: link open", self.port)
             else:
                 self._latest_sample.interrupt()
-                _log.warning("%s: %s", self.port, self._session.error)
+                _link_log.warning("%s: %s", self.port, self._session.error)
         self._changed.notify_all()
 
     def _is_ending(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any, cast
 
@@ -128,6 +129,9 @@ def test_a_command_of_the_former_session_is_not_replayed(
     born_s = time.monotonic()
     robot.sessions += 1
     assert ignored(connection, born_s) is Ignored.BEFORE_RECONNECT
+    assert robot.told == []
+    connection.follow()
+    assert ignored(connection, born_s) is Ignored.BEFORE_RECONNECT
     assert robot.told == list(GIVEN.items())
     connection.command(Twist(0.2, 0), time.monotonic())
 
@@ -137,6 +141,8 @@ def test_a_robot_that_does_not_take_its_parameters_is_not_driven(
 ) -> None:
     robot.sessions += 1
     robot.error = DeviceRefused(RefusalCode.OUT_OF_RANGE, "ParameterSet")
+    with pytest.raises(DeviceRefused):
+        connection.follow()
     assert ignored(connection) is Ignored.REFUSED
     assert connection.problem is robot.error
     assert robot.told == []
@@ -167,6 +173,47 @@ def test_an_estop_that_was_not_acknowledged_is_told_again_in_the_same_session(
     robot.error = None
     connection.follow()
     assert robot.told[0] == "estop"
+
+
+def test_an_estop_that_is_set_while_one_is_cleared_holds(
+    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By another thread, while the robot's answer is awaited."""
+    connection.estop()
+    clear = robot.clear_estop
+
+    def interrupted() -> None:
+        clear()
+        connection.estop()
+
+    monkeypatch.setattr(robot, "clear_estop", interrupted)
+    connection.clear_estop()
+    assert connection.estopped
+    assert robot.told[-1] == "estop"
+    assert ignored(connection) is Ignored.ESTOPPED
+
+
+def test_no_command_is_sent_after_the_deactivation(
+    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another thread deactivates while a command is on its way: the stop comes after it."""
+    send = robot.set_wheel_velocity
+    threads = []
+
+    def deactivate() -> None:
+        connection.active = False
+        connection.stop()
+
+    def interrupted(*velocity: float) -> None:
+        threads.append(threading.Thread(target=deactivate))
+        threads[0].start()
+        threads[0].join(0.1)  # as far as it gets
+        send(*velocity)
+
+    monkeypatch.setattr(robot, "set_wheel_velocity", interrupted)
+    connection.command(Twist(0.2, 0), time.monotonic())
+    threads[0].join()
+    assert robot.told[-1] == "stop"
 
 
 def test_nothing_is_kept_for_a_robot_out_of_reach(

@@ -104,4 +104,4 @@ def test_what_was_ignored_by_reason() -> None:
 def test_commands_that_nobody_hears() -> None:
     status = statuses(report(ignored_types=["geometry_msgs/msg/Twist"]))["commands"]
     assert status.level == WARN
-    assert "use_stamped_vel" in status.message
+    assert "cmd_vel_type" in status.message

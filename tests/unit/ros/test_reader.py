@@ -4,28 +4,47 @@ import queue
 from typing import Any, cast
 
 from support.host_samples import sample
-from wheelwire import BaseDriver, LinkClosed, LinkLost, WheelSample, WheelwireError
-from wheelwire_ros.reader import SampleReader
+from wheelwire import (
+    BaseDriver,
+    LinkClosed,
+    LinkLost,
+    RequestTimeout,
+    WheelSample,
+    WheelwireError,
+)
+from wheelwire_ros.reader import UNEXPLAINED, SampleReader
 
 TIMEOUT_S = 30.0
 
 
 class ScriptedRobot:
-    """Reads what it was given, in order; then nothing."""
+    """Reads what it was given, in order; then nothing. It is its own iterator over all samples."""
+
+    dropped = 3
 
     def __init__(self, *script: WheelSample | Exception) -> None:
         self._script = list(script)
+        self._came: list[WheelSample] = []
+
+    def samples(self) -> ScriptedRobot:
+        return self
+
+    def poll(self) -> WheelSample | None:
+        return self._came.pop(0) if self._came else None
 
     def read(self, timeout: float) -> WheelSample:
         assert timeout > 0
         step = self._script.pop(0) if self._script else LinkLost("the end")
         if isinstance(step, Exception):
             raise step
+        self._came.append(step)
+        while self._script and isinstance(self._script[0], list):
+            self._came += self._script.pop(0)
         return step
 
 
-def events(*script: WheelSample | Exception, count: int) -> list[Any]:
-    """The first `count` calls of a reader."""
+def events(*script: Any, count: int) -> list[Any]:
+    """The first `count` calls of a reader; samples in a list come together with the one before."""
     seen: queue.Queue[Any] = queue.Queue()
     robot = cast("BaseDriver", ScriptedRobot(*script))
     reader = SampleReader(robot, seen.put, lambda: seen.put("change"), seen.put)
@@ -41,6 +60,20 @@ def test_a_silence_its_end_and_another_boot_are_changes() -> None:
     script = (one, two, LinkLost("gone"), LinkLost("still gone"), three, other)
     expected = ["change", one, two, "change", "change", three, "change", other]
     assert events(*script, count=len(expected)) == expected
+
+
+def test_samples_that_come_together_are_all_handed_over() -> None:
+    one, two, three = sample(t_us=1), sample(t_us=2), sample(t_us=3)
+    assert events(one, [two, three], count=4) == ["change", one, two, three]
+
+
+def test_a_silence_is_told_when_its_cause_is_known() -> None:
+    """A link that is lost without a sign finds that out a moment after the last sample."""
+    one, unexplained = sample(t_us=1), [RequestTimeout("no sample")] * UNEXPLAINED
+    told = events(one, *unexplained, LinkLost("the robot does not answer"), count=3)
+    assert told == ["change", one, "change"]
+    assert events(one, *unexplained, sample(t_us=2), count=3) == ["change", one, sample(t_us=2)]
+    assert events(one, *unexplained, *unexplained, count=3) == ["change", one, "change"]
 
 
 def test_a_device_that_was_flashed_with_another_release_is_a_silence_too() -> None:

@@ -1,0 +1,185 @@
+"""The node's threads: what each one runs, and which of them may wait for the robot.
+
+thread               callback group   runs
+general callbacks    the default one  parameters, lifecycle, the other services; diagnostics at 1 Hz
+ (the main thread)                    and at each change
+urgent callbacks     `urgent`         cmd_vel, ~/estop and ~/stop; each 0.2 s who publishes cmd_vel
+lane of stops        (4 threads)      e-stop and stop, until acknowledged
+lane of requests     (1 thread)       the robot's parameters, save, clear, preparing a new session
+lane of transitions  (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
+samples              (its own)        reads the robot; odom, tf, joint_states, battery_state
+
+Only the lanes and the thread of the samples wait for the robot.
+A callback that needs a lane is a coroutine: its executor goes on with other callbacks until the
+lane is done. So nothing that the robot does, or does not do, delays an e-stop, a command or the
+answer of a parameter service.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.task import Future as RosFuture
+
+STOPS_AT_ONCE = 4
+"""Stops that may wait for their acknowledgement; the next one would wait for one of these."""
+SWITCH_INTERVAL_S = 0.0005
+"""How long one thread may keep the interpreter while another has something to do. Python's 5 ms
+is as long as an e-stop may take to the wire."""
+JOIN_S = 2.0
+
+Result = TypeVar("Result")
+Serve = Callable[[Any, Any], Any]
+"""A service's callback: fills in the response to a request, and returns it."""
+
+
+class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no types
+    """Runs the callbacks of one node whose group belongs to it, and no others."""
+
+    def __init__(self, node: Any, runs: Callable[[Any], bool]) -> None:
+        super().__init__(context=node.context)
+        self._node = node
+        self._runs = runs
+
+    def get_nodes(self) -> list[Any]:
+        """The node. It knows one executor only, and wakes that one when it has a new entity."""
+        return [self._node]
+
+    def can_execute(self, entity: Any) -> bool:
+        """Whether to wait for it now."""
+        return self._runs(entity.callback_group) and bool(super().can_execute(entity))
+
+
+class NodeThreads:
+    """The executors and lanes of one node, from `start` to `close`.
+
+    Args:
+        node: An rclpy node.
+
+    Attributes:
+        urgent: The callback group of what must not wait for other callbacks. An entity that is
+            added to it while the threads run needs `wake`.
+        stops: Lane of e-stop and stop.
+        requests: Lane of what asks the robot.
+        transitions: Lane of lifecycle transitions.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self.urgent = ReentrantCallbackGroup()
+        self.stops = ThreadPoolExecutor(STOPS_AT_ONCE, "wheelwire stops")
+        self.requests = ThreadPoolExecutor(1, "wheelwire requests")
+        self.transitions = ThreadPoolExecutor(1, "wheelwire transitions")
+        self._general = _Executor(node, lambda group: group is not self.urgent)
+        self._general.add_node(node)
+        self._urgent = _Executor(node, lambda group: group is self.urgent)
+        self._thread = threading.Thread(target=self._run_urgent, name="urgent callbacks")
+
+    def spin(self) -> None:
+        """Run all callbacks until the context is shut down; raises what a callback raises."""
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        self._thread.start()
+        self._general.spin()
+
+    def close(self) -> None:
+        """End what runs callbacks. Lanes finish what they have begun, and begin nothing new."""
+        for lane in (self.stops, self.requests, self.transitions):
+            lane.shutdown(wait=False, cancel_futures=True)
+        self._urgent.shutdown(0)
+        if self._thread.is_alive():
+            self._thread.join(JOIN_S)
+        self._general.shutdown(0)
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Run a callback in the general thread; from any thread."""
+        self._general.create_task(callback)
+
+    def run_urgently(self, callback: Callable[[], None]) -> None:
+        """Run a callback in the thread of the urgent ones, and wait for it; raises what it raises.
+
+        So all that concerns an entity of the group happens in one thread.
+        """
+        if not self._thread.is_alive() or self._thread is threading.current_thread():
+            callback()
+            return
+        done: Future[None] = Future()
+
+        def run() -> None:
+            try:
+                callback()
+            except Exception as error:
+                done.set_exception(error)
+            else:
+                done.set_result(None)
+
+        self._urgent.create_task(run)
+        while not wait([done], JOIN_S).done:
+            if not self._thread.is_alive():  # it ended before it came to this
+                run()
+        done.result()
+
+    def fail(self, error: Exception) -> None:
+        """Have `spin` raise the error; from any thread."""
+
+        def raise_it() -> None:
+            raise error
+
+        self.call_soon(raise_it)
+
+    def urgent_service(self, node: Any, type_: Any, name: str, action: Serve) -> Any:
+        """A service that is served without waiting for other callbacks; `action` may wait."""
+
+        async def serve(request: Any, response: Any) -> Any:
+            return await self._done(self._urgent, self.stops.submit(action, request, response))
+
+        return node.create_service(type_, name, serve, callback_group=self.urgent)
+
+    def defer(
+        self,
+        service: Any,
+        lane: ThreadPoolExecutor,
+        waits: Callable[[Any], bool] = lambda _request: True,
+    ) -> None:
+        """Serve in a lane what waits for the robot.
+
+        Args:
+            service: A service of the node, whose callback is replaced.
+            lane: Where its callback runs from now on.
+            waits: Whether a request is served there; the others are served as before.
+        """
+        serve_now: Serve = service.callback
+
+        async def serve(request: Any, response: Any) -> Any:
+            if not waits(request):
+                return serve_now(request, response)
+            return await self._done(self._general, lane.submit(serve_now, request, response))
+
+        service.callback = serve
+        # A coroutine occupies its group until it ends.
+        service.callback_group = ReentrantCallbackGroup()
+
+    @staticmethod
+    async def _done(executor: SingleThreadedExecutor, called: Future[Result]) -> Result:
+        """Wait for a call in a lane, as a coroutine of an executor."""
+        done = RosFuture(executor=executor)
+
+        def finish(_: object) -> None:
+            done.set_result(None)
+            executor.wake()  # rclpy looks at waiting coroutines only when something has come
+
+        called.add_done_callback(finish)
+        await done
+        return called.result()
+
+    def _run_urgent(self) -> None:
+        try:
+            with suppress(ExternalShutdownException):
+                self._urgent.spin()
+        except Exception as error:
+            self.fail(error)
