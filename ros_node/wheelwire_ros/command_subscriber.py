@@ -12,6 +12,7 @@ from . import conversions
 from .commands import AUTO, COMMAND_TYPES, CommandIgnored, Ignored, command_age_s
 from .connection import RobotConnection
 from .lifecycle import steady_clock
+from .publishers import LimitedVelocityPublisher
 from .threads import NodeThreads
 
 TOPIC = "cmd_vel"
@@ -36,6 +37,7 @@ class CommandSubscriber:
         threads: The node's; all of this runs in the thread of the urgent callbacks.
         prepare: Called when a command meets a session that is not prepared.
         type_name: `Twist`, `TwistStamped`, or `auto`: whatever the first publisher publishes.
+        limited: Publishes each command that is obeyed, as limited; None for not at all.
     """
 
     def __init__(
@@ -45,7 +47,9 @@ class CommandSubscriber:
         threads: NodeThreads,
         prepare: Callable[[], None],
         type_name: str,
+        limited: LimitedVelocityPublisher | None = None,
     ) -> None:
+        self._limited = limited
         self._node = node
         self._connection = connection
         self._threads = threads
@@ -117,7 +121,9 @@ class CommandSubscriber:
     def _obey(self, twist: Twist, stamp_ns: int | None, info: dict[str, int]) -> None:
         age_s = command_age_s(stamp_ns, self._node.get_clock().now().nanoseconds, _waited_ns(info))
         try:
-            self._connection.command(conversions.twist_of(twist), time.monotonic() - age_s)
+            obeyed = self._connection.command(conversions.twist_of(twist), time.monotonic() - age_s)
+            if self._limited is not None:
+                self._limited.publish(obeyed)
         except CommandIgnored as ignored:
             self._connection.gate.count(ignored)
             self._log(ignored)

@@ -6,8 +6,6 @@ import enum
 from collections import Counter
 from dataclasses import dataclass, field
 
-from wheelwire import Twist
-
 COMMAND_TYPES = ("Twist", "TwistStamped")
 """What can be published on cmd_vel, of geometry_msgs."""
 AUTO = "auto"
@@ -83,13 +81,3 @@ def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
     """
     since_stamped_ns = now_ns - stamp_ns if stamp_ns else 0
     return max(0, waited_ns, since_stamped_ns) / 1e9
-
-
-def limit(twist: Twist, max_linear_mps: float, max_angular_radps: float) -> Twist:
-    """Scale both components by one factor, so that the path keeps its curvature."""
-    excess = max(
-        1.0,
-        abs(twist.linear_mps) / max_linear_mps,
-        abs(twist.angular_radps) / max_angular_radps,
-    )
-    return Twist(twist.linear_mps / excess, twist.angular_radps / excess)

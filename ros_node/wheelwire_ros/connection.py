@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -10,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from wheelwire import BaseDriver, DifferentialDrive, InvalidCommand, LinkLost, Twist, WheelwireError
 
-from .commands import CommandGate, CommandIgnored, Ignored, limit
+from .commands import CommandGate, CommandIgnored, Ignored
+from .speed_limiter import NO_LIMITS, Limits, SpeedLimiter
 
 
 @dataclass(frozen=True)
@@ -18,23 +20,24 @@ class Tuning:
     """The node's own limits and calibration. Can change at any time.
 
     Attributes:
-        max_linear_mps: Limit of the body's velocity.
-        max_angular_radps: Limit of the body's turn rate.
+        limits: Limits of the body's motion.
+        max_wheel_radps: Limit of each wheel's speed.
         separation_multiplier: Real wheel separation divided by the robot's, from calibration.
         left_radius_multiplier: The same for the left wheel's radius.
         right_radius_multiplier: The same for the right wheel's radius.
     """
 
-    max_linear_mps: float
-    max_angular_radps: float
+    limits: Limits = NO_LIMITS
+    max_wheel_radps: float = math.inf
     separation_multiplier: float = 1.0
     left_radius_multiplier: float = 1.0
     right_radius_multiplier: float = 1.0
 
     def calibrated(self, drive: DifferentialDrive) -> DifferentialDrive:
-        """The robot's geometry, corrected by the calibration."""
+        """The robot's geometry, corrected by the calibration, with the limit of its wheels."""
         return replace(
             drive,
+            max_velocity_mps=min(drive.max_velocity_mps, self.max_wheel_radps * drive.wheel_radius),
             wheel_separation=drive.wheel_separation * self.separation_multiplier,
             left_radius_multiplier=self.left_radius_multiplier,
             right_radius_multiplier=self.right_radius_multiplier,
@@ -76,6 +79,7 @@ class RobotConnection:
         """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
+        self._limiter = SpeedLimiter()
         self._given = given
         self._on_session = on_session
         self._stop_soon = stop_soon or self.stop
@@ -130,10 +134,11 @@ class RobotConnection:
         # Commands given before this moment are dropped. `session` was read before the preparation:
         # if the link was lost during it, the next call prepares the new session.
         self.gate.connected_s = time.monotonic()
+        self._limiter.rest()
         self._session = session
 
-    def command(self, twist: Twist, born_s: float) -> None:
-        """Drive for the remaining life of a command.
+    def command(self, twist: Twist, born_s: float) -> Twist:
+        """Drive for the remaining life of a command; returns the velocity within the limits.
 
         Args:
             twist: The body's velocity.
@@ -144,7 +149,7 @@ class RobotConnection:
         """
         try:
             with self._sending:
-                self._command(twist, born_s)
+                obeyed = self._command(twist, born_s)
         except InvalidCommand as error:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
         except LinkLost as error:
@@ -152,8 +157,9 @@ class RobotConnection:
         except WheelwireError as error:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.gate.obeyed += 1
+        return obeyed
 
-    def _command(self, twist: Twist, born_s: float) -> None:
+    def _command(self, twist: Twist, born_s: float) -> Twist:
         if not self._active:
             raise CommandIgnored(Ignored.INACTIVE)
         if self.estopped:
@@ -162,17 +168,21 @@ class RobotConnection:
             if self.problem is not None:
                 raise self.problem.with_traceback(None)
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
-        tuning = self.tuning
-        slowed = limit(twist, tuning.max_linear_mps, tuning.max_angular_radps)
-        wheels = self.drive.wheel_velocities(slowed)
+        drive, now_s = self.drive, time.monotonic()
+        limited = self._limiter.limit(twist, self.tuning.limits, now_s)
+        wheels = drive.saturate(drive.wheel_velocities(limited))
         ttl_s = self.gate.time_to_live(born_s, time.monotonic())
         self.robot.set_wheel_velocity(*wheels, ttl_s)
         self._cancel_if_over(born_s)
+        obeyed = drive.twist(wheels)
+        self._limiter.obeyed(obeyed, now_s, ttl_s)
+        return obeyed
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
         self.follow()
         self.robot.clear_fault()
+        self._limiter.rest()
 
     def save_parameters(self) -> None:
         """Save the parameters; raises `WheelwireError` if that fails."""
@@ -208,6 +218,7 @@ class RobotConnection:
         Raises:
             WheelwireError: It was not acknowledged; the last command ends at its deadline.
         """
+        self._limiter.rest()
         self.robot.stop()
 
     def estop(self) -> None:
@@ -218,6 +229,7 @@ class RobotConnection:
         """
         self._estops += 1
         self.estopped = True
+        self._limiter.rest()
         self._send_estop()
 
     def clear_estop(self) -> None:
@@ -226,6 +238,7 @@ class RobotConnection:
         self.robot.clear_estop()
         if estops == self._estops:
             self.estopped = False
+            self._limiter.rest()
         else:  # set again meanwhile, and it is not known which of the two arrived first
             self._send_estop()
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped
+from geometry_msgs.msg import Quaternion, TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
@@ -41,6 +41,16 @@ def time_message(stamp_ns: int) -> Time:
 def time_ns(message: Time) -> int:
     """Convert a time message to nanoseconds; 0 if it was left empty."""
     return int(message.sec) * NANOSECONDS + int(message.nanosec)
+
+
+def limited_message(twist: Twist, stamp: Time, frame: str) -> TwistStamped:
+    """A velocity of the body in the robot's frame."""
+    message = TwistStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame
+    message.twist.linear.x = twist.linear_mps
+    message.twist.angular.z = twist.angular_radps
+    return message
 
 
 def twist_of(message: Any) -> Twist:
@@ -101,12 +111,16 @@ def transform_message(odometry: Odometry) -> TransformStamped:
     return message
 
 
-def joint_message(motion: RobotMotion, stamp: Time, names: tuple[str, str]) -> JointState:
-    """The angle and velocity of both wheels."""
-    message = JointState(name=list(names))
+def joint_message(
+    motion: RobotMotion, stamp: Time, names: tuple[Sequence[str], Sequence[str]]
+) -> JointState:
+    """The angle and velocity of all wheels; those of one side turn together."""
+    left, right = names
+    wheels = [motion.left] * len(left) + [motion.right] * len(right)
+    message = JointState(name=[*left, *right])
     message.header.stamp = stamp
-    message.position = [motion.left.angle_rad, motion.right.angle_rad]
-    message.velocity = [motion.left.velocity_radps, motion.right.velocity_radps]
+    message.position = [wheel.angle_rad for wheel in wheels]
+    message.velocity = [wheel.velocity_radps for wheel in wheels]
     return message
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import rclpy
-from rclpy.exceptions import InvalidParameterTypeException, ParameterException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 
 from wheelwire import BaseDriver, Pins, driver_names, open_driver
@@ -99,11 +99,6 @@ def main(args: list[str] | None = None) -> None:
         _run()
     except (KeyboardInterrupt, ExternalShutdownException):
         return
-    except InvalidParameterTypeException as error:
-        sys.exit(
-            f"hardware_robot: {error}: write a real number with a decimal point (1.0), "
-            "a whole number without one"
-        )
     except ParameterException as error:
         sys.exit(f"hardware_robot: {error}")
     except RuntimeError:

@@ -18,7 +18,7 @@ from .library_log import forward_library_log
 from .lifecycle import Autostart, defer_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
-from .parameters import Setting
+from .parameters import Setting, is_set
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, RobotServices
 from .threads import NodeThreads
@@ -38,9 +38,6 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     Args:
         name: Name of the node.
         settings: Parameters of the class, in addition to those of every robot.
-
-    Raises:
-        rclpy.exceptions.ParameterException: A parameter has an invalid value.
     """
 
     def __init__(self, name: str, settings: Iterable[Setting] = ()) -> None:
@@ -75,6 +72,15 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def setting(self, name: str) -> Any:
         """The value of a parameter."""
         return self.get_parameter(name).value
+
+    def list_parameters(self, prefixes: list[str], depth: int) -> Any:
+        """Leave out what has no value yet.
+
+        A client that reads the whole list, as `ros2 param dump` does, would get nothing at all.
+        """
+        result = super().list_parameters(prefixes, depth)
+        result.names = [name for name in result.names if is_set(self, name)]
+        return result
 
     @property
     def given_parameters(self) -> dict[str, float]:
@@ -138,6 +144,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the robot; fails if it cannot be reached or refuses a parameter."""
         try:
+            self._bridge.require_accepted()
             self._open = OpenRobot(
                 self,
                 self.open_driver(),

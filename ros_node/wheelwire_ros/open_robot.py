@@ -15,7 +15,7 @@ from .connection import RobotConnection
 from .estimator import MotionEstimator
 from .pacing import Pacer
 from .parameter_bridge import ParameterBridge
-from .publishers import MotionPublisher
+from .publishers import LimitedVelocityPublisher, MotionPublisher
 from .reader import SampleReader
 from .robot_state import RobotState
 from .threads import NodeThreads
@@ -149,12 +149,17 @@ class OpenRobot:
             node, robot_settings.topics(node.setting, has_battery=has_battery)
         )
         resources.callback(self._publisher.destroy)
+        limited = None
+        if node.setting("publish_limited_velocity"):
+            limited = LimitedVelocityPublisher(node, self._publisher.topics.frames.base)
+            resources.callback(limited.destroy)
         self._commands = CommandSubscriber(
             node,
             self.connection,
             threads,
             self.prepare_soon,
             robot_settings.command_type(node.setting),
+            limited,
         )
         resources.callback(self._commands.destroy)
         self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)

@@ -10,18 +10,23 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from wheelwire import BaseDriver, WheelwireError
+from wheelwire import BaseDriver, ConfigurationError, WheelwireError
 
 from . import parameters
 from .connection import RobotConnection
+from .parameter_checks import disagreements, same
+from .start_values import StartValues
 from .threads import NodeThreads
 
 
 class ParameterBridge:
     """Passes changes of a node's parameters to its robot, and the robot's values to the node.
 
+    A value that is refused at the start leaves its parameter at its default; the node says so and
+    stays unconfigured until the parameter is set. If it ended, launch would restart it for ever.
+
     Args:
-        node: An rclpy node, on which the parameters are declared.
+        node: An rclpy node; its parameters are declared here.
         own: Settings of its class, in addition to those of every node.
         on_change: Called after a change, except by `mirror`.
 
@@ -34,13 +39,15 @@ class ParameterBridge:
         self, node: Any, own: Iterable[parameters.Setting], on_change: Callable[[], None]
     ) -> None:
         self.connection: RobotConnection | None = None
-        own = tuple(own)
-        self.given = parameters.declare(node, own)
-        self._fixed = {s.name for s in (*parameters.SETTINGS, *own) if not s.live}
+        self.given: dict[str, float] = {}
+        self._settings = {s.name: s for s in (*parameters.SETTINGS, *own)}
         self._node = node
         self._on_change = on_change
         self._mirroring_thread: int | None = None
         """The thread in which `mirror` sets parameters; another one may set others meanwhile."""
+        self._refused: dict[str, str] = {}
+        parameters.declare(node, self._settings.values())
+        self._start()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._use)
 
@@ -49,6 +56,18 @@ class ParameterBridge:
         for service in self._node.services:
             if service.srv_type in (SetParameters, SetParametersAtomically):
                 threads.defer(service, threads.requests, self._asks_robot)
+
+    def require_accepted(self) -> None:
+        """Raise `ConfigurationError` while a parameter's value is refused."""
+        refused = {
+            ", ".join(found.names): found.reason for found in disagreements(self._value_of)
+        } | self._refused
+        if refused:
+            reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
+            raise ConfigurationError(
+                f"refused parameters: {reasons}. Correct them in the file and start again, or set "
+                "them now (ros2 param set)"
+            )
 
     def mirror(self, robot: BaseDriver) -> None:
         """Copy the robot's values to the node; raises `WheelwireError` if they cannot be read."""
@@ -72,32 +91,75 @@ class ParameterBridge:
     def _mirroring(self) -> bool:
         return self._mirroring_thread == threading.get_ident()
 
+    def _start(self) -> None:
+        """Set what the user gave, except what is refused."""
+        start = StartValues(self._node, self._settings.keys() | parameters.ROBOT_PARAMETERS.keys())
+        for parameter in start.values.values():
+            reason = start.conflicts.get(parameter.name) or self._wrong(parameter)
+            if reason is None:
+                (result,) = self._node.set_parameters([parameter])
+                reason = None if result.successful else result.reason
+            if reason is None:
+                self.given.update(_of_robot([parameter]))
+            else:
+                self._refused[parameter.name] = reason
+
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
         """Send the robot its parameters; refuse what it refuses, and what can no longer change."""
         if self._mirroring:
             return SetParametersResult(successful=True)
-        of_robot = {
-            change.name: float(change.value)
-            for change in changes
-            if change.name in parameters.ROBOT_PARAMETERS
-        }
+        reason = self._reason_against(changes)
+        if reason is not None:
+            return SetParametersResult(successful=False, reason=reason)
+        of_robot = _of_robot(changes)
         if self.connection is not None:
-            late = ", ".join(change.name for change in changes if change.name in self._fixed)
-            if late:
-                return _refusal(
-                    f"{late}: read when the node is configured; clean up the node first"
-                )
             try:
                 self.connection.set_parameters(of_robot)
             except WheelwireError as error:
-                return _refusal(str(error))
+                return SetParametersResult(successful=False, reason=str(error))
         self.given.update(of_robot)
         return SetParametersResult(successful=True)
 
-    def _use(self, _changes: list[Parameter]) -> None:
-        if not self._mirroring:
-            self._on_change()
+    def _reason_against(self, changes: list[Parameter]) -> str | None:
+        for change in changes:
+            wrong = self._wrong(change)
+            if wrong is not None:
+                return f"{change.name}: {wrong}"
+        new = {change.name: change.value for change in changes}
+        for found in disagreements(lambda name: new.get(name, self._value_of(name))):
+            if not new.keys().isdisjoint(found.names):
+                return f"{', '.join(found.names)}: {found.reason}"
+        if self.connection is not None:
+            late = ", ".join(name for name, value in new.items() if self._is_late(name, value))
+            if late:
+                return f"{late}: read when the node is configured; clean up the node first"
+        return None
+
+    def _wrong(self, parameter: Parameter) -> str | None:
+        """Why a value of the right type is refused, apart from its range."""
+        setting = self._settings.get(parameter.name)
+        if setting is None or not parameters.has_type_of(setting, parameter):
+            return None  # of the robot, or refused by its type
+        return setting.check(parameter.value)
+
+    def _is_late(self, name: str, value: Any) -> bool:
+        setting = self._settings.get(name)
+        return setting is not None and not setting.live and not same(value, self._value_of(name))
+
+    def _value_of(self, name: str) -> Any:
+        return self._node.get_parameter(name).value
+
+    def _use(self, changes: list[Parameter]) -> None:
+        if self._mirroring:
+            return
+        for change in changes:
+            self._refused.pop(change.name, None)
+        self._on_change()
 
 
-def _refusal(reason: str) -> SetParametersResult:
-    return SetParametersResult(successful=False, reason=reason)
+def _of_robot(changes: Iterable[Parameter]) -> dict[str, float]:
+    return {
+        change.name: float(change.value)
+        for change in changes
+        if change.name in parameters.ROBOT_PARAMETERS
+    }

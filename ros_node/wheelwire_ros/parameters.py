@@ -1,7 +1,7 @@
 """The node's parameters: their names, aliases, types, ranges and descriptions.
 
 Two kinds. The node's own have a default. The robot's are the firmware's, by its names: one that is
-not given is not set until the robot is open, and then shows the value that the robot has.
+not given is not set, nor listed, until the robot is open, and then shows the value that it has.
 """
 
 from __future__ import annotations
@@ -9,16 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.exceptions import ParameterException
 from rclpy.parameter import Parameter as RosParameter
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
 
-Value = bool | int | float | str | list[float]
+from . import parameter_checks as checks
+from .commands import AUTO, COMMAND_TYPES
+
+Value = bool | int | float | str | list[float] | list[str]
 
 NOT_OFFERED = {"stream_rate_hz"}
 """Parameters of the firmware that the node sets itself, from publish_rate."""
@@ -33,6 +34,7 @@ class Setting:
         live: Whether it can change while the robot is open.
         low: Lower bound, inclusive; NaN for none.
         high: Upper bound, likewise.
+        check: What type and range do not tell.
     """
 
     name: str
@@ -41,10 +43,43 @@ class Setting:
     low: float = math.nan
     high: float = math.nan
     live: bool = False
+    check: checks.Check = checks.anything
 
 
 def _diagonal(name: str, default: list[float], doc: str) -> Setting:
-    return Setting(name, default, f"Variances of x, y, z, roll, pitch, yaw. {doc}")
+    doc = f"Variances of x, y, z, roll, pitch, yaw. {doc}"
+    return Setting(name, default, doc, check=checks.variances)
+
+
+def _limits(axis: str, unit: str) -> tuple[Setting, ...]:
+    """diff_drive_controller's limits of one component, with its signs."""
+
+    def limit(name: str, check: checks.Check, doc: str, derivative: str = "") -> Setting:
+        doc += f" .NAN: no limit. [{unit}{derivative}]"
+        return Setting(f"{axis}.{name}", math.nan, doc, live=True, check=check)
+
+    high, low = checks.at_least_zero, checks.at_most_zero
+    return (
+        limit("max_velocity", high, "Limit of the robot's velocity."),
+        limit("min_velocity", low, "The same of negative ones; .NAN: -max_velocity."),
+        limit("max_acceleration", high, "Limit of speeding up.", "/s"),
+        limit("max_deceleration", low, "Limit of slowing down; .NAN: -max_acceleration.", "/s"),
+        limit("max_acceleration_reverse", low, "Backwards; .NAN: -max_acceleration.", "/s"),
+        limit("max_deceleration_reverse", high, "Backwards; .NAN: -max_deceleration.", "/s"),
+        limit("max_jerk", high, "Limit of how fast the acceleration may grow.", "/s^2"),
+        limit("min_jerk", low, "The same downwards; .NAN: -max_jerk.", "/s^2"),
+    )
+
+
+def _foreign(name: str, accepted: Value, instead: str) -> Setting:
+    doc = f"Of diff_drive_controller. Only {_shown(accepted)}: {instead}."
+    return Setting(name, accepted, doc, check=checks.only(accepted, instead))
+
+
+def _shown(value: Value) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return ".NAN"
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 # Formatted by hand: a table is easiest to read in rows.
@@ -52,21 +87,28 @@ def _diagonal(name: str, default: list[float], doc: str) -> Setting:
 SETTINGS: tuple[Setting, ...] = (
     Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
     Setting("cmd_vel_type", "auto",
-            "Twist, TwistStamped, or auto: what the first publisher of cmd_vel publishes."),
+            "Twist, TwistStamped, or auto: what the first publisher of cmd_vel publishes.",
+            check=checks.one_of(*COMMAND_TYPES, AUTO)),
     Setting("use_stamped_vel", False, "True is cmd_vel_type TwistStamped."),
     Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",
-            0.02, 5, live=True),
+            0.02, 5, live=True, check=checks.command_timeout),
     Setting("publish_rate", 50.0, "Rate of odom. [Hz]", 1, 1000),
-    Setting("odom_frame_id", "odom", "Frame of the odometry."),
-    Setting("base_frame_id", "base_link", "Frame of the robot."),
+    Setting("odom_frame_id", "odom", "Frame of the odometry.", check=checks.frame),
+    Setting("base_frame_id", "base_link", "Frame of the robot.", check=checks.frame),
     Setting("tf_frame_prefix", "", "Prefix of both frames, for several robots on one graph."),
+    Setting("tf_frame_prefix_enable", True, "False: the frames have no prefix."),
     Setting("enable_odom_tf", True, "Publish the transform odom_frame_id -> base_frame_id."),
-    Setting("left_wheel_name", "left_wheel_joint", "Name in joint_states."),
-    Setting("right_wheel_name", "right_wheel_joint", "Name in joint_states."),
-    Setting("linear.x.max_velocity", 10.0, "Limit of the robot's velocity. [m/s]",
-            0.001, 10, live=True),
-    Setting("angular.z.max_velocity", 100.0, "Limit of the robot's turn rate. [rad/s]",
-            0.001, 100, live=True),
+    Setting("left_wheel_names", ["left_wheel_joint"],
+            "Names in joint_states; several wheels of a side turn together.",
+            check=checks.wheel_names),
+    Setting("right_wheel_names", ["right_wheel_joint"], "The same for the other side.",
+            check=checks.wheel_names),
+    Setting("wheels_per_side", 0, "0: as many as there are names.", 0, 100),
+    Setting("max_rpm", math.nan, "Limit of each wheel's speed. .NAN: none. [1/min]",
+            live=True, check=checks.above_zero),
+    *_limits("linear.x", "m/s"),
+    *_limits("angular.z", "rad/s"),
+    Setting("publish_limited_velocity", False, "Publish the limited command on ~/cmd_vel_out."),
     Setting("wheel_separation_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
     Setting("left_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
@@ -80,6 +122,16 @@ SETTINGS: tuple[Setting, ...] = (
               "Added to the covariance of dead reckoning."),
     _diagonal("twist_covariance_diagonal", [1e-3, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2],
               "Of the measured velocity."),
+    _foreign("open_loop", False,
+             "odometry is what the encoders counted; the robot does not drive without them"),
+    _foreign("position_feedback", True,
+             "the robot counts ticks; integrated velocities would be less exact"),
+    _foreign("velocity_rolling_window_size", 1,
+             "leave it out: the robot measures velocity over velocity_window_us"),
+    *(_foreign(f"{axis}.has_{kind}_limits", True, f"write .NAN for the limits of {kind} instead")
+      for axis in ("linear.x", "angular.z") for kind in ("velocity", "acceleration", "jerk")),
+    *(_foreign(f"{axis}.min_acceleration", math.nan, f"write {axis}.max_deceleration instead")
+      for axis in ("linear.x", "angular.z")),
 )
 # fmt: on
 
@@ -89,9 +141,10 @@ ALIASES = {
     "cpr": "counts_per_revolution",
     "max_speed": "max_velocity_mps",
     "pwm_frequency": "pwm_frequency_hz",
-    "linear.x.max_acceleration": "max_acceleration_mps2",
+    "left_wheel_name": "left_wheel_names",
+    "right_wheel_name": "right_wheel_names",
 }
-"""Names from other packages, and ours. Read only at the start."""
+"""Other names, from other packages and former releases. Read at the start, and never listed."""
 
 _KIND_TYPES = {
     Kind.REAL: RosParameter.Type.DOUBLE,
@@ -100,50 +153,27 @@ _KIND_TYPES = {
 }
 
 
-class ConflictingParameters(ParameterException):  # type: ignore[misc]
-    """A parameter was given under two names."""
+def declare(node: Any, settings: Iterable[Setting]) -> None:
+    """Declare the parameters: the node's own with their defaults, the robot's without a value.
 
-    def __init__(self, alias: str, name: str) -> None:
-        super().__init__(f"{alias} is another name of {name}: give only one of them", alias)
-
-
-class ParameterRefused(ParameterException):  # type: ignore[misc]
-    """A parameter was given an invalid value."""
-
-    def __init__(self, name: str, reason: str) -> None:
-        super().__init__(reason, name)
-
-
-def declare(node: Any, own: Iterable[Setting] = ()) -> dict[str, float]:
-    """Declare all parameters on a node and resolve the aliases.
-
-    Args:
-        node: An rclpy node.
-        own: Settings of its class, in addition to those of every node.
-
-    Returns:
-        The robot's parameters that were given, by name, as the robot expects them.
-
-    Raises:
-        ParameterException: A value has a wrong type or is out of range.
-        ConflictingParameters: Both an alias and its name were given.
+    What the user gave is not looked at: see `StartValues`.
     """
-    settings = {s.name: s for s in (*SETTINGS, *own)}
-    for setting in settings.values():
-        node.declare_parameter(setting.name, _type_of(setting.default), _describe(setting))
+    for setting in settings:
+        node.declare_parameter(
+            setting.name, setting.default, _describe(setting), ignore_override=True
+        )
     for parameter in ROBOT_PARAMETERS.values():
         node.declare_parameter(
-            parameter.name, _KIND_TYPES[parameter.kind], describe_robot(parameter)
+            parameter.name,
+            _KIND_TYPES[parameter.kind],
+            describe_robot(parameter),
+            ignore_override=True,
         )
-    for alias, name in ALIASES.items():
-        if node.has_parameter(name):
-            _resolve_alias(node, alias, name)
-    for setting in settings.values():
-        if not is_set(node, setting.name):
-            _set(node, RosParameter(setting.name, value=setting.default))
-    _warn_of_unknown(node)
-    given = [name for name in ROBOT_PARAMETERS if is_set(node, name)]
-    return {name: float(node.get_parameter(name).value) for name in given}
+
+
+def has_type_of(setting: Setting, parameter: RosParameter) -> bool:
+    """Whether a value has the type that the setting was declared with."""
+    return bool(parameter.type_ == _type_of(setting.default))
 
 
 def is_set(node: Any, name: str) -> bool:
@@ -184,45 +214,6 @@ def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float)
     elif type_ is RosParameter.Type.INTEGER:
         whole = IntegerRange(from_value=int(low), to_value=int(high), step=1)
         descriptor.integer_range = [whole]
-
-
-def _warn_of_unknown(node: Any) -> None:
-    """Warn of given parameters that nobody declared: rclpy ignores them, so a typo would go unseen.
-
-    Not an error, because a file for `/**` may have parameters of other nodes.
-    """
-    # rclpy has no public access to these two.
-    given = node._parameter_overrides
-    known = list(node._parameters)
-    unknown = [
-        name + "".join(f" (did you mean {near}?)" for near in get_close_matches(name, known, n=1))
-        for name in sorted(given)
-        if not node.has_parameter(name)
-    ]
-    if unknown:
-        node.get_logger().warning(f"unknown parameters, ignored: {', '.join(unknown)}")
-
-
-def _resolve_alias(node: Any, alias: str, name: str) -> None:
-    """Declare an alias, and give its value to the parameter that it stands for."""
-    description = f"Another name of {name}, read at the start."
-    node.declare_parameter(
-        alias,
-        RosParameter.Type(node.describe_parameter(name).type),
-        ParameterDescriptor(description=description, read_only=True),
-    )
-    if not is_set(node, alias):
-        return
-    if is_set(node, name):
-        raise ConflictingParameters(alias, name)
-    _set(node, RosParameter(name, value=node.get_parameter(alias).value))
-    node.get_logger().info(f"parameter {alias} is read as {name}")
-
-
-def _set(node: Any, parameter: RosParameter) -> None:
-    (result,) = node.set_parameters([parameter])
-    if not result.successful:
-        raise ParameterRefused(parameter.name, result.reason)
 
 
 def _type_of(value: Value) -> Any:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
+
+from wheelwire import Twist
 
 from . import conversions
 from .conversions import Frames
@@ -26,8 +29,8 @@ class MotionTopics(NamedTuple):
     """What is published, and its names."""
 
     frames: Frames
-    joints: tuple[str, str]
-    """The names of the left and the right joint."""
+    joints: tuple[Sequence[str], Sequence[str]]
+    """The names of the left and the right joints."""
     transform: bool
     battery: bool
     pose_diagonal: Sequence[float]
@@ -82,3 +85,26 @@ class MotionPublisher:
         """Remove the topics."""
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
+
+
+class LimitedVelocityPublisher:
+    """Publishes the commands that were obeyed, as limited, on ~/cmd_vel_out.
+
+    Args:
+        node: An rclpy node.
+        frame: The robot's frame.
+    """
+
+    def __init__(self, node: Any, frame: str) -> None:
+        self._node = node
+        self._frame = frame
+        self._publisher = node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
+
+    def publish(self, twist: Twist) -> None:
+        """Publish one command, stamped with the current time."""
+        stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(conversions.limited_message(twist, stamp, self._frame))
+
+    def destroy(self) -> None:
+        """Remove the topic."""
+        self._node.destroy_publisher(self._publisher)

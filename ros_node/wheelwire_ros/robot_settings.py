@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import math
+from dataclasses import fields
 
 from wheelwire import InvalidArgument
 
 from .commands import AUTO, COMMAND_TYPES
 from .connection import Tuning
 from .conversions import Frames
+from .parameter_checks import Get
 from .publishers import MotionTopics
-
-Get = Callable[[str], Any]
-"""Returns the value of a parameter by its name."""
+from .speed_limiter import AxisLimits, Limits
 
 
 def tuning(get: Get) -> Tuning:
     """The settings that can change while the robot is open."""
+    max_rpm = get("max_rpm")
     return Tuning(
-        max_linear_mps=get("linear.x.max_velocity"),
-        max_angular_radps=get("angular.z.max_velocity"),
+        limits=Limits(_limits("linear.x", get), _limits("angular.z", get)),
+        max_wheel_radps=math.inf if math.isnan(max_rpm) else max_rpm * 2 * math.pi / 60,
         separation_multiplier=get("wheel_separation_multiplier"),
         left_radius_multiplier=get("left_wheel_radius_multiplier"),
         right_radius_multiplier=get("right_wheel_radius_multiplier"),
@@ -38,7 +38,7 @@ def command_type(get: Get) -> str:
 
 def frames(get: Get) -> Frames:
     """The frames' names, with the prefix and a slash if there is one."""
-    prefix = get("tf_frame_prefix").strip("/")
+    prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
     names = get("odom_frame_id"), get("base_frame_id")
     return Frames(*(f"{prefix}/{name}" if prefix else name for name in names))
 
@@ -47,9 +47,13 @@ def topics(get: Get, *, has_battery: bool) -> MotionTopics:
     """The settings of what is published."""
     return MotionTopics(
         frames=frames(get),
-        joints=(get("left_wheel_name"), get("right_wheel_name")),
+        joints=(tuple(get("left_wheel_names")), tuple(get("right_wheel_names"))),
         transform=get("enable_odom_tf"),
         battery=has_battery,
         pose_diagonal=get("pose_covariance_diagonal"),
         twist_diagonal=get("twist_covariance_diagonal"),
     )
+
+
+def _limits(axis: str, get: Get) -> AxisLimits:
+    return AxisLimits(**{field.name: get(f"{axis}.{field.name}") for field in fields(AxisLimits)})

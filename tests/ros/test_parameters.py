@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -61,7 +62,18 @@ def test_those_that_were_not_given_are_as_the_robot_has_them(rig: Rig) -> None:
 def test_a_limit_of_the_node_is_in_force_at_once(rig: Rig) -> None:
     assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 0.1).successful
     assert fastest_mps(rig, 0.3) == pytest.approx(0.1, abs=0.03)
-    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", 10.0).successful
+    assert rig.graph.set_parameter(NODE, "linear.x.max_velocity", math.nan).successful
+
+
+def test_the_customers_max_rpm_limits_the_speed_of_each_wheel(rig: Rig) -> None:
+    rpm = 0.15 / 0.033 * 60 / (2 * math.pi)
+    assert rig.graph.set_parameter(NODE, "max_rpm", rpm).successful
+    assert fastest_mps(rig, 0.3) == pytest.approx(0.15, abs=0.03)
+    assert rig.graph.set_parameter(NODE, "max_rpm", math.nan).successful
+
+
+def test_a_value_that_stays_is_no_change(rig: Rig) -> None:
+    assert rig.graph.set_parameter(NODE, "odom_frame_id", "odom").successful
 
 
 def test_a_limit_of_the_robot_is_in_force_at_once(rig: Rig) -> None:
@@ -75,8 +87,19 @@ def test_a_limit_of_the_robot_is_in_force_at_once(rig: Rig) -> None:
         ("proportional_gain", -1.0, "out of range"),
         ("cmd_vel_timeout", float("nan"), "out of range"),
         ("odom_frame_id", "elsewhere", "read when the node is configured"),
-        ("wheel_base", 0.3, "read-only"),
+        ("wheel_base", 0.3, "undeclared"),
         ("control_rate_hz", 333.0, "type"),
+        ("cmd_vel_timeout", 0.0, "Min: 0.02"),
+        ("linear.x.max_velocity", -0.1, "at least 0.0, or .NAN"),
+        ("angular.z.max_deceleration", 0.1, "at most 0.0, or .NAN"),
+        ("max_rpm", 0.0, "above 0.0, or .NAN"),
+        ("base_frame_id", "", "a frame has a name"),
+        ("base_frame_id", "odom", "they are equal"),
+        ("pose_covariance_diagonal", [0.0] * 5, "write six"),
+        ("twist_covariance_diagonal", [-1.0] * 6, "at least 0"),
+        ("twist_covariance_diagonal", [float("nan")] * 6, "finite"),
+        ("left_wheel_names", ["a", "b"], "2 wheels on the left and 1 on the right"),
+        ("open_loop", True, "does not drive without them"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_reason(
@@ -115,37 +138,13 @@ def gain_and_geometry(simulator: Simulator) -> tuple[float, ...]:
         )
 
 
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"wheel_base": 0.2, "wheel_separation": 0.2}, "give only one of them"),
-        ({"wheel_base": 9.0}, "wheel_separation out of range"),
-        ({"max_speed": 1}, "write a real number with a decimal point"),
-        ({"publish_rate": 0.0}, "publish_rate out of range"),
-    ],
-)
-def test_a_start_with_what_cannot_be_ends_with_one_line(
-    parameters: dict[str, Any], words: str
-) -> None:
-    with open_graph() as graph, RobotNode(graph, **parameters) as node:
-        assert node.process.wait(TIMEOUT_S) == 1
-        (line,) = node.errors().splitlines()
-        assert words in line
-
-
 def test_parameters_that_there_are_not_are_named() -> None:
-    given: dict[str, Any] = {
-        "driver_type": "mock",
-        "open_loop": True,
-        "angular__z__max_acceleration": 2.0,
-        "wheelradius": 0.03,
-    }
+    given: dict[str, Any] = {"driver_type": "mock", "wheelradius": 0.03, "lidar_model": "A1"}
     with open_graph() as graph, RobotNode(graph, **given) as node:
         graph.wait_active()
         (warning,) = [line for line in node.errors().splitlines() if "unknown parameters" in line]
         assert "wheelradius (did you mean wheel_radius?)" in warning
-        assert "angular.z.max_acceleration" in warning
-        assert "open_loop" in warning
+        assert "lidar_model" in warning
 
 
 def test_a_robots_own_file_is_no_parameter_file() -> None:

@@ -22,7 +22,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter as RosParameter
 
@@ -136,6 +136,15 @@ class Graph:
         """A parameter's value; None if it is not set."""
         answer = self.call(GetParameters, f"{node}/get_parameters", names=[name])
         return RosParameter.from_parameter_msg(Parameter(name=name, value=answer.values[0])).value
+
+    def dump(self, node: str) -> dict[str, Any]:
+        """Every listed parameter with its value, as `ros2 param dump` reads them."""
+        listed = self.call(ListParameters, f"{node}/list_parameters").result.names
+        values = self.call(GetParameters, f"{node}/get_parameters", names=listed).values
+        return {
+            name: RosParameter.from_parameter_msg(Parameter(name=name, value=value)).value
+            for name, value in zip(listed, values, strict=True)
+        }
 
     def describe(self, node: str, name: str) -> Any:
         """A parameter's descriptor."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -23,7 +24,8 @@ class RobotNode:
         code: Code to run in place of the executable, with the same arguments.
         namespace: With its slash, such as `/left`; empty for none.
         remappings: From a topic's name to another.
-        parameters: By name, with `__` for a dot.
+        file: A parameter file.
+        parameters: By name, with `__` for a dot; they take precedence over the file.
     """
 
     def __init__(
@@ -32,10 +34,13 @@ class RobotNode:
         code: str | None = None,
         namespace: str = "",
         remappings: Sequence[tuple[str, str]] = (),
+        file: Path | None = None,
         **parameters: Any,
     ) -> None:
         program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
         arguments = ["--ros-args"]
+        if file is not None:
+            arguments += ["--params-file", str(file)]
         for name, value in parameters.items():
             arguments += ["-p", f"{name.replace('__', '.')}:={_yaml(value)}"]
         if namespace:
@@ -89,7 +94,9 @@ class RobotNode:
 def _yaml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return ".nan" if math.isnan(value) else repr(value)
+    return str(value)
 
 
 def _python_path() -> list[str]:

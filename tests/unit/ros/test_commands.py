@@ -1,11 +1,8 @@
 from __future__ import annotations
 
-import math
-
 import pytest
 
-from wheelwire import Twist
-from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored, command_age_s, limit
+from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored, command_age_s
 
 SECOND = 1_000_000_000
 NOW = 1_700_000_000 * SECOND
@@ -46,14 +43,3 @@ def test_a_stamp_from_the_future_gains_no_life() -> None:
 
 def test_a_wall_clock_that_was_set_back_makes_no_command_younger_than_it_is() -> None:
     assert command_age_s(None, NOW, -SECOND) == 0
-
-
-def test_the_limit_keeps_the_curvature() -> None:
-    assert limit(Twist(0.8, -1.0), 0.4, 10) == pytest.approx((0.4, -0.5))
-    assert limit(Twist(0.1, 4.0), 0.4, 2) == pytest.approx((0.05, 2.0))
-    assert limit(Twist(-0.1, 0.5), 0.4, 2) == (-0.1, 0.5)
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_not_finite_stays_so_for_the_driver_to_refuse(value: float) -> None:
-    assert not math.isfinite(limit(Twist(value, 0.0), 0.4, 2).linear_mps)

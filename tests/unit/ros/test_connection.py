@@ -20,6 +20,7 @@ from wheelwire import (
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
 from wheelwire_ros.connection import RobotConnection, Tuning
+from wheelwire_ros.speed_limiter import FIRST_STEP_S, AxisLimits, Limits
 
 GIVEN = {"proportional_gain": 2.0, "wheel_radius": 0.04}
 
@@ -82,7 +83,7 @@ def connection(robot: RecordingRobot) -> RobotConnection:
         cast("BaseDriver", robot),
         CommandGate(0.5),
         dict(GIVEN),
-        Tuning(max_linear_mps=10, max_angular_radps=100),
+        Tuning(),
         lambda: None,
     )
     connection.active = True
@@ -253,10 +254,54 @@ def test_parameters_of_a_robot_out_of_reach_are_refused(
 
 
 def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -> None:
-    connection.tuning = Tuning(10, 100, 1.1, 0.9, 1.05)
+    connection.tuning = Tuning(
+        separation_multiplier=1.1, left_radius_multiplier=0.9, right_radius_multiplier=1.05
+    )
     drive = connection.drive
     assert drive.wheel_separation == pytest.approx(0.22)
     assert (drive.left_radius_multiplier, drive.right_radius_multiplier) == (0.9, 1.05)
+
+
+def drive(connection: RobotConnection, twist: Twist) -> Twist:
+    return connection.command(twist, time.monotonic())
+
+
+def test_a_limit_of_the_wheels_speed_scales_both_by_one_factor(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.tuning = Tuning(max_wheel_radps=10.0)  # 0.33 m/s at the rim
+    assert drive(connection, Twist(0.4, 2.6)) == pytest.approx((0.2, 1.3))
+    assert robot.told[-1][1:3] == pytest.approx((0.07, 0.33))
+
+
+ACCELERATION = Tuning(limits=Limits(AxisLimits(max_acceleration=1.0), AxisLimits()))
+
+
+def test_a_command_is_limited_but_a_stop_is_not(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.tuning = ACCELERATION
+    for _ in range(3):
+        assert 0 < drive(connection, Twist(0.4, 0.0)).linear_mps < 0.4
+    assert drive(connection, Twist(0.0, 0.0)) == (0.0, 0.0)
+    assert robot.told[-1][1:3] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("event", ["estop", "clear_fault", "session"])
+def test_after_a_stop_the_acceleration_begins_at_zero(
+    connection: RobotConnection, robot: RecordingRobot, event: str
+) -> None:
+    drive(connection, Twist(0.4, 0.0))
+    connection.tuning = ACCELERATION
+    if event == "estop":
+        connection.estop()
+        connection.clear_estop()
+    elif event == "clear_fault":
+        connection.clear_fault()
+    else:
+        robot.sessions += 1
+        connection.follow()
+    assert drive(connection, Twist(0.4, 0.0)).linear_mps == pytest.approx(FIRST_STEP_S)
 
 
 @pytest.mark.parametrize("what", ["clear_fault", "save"])

@@ -72,7 +72,7 @@ def test_the_transform_is_the_odometrys_pose() -> None:
 
 
 def test_joints() -> None:
-    message = conversions.joint_message(MOTION, STAMP, ("left", "right"))
+    message = conversions.joint_message(MOTION, STAMP, (["left"], ["right"]))
     assert message.name == ["left", "right"]
     assert list(message.position) == [10.0, -20.0]
     assert list(message.velocity) == [1.0, 2.0]
@@ -98,3 +98,11 @@ def test_a_battery_says_what_it_does_not_know() -> None:
     assert not message.location
     assert not message.serial_number
     assert message.present
+
+
+def test_all_wheels_of_a_side_turn_together() -> None:
+    names = ["front_left", "rear_left"], ["front_right", "rear_right"]
+    message = conversions.joint_message(MOTION, STAMP, names)
+    assert message.name == [*names[0], *names[1]]
+    left, right = MOTION.left.angle_rad, MOTION.right.angle_rad
+    assert list(message.position) == [left, left, right, right]

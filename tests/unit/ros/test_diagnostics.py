@@ -42,7 +42,7 @@ class CountingRobot(Robot):
 
 def report(**changes: Any) -> Report:
     robot = cast("BaseDriver", Robot())
-    connection = RobotConnection(robot, CommandGate(0.5), {}, Tuning(1, 1), lambda: None)
+    connection = RobotConnection(robot, CommandGate(0.5), {}, Tuning(), lambda: None)
     return replace(Report(connection, sample(), None, 1e-6, 0, []), **changes)
 
 
@@ -74,7 +74,7 @@ def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
     assert "latest_step_us" not in values(statuses(report())["robot"])
     robot = CountingRobot()
     connection = RobotConnection(
-        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(1, 1), lambda: None
+        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(), lambda: None
     )
     told = values(statuses(report(connection=connection))["robot"])
     assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")

@@ -18,7 +18,18 @@ from wheelwire_ros import robot_settings
 def test_a_prefix_is_parted_from_the_frame_by_one_slash(prefix: str, base: str) -> None:
     values: dict[str, Any] = {
         "tf_frame_prefix": prefix,
+        "tf_frame_prefix_enable": True,
         "odom_frame_id": "odom",
         "base_frame_id": "base_link",
     }
     assert robot_settings.frames(values.__getitem__).base == base
+
+
+def test_a_prefix_can_be_switched_off() -> None:
+    values: dict[str, Any] = {
+        "tf_frame_prefix": "left",
+        "tf_frame_prefix_enable": False,
+        "odom_frame_id": "odom",
+        "base_frame_id": "base_link",
+    }
+    assert robot_settings.frames(values.__getitem__) == ("odom", "base_link")

@@ -41,9 +41,49 @@ def test_every_parameter_and_other_name() -> None:
     from wheelwire_ros import hardware_robot, parameters
 
     settings = {s.name for s in (*parameters.SETTINGS, *hardware_robot.SETTINGS)}
-    assert set(first_cells(section("Parameters"))) == settings
-    aliases = re.findall(r"`([\w.]+)`\s+\(`([\w.]+)`\)", section("Parameters"))
+    own = section("Parameters")
+    of_controller = set(first_cells(section("In place of diff_drive_controller")))
+    assert set(first_cells(own)) | of_controller == settings | {"wheel_separation", "wheel_radius"}
+    aliases = re.findall(r"`([\w.]+)`\s+\(`([\w.]+)`\)", own)
     assert dict(aliases) == parameters.ALIASES
+
+
+def test_every_parameter_of_diff_drive_controller() -> None:
+    """Of Jazzy, by its diff_drive_controller_parameter.yaml; and Humble's wheels_per_side."""
+    limits = {
+        f"{bound}_{quantity}"
+        for quantity in ("velocity", "acceleration", "jerk")
+        for bound in ("max", "min")
+    } | {f"has_{quantity}_limits" for quantity in ("velocity", "acceleration", "jerk")}
+    limits |= {"max_deceleration", "max_acceleration_reverse", "max_deceleration_reverse"}
+    names = {f"{axis}.{limit}" for axis in ("linear.x", "angular.z") for limit in limits}
+    names |= {
+        "left_wheel_names",
+        "right_wheel_names",
+        "wheels_per_side",
+        "wheel_separation",
+        "wheel_radius",
+        "wheel_separation_multiplier",
+        "left_wheel_radius_multiplier",
+        "right_wheel_radius_multiplier",
+        "tf_frame_prefix_enable",
+        "tf_frame_prefix",
+        "odom_frame_id",
+        "base_frame_id",
+        "open_loop",
+        "pose_covariance_diagonal",
+        "twist_covariance_diagonal",
+        "position_feedback",
+        "enable_odom_tf",
+        "cmd_vel_timeout",
+        "publish_limited_velocity",
+        "velocity_rolling_window_size",
+        "publish_rate",
+    }
+    table = section("In place of diff_drive_controller")
+    assert set(first_cells(table)) == names
+    verdicts = [row.split("|")[2].strip() for row in table.splitlines() if row.startswith("| `")]
+    assert set(verdicts) == {"same", "differs so", "not here because"}
 
 
 def test_the_python_compiles() -> None:

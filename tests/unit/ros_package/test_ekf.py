@@ -42,7 +42,7 @@ def test_the_wheels_give_velocities_with_a_variance(ekf: dict[str, Any]) -> None
     assert fused == {VX, VY, VYAW}
     variances = NODE["twist_covariance_diagonal"]
     assert isinstance(variances, list)
-    assert all(variances[IN_TWIST[state]] > 0 for state in fused)
+    assert all(float(variances[IN_TWIST[state]]) > 0 for state in fused)
 
 
 def test_the_imu_gives_the_yaw_rate(ekf: dict[str, Any]) -> None:

@@ -64,7 +64,7 @@ def test_names_are_what_the_node_publishes(robot: ET.Element) -> None:
     from wheelwire_ros.parameters import SETTINGS
 
     defaults = {setting.name: setting.default for setting in SETTINGS}
-    assert {defaults["left_wheel_name"], defaults["right_wheel_name"]} == set(WHEELS)
+    assert [defaults["left_wheel_names"], defaults["right_wheel_names"]] == [[w] for w in WHEELS]
     assert robot.find(f"link[@name='{defaults['base_frame_id']}']") is not None
 
 

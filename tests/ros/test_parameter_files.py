@@ -1,0 +1,195 @@
+"""Parameter files: a dump of all parameters, one for diff_drive_controller, and refused values."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from geometry_msgs.msg import TwistStamped
+from lifecycle_msgs.msg import Transition
+from sensor_msgs.msg import JointState
+
+from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros_process import RobotNode
+from support.ros_rig import NODE, twist
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_ros.parameter_checks import same
+
+DIFF_DRIVE_CONTROLLER = """
+/**:
+  ros__parameters:
+    left_wheel_names: ["front_left_joint", "rear_left_joint"]
+    right_wheel_names: ["front_right_joint", "rear_right_joint"]
+    wheels_per_side: 2
+    wheel_separation: 0.21
+    wheel_radius: 0.034
+    wheel_separation_multiplier: 1.0
+    left_wheel_radius_multiplier: 1.0
+    right_wheel_radius_multiplier: 1.0
+    tf_frame_prefix_enable: false
+    tf_frame_prefix: ""
+    odom_frame_id: odom
+    base_frame_id: base_footprint
+    pose_covariance_diagonal: [0.001, 0.001, 0.001, 0.001, 0.001, 0.01]
+    twist_covariance_diagonal: [0.001, 0.001, 0.001, 0.001, 0.001, 0.01]
+    open_loop: false
+    position_feedback: true
+    enable_odom_tf: false
+    cmd_vel_timeout: 0.5
+    publish_limited_velocity: true
+    publish_rate: 50.0
+    linear:
+      x:
+        max_velocity: 0.25
+        min_velocity: .NAN
+        max_acceleration: 0.5
+        max_deceleration: .NAN
+        max_acceleration_reverse: .NAN
+        max_deceleration_reverse: .NAN
+        max_jerk: .NAN
+        min_jerk: .NAN
+    angular:
+      z:
+        has_velocity_limits: true
+        max_velocity: .NAN
+        max_acceleration: 1.0
+        max_jerk: .NAN
+"""
+
+
+def written(values: dict[str, Any], path: Path) -> Path:
+    plain = {name: _plain(value) for name, value in values.items()}
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
+    return path
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, str) or not hasattr(value, "__len__") else list(value)
+
+
+def differences(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: (one.get(name), other.get(name))
+        for name in one.keys() | other.keys()
+        if not same(one.get(name), other.get(name))
+    }
+
+
+def test_a_dump_starts_the_same_robot(graph: Graph, simulator: Simulator, tmp_path: Path) -> None:
+    given: dict[str, Any] = {"serial_port": simulator.port, "wheel_base": 0.25, "cpr": 720}
+    with RobotNode(graph, autostart=False, **given, max_rpm=150, integral_gain=12.5):
+        before = graph.dump(NODE)
+        assert before["wheel_separation"] == 0.25
+        assert before["max_rpm"] == 150.0
+        assert "wheel_radius" not in before  # not known before the robot is open
+        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        opened = graph.dump(NODE)
+        assert opened["wheel_radius"] == pytest.approx(0.033)
+        assert differences(before, {name: opened[name] for name in before}) == {}
+    simulator.reset()  # forgets what was not saved
+    for dump, name in ((before, "before"), (opened, "open")):
+        file = written({**dump, "autostart": True}, tmp_path / f"{name}.yaml")
+        with RobotNode(graph, file=file) as node:
+            graph.wait_active()
+            assert differences(graph.dump(NODE), {**opened, "autostart": True}) == {}
+            assert "unknown parameters" not in node.errors()
+
+
+def test_both_names_of_one_value_are_accepted_and_two_values_are_not(graph: Graph) -> None:
+    given: dict[str, Any] = {"driver_type": "mock", "wheel_separation": 0.3, "cmd_vel_timeout": 0.4}
+    with RobotNode(graph, wheel_base=0.3, **given):
+        graph.wait_active()
+        assert "wheel_base" not in graph.dump(NODE)
+    with RobotNode(graph, wheel_base=0.4, **given) as node:
+        wait(lambda: "refused parameters" in node.errors(), "the refusal in the log")
+        assert "wheel_base is another name of wheel_separation, and they differ" in node.errors()
+        assert graph.set_parameter(NODE, "wheel_separation", 0.3).successful
+        graph.wait_active()
+
+
+def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
+    graph: Graph, tmp_path: Path
+) -> None:
+    file = tmp_path / "controller.yaml"
+    file.write_text(DIFF_DRIVE_CONTROLLER)
+    joints = graph.listen(JointState, "joint_states")
+    limited = graph.listen(TwistStamped, f"{NODE}/cmd_vel_out")
+    with RobotNode(graph, file=file, driver_type="mock") as node:
+        graph.wait_active()
+        assert "unknown parameters" not in node.errors()
+        wait(lambda: joints, "joint_states")
+        assert list(joints[-1].name) == [
+            *("front_left_joint", "rear_left_joint"),
+            *("front_right_joint", "rear_right_joint"),
+        ]
+        assert graph.parameter(NODE, "wheel_separation") == pytest.approx(0.21)
+        commands = graph.publisher(type(twist(0.0)), "cmd_vel")
+        with Repeater(commands, lambda: twist(1.0, 0.5)):
+            wait(lambda: limited and limited[-1].twist.linear.x > 0.249, "the greatest speed")
+        speeds = [message.twist.linear.x for message in tuple(limited)]
+        turns = [message.twist.angular.z for message in tuple(limited)]
+        assert speeds[0] <= 0.5 * 0.05 + 1e-9
+        assert max(speeds) == pytest.approx(0.25)
+        assert max(turns) == pytest.approx(0.125)  # scaled with the speed
+        assert limited[-1].header.frame_id == "base_footprint"
+        before = len(limited)
+        commands.publish(twist(0.0))
+        wait(lambda: len(limited) > before, "the stop")
+        assert limited[-1].twist.linear.x == 0.0  # at once
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words", "instead"),
+    [
+        ("cmd_vel_timeout", 0.0, "a command without an end is not offered", 0.5),
+        ("cmd_vel_type", "Vector3", "one of Twist, TwistStamped, auto", "auto"),
+        ("publish_rate", 0.0, "out of range", 50.0),
+        ("wheel_base", 9.0, "wheel_separation out of range", 0.2),
+        ("open_loop", True, "does not drive without them", False),
+        ("velocity_rolling_window_size", 10, "velocity_window_us", 1),
+        ("linear__x__has_jerk_limits", False, "write .NAN for the limits of jerk", True),
+        ("left_wheel_names", "[]", "write at least one name", ["left"]),
+        ("base_frame_id", "odom", "they are equal", "base_link"),
+        ("pose_covariance_diagonal", "[0.1]", "it has 1 numbers: write six", [0.1] * 6),
+        ("use_stamped_vel", "maybe", "use_stamped_vel.*type", False),
+    ],
+)
+def test_a_refused_value_keeps_the_node_up_and_unconfigured_until_it_is_set(
+    graph: Graph, name: str, value: Any, words: str, instead: Any
+) -> None:
+    with RobotNode(graph, driver_type="mock", **{name: value}) as node:
+        wait(lambda: "refused parameters" in node.errors(), "the refusal in the log")
+        (line,) = [line for line in node.errors().splitlines() if "refused parameters" in line]
+        assert re.search(words, line)
+        assert graph.state(NODE) == "unconfigured"
+        assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        mended = {"wheel_base": "wheel_separation"}.get(name, name.replace("__", "."))
+        assert graph.set_parameter(NODE, mended, instead).successful
+        graph.wait_active()
+        assert node.process.poll() is None
+
+
+def test_a_refused_value_is_in_the_diagnostics(graph: Graph) -> None:
+    diagnostics = Diagnostics(graph)
+    with RobotNode(graph, driver_type="mock", base_frame_id="odom"):
+        diagnostics.wait("link", lambda status, _: "refused parameters" in status.message)
+
+
+def test_whole_numbers_are_taken_for_real_ones_and_nan_for_no_limit(graph: Graph) -> None:
+    given: dict[str, Any] = {
+        "max_speed": 1,
+        "publish_rate": 20,
+        "linear__x__max_velocity": math.nan,
+    }
+    with RobotNode(graph, driver_type="mock", **given):
+        graph.wait_active()
+        assert graph.parameter(NODE, "max_velocity_mps") == 1.0
+        assert graph.parameter(NODE, "publish_rate") == 20.0
+        assert math.isnan(graph.parameter(NODE, "linear.x.max_velocity"))

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import math
+import re
+from array import array
+from typing import Any
+
+import pytest
+
+from wheelwire_ros import parameter_checks as checks
+
+AGREEING: dict[str, Any] = {
+    "odom_frame_id": "odom",
+    "base_frame_id": "base_link",
+    "left_wheel_names": ["left"],
+    "right_wheel_names": ["right"],
+    "wheels_per_side": 0,
+}
+
+
+@pytest.mark.parametrize(
+    ("check", "value"),
+    [
+        (checks.variances, array("d", [0.0] * 6)),
+        (checks.frame, "odom"),
+        (checks.wheel_names, ["a", "b"]),
+        (checks.command_timeout, 0.5),
+        (checks.at_least_zero, 0.0),
+        (checks.at_least_zero, math.nan),
+        (checks.at_most_zero, -1.0),
+        (checks.above_zero, math.nan),
+        (checks.only(math.nan, ""), math.nan),
+    ],
+)
+def test_what_is_valid_is_accepted(check: checks.Check, value: Any) -> None:
+    assert check(value) is None
+
+
+@pytest.mark.parametrize(
+    ("check", "value", "words"),
+    [
+        (checks.variances, [0.0] * 5, "it has 5 numbers: write six"),
+        (checks.variances, [0.0] * 5 + [-1.0], "at least 0"),
+        (checks.variances, [0.0] * 5 + [math.nan], "finite"),
+        (checks.frame, "", "a frame has a name"),
+        (checks.frame, "/", "a frame has a name"),
+        (checks.wheel_names, [], "at least one name"),
+        (checks.wheel_names, ["a", ""], "none that is empty"),
+        (checks.command_timeout, 0.0, "without an end is not offered: .* 0.02 to 5.0"),
+        (checks.at_least_zero, -0.1, "at least 0.0, or .NAN"),
+        (checks.at_least_zero, math.inf, ".NAN for no limit"),
+        (checks.at_most_zero, 0.1, "at most 0.0, or .NAN"),
+        (checks.above_zero, 0.0, "above 0.0, or .NAN"),
+        (checks.only(False, "leave it out"), True, "leave it out"),
+    ],
+)
+def test_what_is_not_is_refused_with_what_to_write(
+    check: checks.Check, value: Any, words: str
+) -> None:
+    reason = check(value)
+    assert reason is not None
+    assert re.search(words, reason)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"base_frame_id": "/odom"}, "equal"),
+        ({"left_wheel_names": ["a", "b"]}, "2 wheels on the left and 1 on the right"),
+        ({"left_wheel_names": ["right"]}, "right: named more than once"),
+        ({"wheels_per_side": 2}, "leave out wheels_per_side"),
+    ],
+)
+def test_what_contradicts_itself_is_named(changes: dict[str, Any], words: str) -> None:
+    (found,) = checks.disagreements({**AGREEING, **changes}.__getitem__)
+    assert words in found.reason
+    assert set(changes) <= set(found.names)
+
+
+def test_what_agrees_is_not_named() -> None:
+    assert list(checks.disagreements(AGREEING.__getitem__)) == []
+    two = {"left_wheel_names": ["a", "b"], "right_wheel_names": ["c", "d"], "wheels_per_side": 2}
+    assert list(checks.disagreements({**AGREEING, **two}.__getitem__)) == []
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "equal"),
+    [
+        (0.2, 0.20000000298023224, True),  # what 32 bits leave of it
+        (0.2, 0.201, False),
+        (math.nan, math.nan, True),
+        ([1.0, math.nan], array("d", [1.0, math.nan]), True),
+        ([1.0], [1.0, 2.0], False),
+        (["a"], ["a"], True),
+        ("a", "b", False),
+        (True, True, True),
+        (None, 1.0, False),
+    ],
+)
+def test_values_are_compared_as_the_robot_stores_them(a: Any, b: Any, equal: bool) -> None:
+    assert checks.same(a, b) is equal
