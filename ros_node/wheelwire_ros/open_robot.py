@@ -18,6 +18,7 @@ from .parameter_bridge import ParameterBridge
 from .publishers import LimitedVelocityPublisher, MotionPublisher
 from .reader import SampleReader
 from .robot_state import RobotState
+from .rolling_twist import RollingTwist
 from .threads import NodeThreads
 from .time_base import TimeBase
 
@@ -139,6 +140,7 @@ class OpenRobot:
         )
         self.connection.estopped = estopped
         self.estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
+        self._twist = RollingTwist(get("velocity_rolling_window_size"))
         self._pacer = Pacer(get("publish_rate"))
         self.connection.follow()
 
@@ -194,7 +196,7 @@ class OpenRobot:
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
-        motion = self.estimator.update(sample)
+        motion = self._twist.smooth(self.estimator.update(sample), sample.boot_id)
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:

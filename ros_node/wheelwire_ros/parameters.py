@@ -108,6 +108,9 @@ SETTINGS: tuple[Setting, ...] = (
             live=True, check=checks.above_zero),
     *_limits("linear.x", "m/s"),
     *_limits("angular.z", "rad/s"),
+    Setting("velocity_rolling_window_size", 1,
+            "The twist in odom is the mean of this many samples, which come at publish_rate. "
+            "1: as the robot measures it, over velocity_window_us.", 1, 1000),
     Setting("publish_limited_velocity", False, "Publish the limited command on ~/cmd_vel_out."),
     Setting("wheel_separation_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
@@ -126,8 +129,6 @@ SETTINGS: tuple[Setting, ...] = (
              "odometry is what the encoders counted; the robot does not drive without them"),
     _foreign("position_feedback", True,
              "the robot counts ticks; integrated velocities would be less exact"),
-    _foreign("velocity_rolling_window_size", 1,
-             "leave it out: the robot measures velocity over velocity_window_us"),
     *(_foreign(f"{axis}.has_{kind}_limits", True, f"write .NAN for the limits of {kind} instead")
       for axis in ("linear.x", "angular.z") for kind in ("velocity", "acceleration", "jerk")),
     *(_foreign(f"{axis}.min_acceleration", math.nan, f"write {axis}.max_deceleration instead")

@@ -44,6 +44,7 @@ DIFF_DRIVE_CONTROLLER = """
     enable_odom_tf: false
     cmd_vel_timeout: 0.5
     publish_limited_velocity: true
+    velocity_rolling_window_size: 10
     publish_rate: 50.0
     linear:
       x:
@@ -153,7 +154,7 @@ def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
         ("publish_rate", 0.0, "out of range", 50.0),
         ("wheel_base", 9.0, "wheel_separation out of range", 0.2),
         ("open_loop", True, "does not drive without them", False),
-        ("velocity_rolling_window_size", 10, "velocity_window_us", 1),
+        ("velocity_rolling_window_size", 0, "out of range", 10),
         ("linear__x__has_jerk_limits", False, "write .NAN for the limits of jerk", True),
         ("left_wheel_names", "[]", "write at least one name", ["left"]),
         ("base_frame_id", "odom", "they are equal", "base_link"),
