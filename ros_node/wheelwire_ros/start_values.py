@@ -56,6 +56,8 @@ def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
     type_, value = parameter.type_, parameter.value
     if (type_, expected) == (_Type.INTEGER, _Type.DOUBLE):
         value = float(value)
+    elif (type_, expected) == (_Type.DOUBLE, _Type.INTEGER) and value.is_integer():
+        value = int(value)
     elif (type_, expected) == (_Type.INTEGER_ARRAY, _Type.DOUBLE_ARRAY):
         value = [float(number) for number in value]
     elif (type_, expected) == (_Type.STRING, _Type.STRING_ARRAY):

@@ -21,6 +21,7 @@ from support.ros_process import RobotNode
 from support.ros_rig import NODE, twist
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_ros.parameter_checks import same
+from wheelwire_ros.parameters import ALIASES
 
 DIFF_DRIVE_CONTROLLER = """
 /**:
@@ -181,6 +182,44 @@ def test_a_refused_value_is_in_the_diagnostics(graph: Graph) -> None:
     diagnostics = Diagnostics(graph)
     with RobotNode(graph, driver_type="mock", base_frame_id="odom"):
         diagnostics.wait("link", lambda status, _: "refused parameters" in status.message)
+
+
+GUIDE = """
+/**:
+  ros__parameters:
+    driver_type: mock
+    wheel_base: 0.20
+    wheel_radius: 0.033
+    max_speed: 0.4
+    cpr: 360
+    pwm_frequency: 20000.0
+    max_rpm: 200
+    pigpio_host: localhost
+    pins:
+      left_pwm: 18
+      left_dir1: 23
+      left_dir2: 24
+      right_pwm: 19
+      right_dir1: 5
+      right_dir2: 6
+      left_enc_a: 17
+      left_enc_b: 27
+      right_enc_a: 22
+      right_enc_b: 10
+"""
+
+
+def test_every_number_of_the_wiring_guide_is_taken(graph: Graph, tmp_path: Path) -> None:
+    file = tmp_path / "guide.yaml"
+    file.write_text(GUIDE)
+    with RobotNode(graph, file=file) as node:
+        graph.wait_active()
+        assert "unknown parameters" not in node.errors()
+        have = graph.dump(NODE)
+        given = yaml.safe_load(GUIDE)["/**"]["ros__parameters"]
+        given |= {f"pins.{name}": pin for name, pin in given.pop("pins").items()}
+        for name, value in given.items():
+            assert same(have[ALIASES.get(name, name)], value), name
 
 
 def test_whole_numbers_are_taken_for_real_ones_and_nan_for_no_limit(graph: Graph) -> None:

@@ -1,0 +1,90 @@
+"""Acceleration and jerk of the commands; what stops the robot waits for none of them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from geometry_msgs.msg import TwistStamped
+from lifecycle_msgs.msg import Transition
+from std_srvs.srv import SetBool
+
+from support.ros import Repeater, wait
+from support.ros_rig import NODE, Rig, open_rig, twist
+from support.stop_host import stopped
+from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S
+
+HARDLY = 0.001
+"""With a deceleration of this, a robot would not stop within the test."""
+LIMITED: dict[str, Any] = {
+    f"{axis}__{name}": value
+    for axis in ("linear__x", "angular__z")
+    for name, value in (
+        ("max_acceleration", 100.0),
+        ("max_deceleration", -HARDLY),
+        ("max_deceleration_reverse", HARDLY),
+    )
+}
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    directory = tmp_path_factory.mktemp("rig")
+    with open_rig(directory, publish_limited_velocity=True, **LIMITED) as rig:
+        yield rig
+
+
+@pytest.fixture(scope="module")
+def obeyed(rig: Rig) -> deque[Any]:
+    return rig.graph.listen(TwistStamped, f"{NODE}/cmd_vel_out")
+
+
+def stop_by_zero(rig: Rig) -> None:
+    rig.commands.publish(twist(0.0))
+
+
+def stop_by_silence(_rig: Rig) -> None:
+    return
+
+
+def stop_by_estop(rig: Rig) -> None:
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
+
+
+def stop_by_deactivation(rig: Rig) -> None:
+    assert rig.graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+
+
+@pytest.mark.parametrize(
+    "stop", [stop_by_zero, stop_by_silence, stop_by_estop, stop_by_deactivation]
+)
+def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> None:
+    with rig.driving():
+        rig.truth(lambda state: state.left_mps > 0.2)
+    stop(rig)
+    rig.truth(stopped)
+    rig.graph.call(SetBool, f"{NODE}/estop", data=False)
+    if stop is stop_by_deactivation:
+        assert rig.graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+
+
+@pytest.mark.parametrize("limit", ["max_acceleration", "max_jerk"])
+def test_a_limit_that_is_set_is_in_force_for_the_next_motion(
+    rig: Rig, obeyed: deque[Any], limit: str
+) -> None:
+    assert rig.graph.set_parameter(NODE, f"angular.z.{limit}", 1.0).successful
+    rig.truth(stopped)
+    obeyed.clear()
+    with Repeater(rig.commands, lambda: twist(0.1, 1.0)):
+        wait(lambda: len(obeyed) > 20, "limited commands")
+    turns = [message.twist.angular.z for message in tuple(obeyed)]
+    first = FIRST_STEP_S * (FIRST_STEP_S if limit == "max_jerk" else 1.0)
+    assert turns[0] == pytest.approx(first)
+    assert all(0 <= b - a <= MAX_STEP_S + 1e-9 for a, b in pairwise(turns))
+    assert rig.graph.set_parameter(NODE, f"angular.z.{limit}", 100.0).successful
