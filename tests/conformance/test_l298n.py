@@ -18,7 +18,7 @@ class GpioBench(Bench):
     def open(self) -> BaseDriver:
         # A busy test machine is no fault of the robot's.
         return L298NDriver(
-            parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2},
+            parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2, "stall_time_s": 2.0},
             pwm_directory=self.chip.pwm_directory,
             core_timeout_ms=5000,
         )

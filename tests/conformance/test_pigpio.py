@@ -19,7 +19,7 @@ class PigpioBench(Bench):
         return PigpioDriver(
             "127.0.0.1",
             self.daemon.port,
-            parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2},
+            parameters={"overrun_limit_us": 1e6, "brake_time_s": 0.2, "stall_time_s": 2.0},
             core_timeout_ms=5000,
         )
 

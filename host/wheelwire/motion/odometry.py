@@ -9,6 +9,8 @@ from ..errors import InvalidArgument, shown
 from ..samples import WheelSample
 from .kinematics import DifferentialDrive, Twist
 
+LONGEST_UNSEEN_S = 5.0
+"""However long nothing was heard of a robot: `ttl_max_s`, at most this, ended its last setpoint."""
 STRAIGHT_RAD = 1e-6
 """Below this turn the arc's formula divides by almost zero; the midpoint rule is exact then."""
 
@@ -51,6 +53,11 @@ class OdometryUpdate(NamedTuple):
     dt_s: float
     rebased: bool
     """Whether the device was reset; the pose is unchanged then."""
+    unseen_left_m: float = 0.0
+    """How far the wheel may have travelled before the reset was over, uncounted: its last known
+    speed times the time since. 0 without a reset."""
+    unseen_right_m: float = 0.0
+    """The same of the other wheel."""
 
 
 class Odometry:
@@ -84,7 +91,17 @@ class Odometry:
         self.pose = self.pose.advance(distance, turn)
         dt = travel.dt_s
         twist = Twist(distance / dt, turn / dt) if dt > 0 else Twist(0.0, 0.0)
-        return OdometryUpdate(self.pose, twist, distance, turn, dt, travel.rebased)
+        unseen_s = min(sample.stamp - last.stamp, LONGEST_UNSEEN_S) if travel.rebased else 0.0
+        return OdometryUpdate(
+            self.pose,
+            twist,
+            distance,
+            turn,
+            dt,
+            travel.rebased,
+            last.left_mps * unseen_s,
+            last.right_mps * unseen_s,
+        )
 
     def reset(self, pose: Pose | None = None) -> None:
         """Set the pose, by default to the origin.

@@ -1,0 +1,172 @@
+"""What is told at each change of the robot's state, and what answers while the robot does not."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import SetBool, Trigger
+
+from support.pty_device import PtyDevice
+from support.ros import Graph, wait
+from support.ros_process import RobotNode
+from support.ros_rig import NODE, Rig, open_rig
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.types import Estop
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    with open_rig(tmp_path) as rig:
+        yield rig
+
+
+class State:
+    """What ~/state told last."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.told: list[Any] = []
+        graph.node.create_subscription(DiagnosticStatus, f"{NODE}/state", self.told.append, LATCHED)
+
+    def wait(self, condition: Callable[[dict[str, str]], bool]) -> Any:
+        """Until the newest message fulfils a condition of its values."""
+        wait(lambda: self.told and condition(values(self.told[-1])), "a condition of ~/state")
+        return self.told[-1]
+
+
+def values(status: Any) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:
+    told = State(rig.graph).wait(lambda v: v["link"] == "connected")
+    assert told.level == DiagnosticStatus.OK
+    assert values(told)["state"] == "IDLE"
+    assert values(told)["session"] == "1"
+    assert int(values(told)["boot_id"], 16) == rig.truth(lambda _: True).boot_id
+
+
+def test_an_open_contact_and_its_end_are_told_logged_and_diagnosed(rig: Rig) -> None:
+    state = State(rig.graph)
+    state.wait(lambda v: v["link"] == "connected")
+    reports = rig.graph.listen(DiagnosticArray, "/diagnostics")
+    wait(lambda: reports, "/diagnostics")
+    rig.simulator.set("estop_open", 1)
+    told = state.wait(lambda v: v["state"] == "ESTOPPED")
+    assert told.level == DiagnosticStatus.ERROR
+    assert "contact" in told.message
+    wait(lambda: "[ERROR]" in rig.node.errors() and "contact" in rig.node.errors(), "the line")
+
+    def estopped(report: Any) -> bool:
+        return any(
+            status.name.endswith(": robot") and values(status)["state"] == "ESTOPPED"
+            for status in report.status
+        )
+
+    wait(lambda: any(estopped(report) for report in tuple(reports)), "the report")
+    rig.simulator.set("estop_open", 0)
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
+    state.wait(lambda v: v["state"] == "IDLE" and not v["cause"])
+    wait(lambda: "can be driven again" in rig.node.errors(), "the line of its end")
+
+
+def test_the_nodes_own_estop_is_named_as_such(rig: Rig) -> None:
+    state = State(rig.graph)
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
+    assert "~/estop" in state.wait(lambda v: v["state"] == "ESTOPPED").message
+
+
+def test_a_fault_is_told_in_words(rig: Rig) -> None:
+    state = State(rig.graph)
+    rig.simulator.set("left.encoder_dead", 1)
+    with rig.driving():
+        told = state.wait(lambda v: v["state"] == "FAULT")
+        assert values(told)["faults"] == "LEFT_NOT_COUNTING"
+        assert Fault.LEFT_NOT_COUNTING.doc in told.message
+        wait(lambda: Fault.LEFT_NOT_COUNTING.doc in rig.node.errors(), "the line of the fault")
+        wait(lambda: "command ignored: the device refused" in rig.node.errors(), "the refusal")
+
+
+def test_clearing_says_that_a_blocked_wheel_will_trip_again(rig: Rig) -> None:
+    state = State(rig.graph)
+    rig.simulator.set("left.encoder_dead", 1)
+    with rig.driving():
+        state.wait(lambda v: v["state"] == "FAULT")
+    answer = rig.graph.call(Trigger, f"{NODE}/clear_fault")
+    assert answer.success
+    assert "LEFT_NOT_COUNTING" in answer.message
+    assert "returns" in answer.message
+    with rig.driving():
+        rig.truth(lambda state: state.state is SupervisorState.FAULT)
+
+
+def test_a_node_that_starts_onto_an_estopped_robot_says_so(graph: Graph, tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        simulator.set("estop_open", 1)
+        wait(lambda: simulator.get("state") == SupervisorState.ESTOPPED, "the e-stop")
+        state = State(graph)
+        with RobotNode(graph, port=simulator.port) as node:
+            told = state.wait(lambda v: v["state"] == "ESTOPPED")
+            assert told.level == DiagnosticStatus.ERROR
+            wait(lambda: "contact" in node.errors(), "the line")
+
+
+def test_stopping_ends_the_drive_and_the_next_command_drives_again(rig: Rig) -> None:
+    with rig.driving():
+        rig.truth(lambda state: state.drive_on)
+    assert rig.graph.call(Trigger, f"{NODE}/stop").success
+    assert not rig.simulator.get("drive_on")
+    rig.drive_on()
+
+
+def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Path) -> None:
+    """A device that is there and silent: connecting to it takes seconds, again and again."""
+    get = graph.node.create_client(GetParameters, f"{NODE}/get_parameters")
+    get_state = graph.node.create_client(GetState, f"{NODE}/get_state")
+    estop = graph.node.create_client(SetBool, f"{NODE}/estop")
+
+    def ask(client: Any, request: Any) -> tuple[Any, float]:
+        """The answer, and how long it took."""
+        begin_s = time.monotonic()
+        future = client.call_async(request)
+        wait(future.done, "an answer")
+        return future.result(), time.monotonic() - begin_s
+
+    path = tmp_path / "port"
+    with PtyDevice(path) as device:
+        device.device.mute = True
+        with RobotNode(graph, port=path) as node:
+            for client in (get, get_state, estop):
+                wait(client.service_is_ready, "the node's services")
+            waits_s: list[float] = []
+            while len(waits_s) < 20:
+                state, _ = ask(get_state, GetState.Request())
+                if state.current_state.label != "configuring":
+                    continue
+                _, get_s = ask(get, GetParameters.Request(names=["cmd_vel_timeout"]))
+                answer, estop_s = ask(estop, SetBool.Request(data=True))
+                assert not answer.success
+                assert "not open" in answer.message
+                waits_s += [get_s, estop_s]
+            # An attempt to connect takes two seconds; what waits for one would show it.
+            assert sorted(waits_s)[len(waits_s) // 2] < 0.2
+            device.device.mute = False
+            graph.wait_active()
+            wait(
+                lambda: any(isinstance(message, Estop) for message in device.device.received),
+                "the e-stop that was asked for before there was a robot",
+            )
+            assert node.process.poll() is None
