@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 import rclpy
@@ -18,6 +19,7 @@ from .parameters import Setting
 
 CONNECT_TIMEOUT_S = 2.0
 """Short, because a transition, and the end of the node, may wait for it."""
+FILE_OPTION = "--params-file"
 NO_PIN = NO_CHIP = -1
 PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
 """The pins of the wiring guide."""
@@ -50,10 +52,10 @@ SETTINGS = (
 
 
 class HardwareRobot(BaseRobotNode):
-    """A robot with the driver that the parameter `driver_type` names."""
+    """A robot with the driver that the parameter `driver_type` names; arguments as its base."""
 
-    def __init__(self) -> None:
-        super().__init__("hardware_robot", SETTINGS)
+    def __init__(self, problem: str = "") -> None:
+        super().__init__("hardware_robot", SETTINGS, problem)
 
     @property
     def driver_type(self) -> str:
@@ -94,9 +96,9 @@ class HardwareRobot(BaseRobotNode):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted; however it ends, the wheels stop first."""
-    _init(args)
+    problem = _init(args)
     try:
-        _run()
+        _run(problem)
     except (KeyboardInterrupt, ExternalShutdownException):
         return
     except ParameterException as error:
@@ -109,20 +111,36 @@ def main(args: list[str] | None = None) -> None:
         rclpy.try_shutdown()
 
 
-def _init(args: list[str] | None) -> None:
+def _init(args: list[str] | None) -> str:
+    """Initialise rclpy; returns why the parameter files cannot be read, or nothing.
+
+    Without them the node starts nevertheless, to say so: it would only be restarted if it ended.
+    """
+    given = sys.argv if args is None else args
     try:
-        rclpy.init(args=args)
+        rclpy.init(args=given)
     except RuntimeError as error:
         if "params file" not in str(error):
             raise
-        sys.exit(
-            f"hardware_robot: {' '.join(str(error).split())}: a ROS parameter file has its values "
-            "below `/**:` and `ros__parameters:`; a file for wheelwire.open_robot is different"
+        rclpy.init(args=_without_files(given))
+        return (
+            f"{' '.join(str(error).split())}: a ROS parameter file has its values below `/**:` and "
+            "`ros__parameters:`; a file for wheelwire.open_robot is different"
         )
+    return ""
 
 
-def _run() -> None:
-    node = HardwareRobot()
+def _without_files(args: list[str]) -> list[str]:
+    """The arguments without `--params-file` and what follows it."""
+    return [
+        argument
+        for before, argument in pairwise(["", *args])
+        if FILE_OPTION not in (before, argument)
+    ]
+
+
+def _run(problem: str) -> None:
+    node = HardwareRobot(problem)
     try:
         node.spin()
     finally:

@@ -38,12 +38,14 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     Args:
         name: Name of the node.
         settings: Parameters of the class, in addition to those of every robot.
+        problem: Why the parameter files cannot be read; empty if they can. If they
+            cannot, the node stays unconfigured.
     """
 
-    def __init__(self, name: str, settings: Iterable[Setting] = ()) -> None:
+    def __init__(self, name: str, settings: Iterable[Setting] = (), problem: str = "") -> None:
         super().__init__(name)
         forward_library_log(self.get_logger())
-        self._bridge = ParameterBridge(self, settings, self._use_settings)
+        self._bridge = ParameterBridge(self, settings, self._use_settings, problem)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._estopped = False

@@ -29,6 +29,7 @@ class ParameterBridge:
         node: An rclpy node; its parameters are declared here.
         own: Settings of its class, in addition to those of every node.
         on_change: Called after a change, except by `mirror`.
+        problem: Why the parameter files cannot be read; empty if they can.
 
     Attributes:
         connection: The connection to the robot while it is open.
@@ -36,7 +37,11 @@ class ParameterBridge:
     """
 
     def __init__(
-        self, node: Any, own: Iterable[parameters.Setting], on_change: Callable[[], None]
+        self,
+        node: Any,
+        own: Iterable[parameters.Setting],
+        on_change: Callable[[], None],
+        problem: str = "",
     ) -> None:
         self.connection: RobotConnection | None = None
         self.given: dict[str, float] = {}
@@ -45,7 +50,7 @@ class ParameterBridge:
         self._on_change = on_change
         self._mirroring_thread: int | None = None
         """The thread in which `mirror` sets parameters; another one may set others meanwhile."""
-        self._refused: dict[str, str] = {}
+        self._refused: dict[str, str] = {"parameter file": problem} if problem else {}
         parameters.declare(node, self._settings.values())
         self._start()
         node.add_on_set_parameters_callback(self._check)

@@ -76,6 +76,10 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str) or not hasattr(value, "__len__") else list(value)
 
 
+def velocity(message: Any) -> tuple[float, float]:
+    return message.twist.linear.x, message.twist.angular.z
+
+
 def differences(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     return {
         name: (one.get(name), other.get(name))
@@ -134,12 +138,14 @@ def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
         assert graph.parameter(NODE, "wheel_separation") == pytest.approx(0.21)
         commands = graph.publisher(type(twist(0.0)), "cmd_vel")
         with Repeater(commands, lambda: twist(1.0, 0.5)):
-            wait(lambda: limited and limited[-1].twist.linear.x > 0.249, "the greatest speed")
-        speeds = [message.twist.linear.x for message in tuple(limited)]
-        turns = [message.twist.angular.z for message in tuple(limited)]
+            # The turn rate is scaled with the speed.
+            wait(
+                lambda: limited and velocity(limited[-1]) == pytest.approx((0.25, 0.125)),
+                "the greatest speed",
+            )
+        speeds = [velocity(message)[0] for message in tuple(limited)]
         assert speeds[0] <= 0.5 * 0.05 + 1e-9
         assert max(speeds) == pytest.approx(0.25)
-        assert max(turns) == pytest.approx(0.125)  # scaled with the speed
         assert limited[-1].header.frame_id == "base_footprint"
         before = len(limited)
         commands.publish(twist(0.0))
@@ -176,6 +182,28 @@ def test_a_refused_value_keeps_the_node_up_and_unconfigured_until_it_is_set(
         assert graph.set_parameter(NODE, mended, instead).successful
         graph.wait_active()
         assert node.process.poll() is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("/**:\n  ros__parameters:\n    a: [0, 0.1]\n", "Sequence should be of same type"),
+        ("driver: mock\n", "a ROS parameter file has its values below `/\\*\\*:`"),
+    ],
+)
+def test_a_file_that_cannot_be_read_keeps_the_node_up_and_unconfigured(
+    graph: Graph, tmp_path: Path, text: str, words: str
+) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(text)
+    with RobotNode(graph, file=file, driver_type="mock") as node:
+        wait(lambda: "refused parameters" in node.errors(), "the refusal in the log")
+        (line,) = [line for line in node.errors().splitlines() if "refused parameters" in line]
+        assert re.search(words, line)
+        assert str(file) in line
+        assert graph.state(NODE) == "unconfigured"
+        assert graph.parameter(NODE, "driver_type") == "mock"  # what is not in the file counts
+        assert "Traceback" not in node.errors()
 
 
 def test_a_refused_value_is_in_the_diagnostics(graph: Graph) -> None:
@@ -226,10 +254,12 @@ def test_whole_numbers_are_taken_for_real_ones_and_nan_for_no_limit(graph: Graph
     given: dict[str, Any] = {
         "max_speed": 1,
         "publish_rate": 20,
+        "left_wheel_name": "wheel_of_old",
         "linear__x__max_velocity": math.nan,
     }
     with RobotNode(graph, driver_type="mock", **given):
         graph.wait_active()
         assert graph.parameter(NODE, "max_velocity_mps") == 1.0
         assert graph.parameter(NODE, "publish_rate") == 20.0
+        assert graph.parameter(NODE, "left_wheel_names") == ["wheel_of_old"]
         assert math.isnan(graph.parameter(NODE, "linear.x.max_velocity"))

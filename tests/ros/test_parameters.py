@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Iterator
-from importlib.resources import files
+from importlib.resources import as_file, files
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -147,19 +145,14 @@ def test_parameters_that_there_are_not_are_named() -> None:
         assert "lidar_model" in warning
 
 
-def test_a_robots_own_file_is_no_parameter_file() -> None:
-    file = files("wheelwire") / "pi4b_params.yaml"
-    arguments = ["--ros-args", "--params-file", str(file)]
-    node = subprocess.run(
-        [sys.executable, "-m", "wheelwire_ros.hardware_robot", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
-    assert node.returncode == 1
-    assert "a ROS parameter file has its values below `/**:`" in node.stderr.splitlines()[-1]
-    assert "Traceback" not in node.stderr
+def test_a_robots_own_file_is_no_parameter_file(graph: Graph) -> None:
+    with (
+        as_file(files("wheelwire") / "pi4b_params.yaml") as file,
+        RobotNode(graph, file=file) as node,
+    ):
+        words = "a ROS parameter file has its values below `/**:`"
+        wait(lambda: words in node.errors(), "the refusal of the file")
+        assert graph.state(NODE) == "unconfigured"
 
 
 def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:
