@@ -31,8 +31,8 @@ def explode(*_):
     raise RuntimeError("a defect")
 
 class Explosive(hardware_robot.HardwareRobot):
-    def __init__(self):
-        super().__init__()
+    def __init__(self, *args):
+        super().__init__(*args)
         self.create_subscription(Empty, "explode_here", explode, 1)
         self.create_subscription(Empty, "explode_reading", self.explode_reading, 1)
 
