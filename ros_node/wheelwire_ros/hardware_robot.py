@@ -11,7 +11,7 @@ import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 
-from wheelwire import BaseDriver, Pins, driver_names, open_driver
+from wheelwire import BaseDriver, Pins, SerialDriver, driver_names, open_driver
 
 from .node import BaseRobotNode
 from .pacing import sampling_rate_hz
@@ -54,6 +54,9 @@ SETTINGS = (
 class HardwareRobot(BaseRobotNode):
     """A robot with the driver that the parameter `driver_type` names; arguments as its base."""
 
+    _first_board: tuple[str, str] | None = None
+    """The port, and the board that was found there first."""
+
     def __init__(self, problem: str = "") -> None:
         super().__init__("hardware_robot", SETTINGS, problem)
 
@@ -63,8 +66,23 @@ class HardwareRobot(BaseRobotNode):
         return str(self.setting("driver_type"))
 
     def open_driver(self) -> BaseDriver:
-        """Open the driver with the options in the node's parameters."""
-        return open_driver(self.driver_type, **self._options())
+        """Open the driver with the options in the node's parameters.
+
+        Within a session of the link another board is refused by the link itself. A node that was
+        cleaned up and configured again holds on to its board as well.
+        """
+        driver = open_driver(self.driver_type, **self._options())
+        if isinstance(driver, SerialDriver):
+            self._first_board = self.setting("port"), driver.info.device.board_id
+        return driver
+
+    def _board_id(self) -> str | None:
+        """The only board that is accepted, if there is one."""
+        given: str = self.setting("board_id")
+        if given or self.setting("any_board") or self._first_board is None:
+            return given or None
+        port, board_id = self._first_board
+        return board_id if port == self.setting("port") else None
 
     def _options(self) -> dict[str, Any]:
         rate_hz = sampling_rate_hz(self.setting("publish_rate"))
@@ -75,7 +93,7 @@ class HardwareRobot(BaseRobotNode):
                 "baud_rate": self.setting("baud_rate"),
                 "connect_timeout": CONNECT_TIMEOUT_S,
                 "stream_rate_hz": rate_hz,
-                "board_id": self.setting("board_id") or None,
+                "board_id": self._board_id(),
                 "any_board": self.setting("any_board"),
             }
         if self.driver_type == "mock":

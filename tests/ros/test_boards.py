@@ -1,0 +1,69 @@
+"""The node stays with the board that it began with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+from lifecycle_msgs.msg import Transition
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.ros import Diagnostics, Graph, Repeater, wait
+from support.ros_process import RobotNode
+from support.ros_rig import NODE, twist
+
+OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
+FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
+
+
+def replace(port: PtyDevice, board_id: int) -> FakeDevice:
+    """Another board behind the same name."""
+    port.unplug()
+    port.device = FakeDevice(board_id=board_id)
+    port.plug()
+    return port.device
+
+
+def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port:
+        diagnostics = Diagnostics(graph)
+        with RobotNode(graph, port=port.path):
+            graph.wait_active()
+            with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.2)):
+                other = replace(port, OTHER)
+                diagnostics.wait("link", lambda s, _: f"{OTHER:012x}" in s.message)
+                assert not other.obeyed
+                first = replace(port, FIRST)
+                diagnostics.wait("link", lambda s, _: s.level == OK)
+                wait(lambda: first.obeyed, "the board of before is driven")
+
+
+def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port:
+        diagnostics = Diagnostics(graph)
+        with RobotNode(graph, port=port.path):
+            graph.wait_active()
+            assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+            assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
+            replace(port, OTHER)
+            assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+            diagnostics.wait("link", lambda s, _: f"{FIRST:012x}" in s.message)
+            replace(port, FIRST)
+            assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+
+
+def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Path) -> None:
+    with (
+        PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port,
+        RobotNode(graph, port=port.path, any_board=True),
+    ):
+        graph.wait_active()
+        other = replace(port, OTHER)
+        with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.2)):
+            wait(lambda: other.obeyed, "the other board is driven")
