@@ -155,18 +155,27 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     if file is not None and not isinstance(file, (str, Path)):
         raise ConfigurationError(f"{shown(file)} is not a file: give a path")
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
+    content = load_yaml(source)
     try:
-        content = yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
+        return parse_config(content)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{source}: {error}") from error
+
+
+def load_yaml(source: Path) -> object:
+    """The content of a YAML file, in which no key occurs twice.
+
+    Raises:
+        ConfigurationError: It cannot be read, or is not YAML.
+    """
+    try:
+        return yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
     except FileNotFoundError as error:
         raise ConfigurationError(f"{source}: there is no such file") from error
     except OSError as error:
         raise ConfigurationError(f"{source}: {error.strerror}") from error
     except (ValueError, yaml.YAMLError) as error:
         raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
-    try:
-        return parse_config(content)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{source}: {error}") from error
 
 
 def parse_config(content: object) -> RobotConfig:
@@ -178,14 +187,14 @@ def parse_config(content: object) -> RobotConfig:
             "this is a ROS parameter file: start the node with it (params_file:=...); "
             "a robot's own file has `driver:`, not `ros__parameters:`"
         )
-    plain, aliases = _without_aliases(_mapping("the file", content))
+    plain, aliases = _without_aliases(mapping("the file", content))
     for section, names in _SECTIONS.items():
         if section in plain:
-            plain[section] = _mapping(section, plain[section] or {})
-            _check_names(plain[section], names, f"{section}.")
-    _check_names(plain, [*_TOP, *ALIASES, MAX_RPM], "")
+            plain[section] = mapping(section, plain[section] or {})
+            check_names(plain[section], names, f"{section}.")
+    check_names(plain, [*_TOP, *ALIASES, MAX_RPM], "")
     plain["parameters"] = {
-        name: _checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
+        name: checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
     }
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
@@ -223,7 +232,8 @@ _TOP = ["driver", "store", *_SECTIONS]
 _CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
 
 
-def _mapping(what: str, value: object) -> dict[str, Any]:
+def mapping(what: str, value: object) -> dict[str, Any]:
+    """`value` as a dictionary; raises `ConfigurationError` if it is none."""
     if not isinstance(value, Mapping):
         raise ConfigurationError(f"{what} = {value!r}: it must be a mapping of names to values")
     return {str(name): entry for name, entry in value.items()}
@@ -246,7 +256,7 @@ def _set_value(plain: dict[str, Any], name: str, value: object, foreign: str) ->
     section, _, key = name.rpartition(".")
     target = plain
     if section:
-        target = plain[section] = _mapping(section, plain.get(section) or {})
+        target = plain[section] = mapping(section, plain.get(section) or {})
     if key in target:
         raise ConfigurationError(f"{foreign} = {value!r}: {name} is given too; remove one of them")
     target[key] = value
@@ -258,11 +268,12 @@ def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
         raise ConfigurationError(f"{MAX_RPM} = {rpm!r}: it must be a number above 0")
     default = PARAMETER_BY_NAME["wheel_radius"].default
     radius = plain.get("parameters", {}).get("wheel_radius", default)
-    no_load_mps = rpm * 2 * math.pi / 60 * _checked_parameter("wheel_radius", radius)
+    no_load_mps = rpm * 2 * math.pi / 60 * checked_parameter("wheel_radius", radius)
     return (1 - PARAMETER_BY_NAME["static_feedforward"].default) / no_load_mps
 
 
-def _check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:
+def check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:
+    """Refuse unknown keys by `ConfigurationError`, with a similar one. `prefix`: the section."""
     for name in given:
         if name not in known:
             raise ConfigurationError(
@@ -286,7 +297,8 @@ def _is_of_ros(content: object) -> bool:
     )
 
 
-def _checked_parameter(name: str, value: object) -> float:
+def checked_parameter(name: str, value: object) -> float:
+    """A firmware parameter's value from a file; raises `ConfigurationError` with its bound."""
     if not isinstance(value, (int, float)):
         raise ConfigurationError(f"parameters.{name} = {value!r}: it must be a number")
     try:

@@ -220,6 +220,12 @@ class RobotNotNamed(WheelwireError):  # noqa: N818
     exit_code = 21
 
 
+class ImportFailed(WheelwireError):  # noqa: N818
+    """Parameters could not be imported. The message says whether the former values are back."""
+
+    exit_code = 23
+
+
 def _unpickle(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:

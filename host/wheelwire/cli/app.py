@@ -21,7 +21,7 @@ from .flash import flash
 from .local import demo, ports, sim
 from .mcu import mcu
 from .output import UsageError, print_error, show_help_alone
-from .parameters import app as parameters_app
+from .parameter_files import app as parameters_app
 from .robot import clear, drive, estop, info, monitor
 
 USAGE = 2

@@ -1,4 +1,4 @@
-"""`wheelwire params`: list, get, set, save, reset."""
+"""`wheelwire params`: list, get, set, save, reset. `parameter_files` adds export, import, diff."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class RobotCommand(typer.core.TyperCommand):
 
 
 def _arguments(names: str) -> Any:
-    """ROBOT, which may be left out, and the arguments after it, as one list for Click."""
+    """ROBOT, which may be left out, and names or values after it, as one list for Click."""
     return typer.Argument(
         metavar=f"[ROBOT] {names}",
         help=f"{ROBOT_HELP} `wheelwire params list` shows the names.",

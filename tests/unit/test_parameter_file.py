@@ -1,0 +1,306 @@
+"""A robot's parameters as a file; setting them all, or none."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wheelwire import errors, parameter_file
+from wheelwire.parameter_file import ParameterFile, apply, differences, load_parameter_file
+from wheelwire.parameters import (
+    ParameterInfo,
+    Parameters,
+    checked_value,
+    definition_of,
+)
+from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, Parameter
+
+
+class Robot(Parameters):
+    """A robot's parameters in memory. `before_set(name, value)` may raise, or lose an answer."""
+
+    def __init__(self) -> None:
+        self.held = {p.name: float(p.default) for p in PARAMETERS}
+        self.saved: dict[str, float] = {}
+        self.order: list[str] = []
+        self.saves: list[str | None] = []
+        self.before_set: Callable[[str, float], None] = lambda _name, _value: None
+        self.before_save: Callable[[str | None], None] = lambda _name: None
+        self.after_set: Callable[[str, float], None] = lambda _name, _value: None
+
+    def set(self, name: str, value: float) -> float:
+        self.before_set(name, value)
+        self.held[name] = parameter_file._as_held(checked_value(name, value))
+        self.order.append(name)
+        self.after_set(name, value)
+        return self.held[name]
+
+    def list(self) -> tuple[ParameterInfo, ...]:
+        return tuple(
+            ParameterInfo(
+                p.name, self.held[p.name], p.default, p.minimum, p.maximum, p.unit.value, p.kind, ""
+            )
+            for p in PARAMETERS
+        )
+
+    def save(self, name: str | None = None) -> None:
+        self.before_save(name)
+        self.saves.append(name)
+        names = self.held if name is None else [name]
+        self.saved.update({each: self.held[each] for each in names})
+
+    def refresh(self, name: str | None = None) -> None:
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        raise NotImplementedError
+
+    def _value(self, definition: Parameter) -> float:
+        return self.held[definition.name]
+
+
+def value_of(definition: Parameter) -> st.SearchStrategy[float]:
+    if definition.kind is not Kind.REAL:
+        return st.integers(int(definition.minimum), int(definition.maximum)).map(float)
+    return st.floats(definition.minimum, definition.maximum).map(parameter_file._as_held)
+
+
+values = st.fixed_dictionaries({}, optional={p.name: value_of(p) for p in PARAMETERS}).filter(bool)
+
+
+def written(text: str, tmp_path: Path) -> Path:
+    file = tmp_path / "values.yaml"
+    file.write_text(text)
+    return file
+
+
+@given(values)
+def test_what_is_written_is_read_again(
+    tmp_path_factory: pytest.TempPathFactory, wanted: dict[str, float]
+) -> None:
+    exported = ParameterFile(wanted, "ESP32", "012345678901", "0.1.0")
+    folder = tmp_path_factory.getbasetemp()
+    assert load_parameter_file(written(exported.text(), folder)) == exported
+    assert load_parameter_file(written(json.dumps(exported.as_mapping()), folder)) == exported
+
+
+def test_each_line_has_its_unit() -> None:
+    robot = Robot()
+    text = ParameterFile.of_robot(robot.list(), None).text()
+    for line, parameter in zip(text.splitlines()[-len(PARAMETERS) :], PARAMETERS, strict=True):
+        assert line.split()[0] == f"{parameter.name}:"
+        assert line.split()[2:] == parameter.unit.value.split()[:1]
+    assert "board" not in text
+    assert list(yaml.safe_load(text)) == ["parameters"]
+
+
+@pytest.mark.parametrize(
+    ("line", "value"),
+    [
+        ("wheel_radius: 0.04", 0.04),
+        ("wheel_radius: 0.04 m", 0.04),
+        ("wheel_radius: 4e-2 m", 0.04),
+        ("left_motor_inverted: true", 1.0),
+        ("max_duty: 0.5 duty", 0.5),
+        ("integral_gain: 12 duty/m", 12.0),
+    ],
+)
+def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> None:
+    read = load_parameter_file(written(f"parameters: {{{line}}}", tmp_path))
+    assert read == ParameterFile({line.split(":")[0]: value})
+    assert read.source == "an unknown board"
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("parameters: {wheel_radius: 33 mm}", "wheel_radius = '33 mm': give it in m"),
+        ("parameters: {wheel_radius: 33}", "it must be at most 1 m (0.033 is 33 mm)"),
+        ("parameters: {wheel_radius: wide}", "it must be a number"),
+        ("parameters: {wheel_radius: .nan}", "it must be a finite number"),
+        ("parameters: {wheel_radius: }", "it must be a number"),
+        ("parameters: {stop_mode: 1.5}", "it must be a whole number"),
+        ("parameters: {stop_mode: 1 m}", "it has no unit"),
+        ("parameters: {wheel_radus: 0.03}", "did you mean parameters.wheel_radius?"),
+        ("parameters: {max_duty: 1, max_duty: 0.5}", "max_duty is given twice"),
+        ("wheel_radius: 0.03", "did you mean parameters.wheel_radius?"),
+        ("driver: serial", "give ROBOT first, then FILE"),
+        ("", "it has no parameters"),
+        ("board: ESP32", "it has no parameters"),
+        ("parameters: [1]", "a mapping of names to values"),
+        ("just text", "a mapping of names to values"),
+        ("a: [", "values.yaml"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said(text: str, hint: str, tmp_path: Path) -> None:
+    with pytest.raises(errors.ConfigurationError) as raised:
+        load_parameter_file(written(text, tmp_path))
+    assert hint in str(raised.value)
+    assert "values.yaml: " in str(raised.value)
+
+
+def test_a_file_that_is_none(tmp_path: Path) -> None:
+    with pytest.raises(errors.ConfigurationError, match="no such file"):
+        load_parameter_file(tmp_path / "missing.yaml")
+    with pytest.raises(errors.ConfigurationError, match="directory"):
+        load_parameter_file(tmp_path)
+    with pytest.raises(errors.InvalidArgument, match="ROBOT first, then FILE"):
+        load_parameter_file("/dev/null")
+
+
+@given(values)
+def test_all_that_differs_is_set_and_only_that(wanted: dict[str, float]) -> None:
+    robot = Robot()
+    expected = differences(robot.list(), wanted)
+    assert apply(robot, wanted) == expected
+    assert sorted(robot.order) == sorted(d.name for d in expected)
+    assert differences(robot.list(), wanted) == []
+    others = [name for name in PARAMETER_BY_NAME if name not in wanted]
+    assert all(robot.held[name] == PARAMETER_BY_NAME[name].default for name in others)
+    assert robot.saved == {}
+
+
+WANTED = {"estop_input_enabled": 0.0, "wheel_radius": 0.04, "max_duty": 1.0, "path_gain": 1.5}
+"""One of them is the default."""
+REFUSED = errors.DeviceRefused(RefusalCode.NOT_STOPPED, "the request")
+
+
+def test_the_switch_of_the_estop_contact_is_set_last() -> None:
+    robot = Robot()
+    apply(robot, WANTED)
+    assert robot.order == ["wheel_radius", "path_gain", "estop_input_enabled"]
+
+
+@pytest.mark.parametrize("failing", [name for name in WANTED if name != "max_duty"])
+@pytest.mark.parametrize("answered", [False, True])
+@pytest.mark.parametrize(
+    "error", [REFUSED, errors.RequestTimeout("no answer"), errors.LinkLost("unplugged")]
+)
+def test_after_a_failure_the_former_values_are_in_force(
+    failing: str, error: errors.WheelwireError, *, answered: bool
+) -> None:
+    robot = Robot()
+    before = dict(robot.held)
+
+    def fail(name: str, value: float) -> None:
+        if (name, value) == (failing, WANTED[failing]):
+            raise error
+
+    if answered:
+        robot.before_set = fail
+    else:  # it was carried out, and the answer was lost
+        robot.after_set = fail
+    with pytest.raises(errors.ImportFailed) as raised:
+        apply(robot, WANTED, save=True)
+    assert robot.held == before
+    assert robot.saves == []
+    assert str(raised.value).startswith(f"{failing} = {WANTED[failing]:g}")
+    assert "The former values are in force again." in str(raised.value)
+    assert raised.value.__cause__ is error
+
+
+def test_an_interrupt_restores_too() -> None:
+    robot = Robot()
+    before = dict(robot.held)
+
+    def interrupt(name: str, _value: float) -> None:
+        if name == "path_gain" and robot.held["wheel_radius"] != before["wheel_radius"]:
+            robot.before_set = lambda _name, _value: None
+            raise KeyboardInterrupt
+
+    robot.before_set = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        apply(robot, WANTED)
+    assert robot.held == before
+
+
+def test_restoring_waits_for_the_link() -> None:
+    robot = Robot()
+    before = dict(robot.held)
+    failures = iter(range(4))
+
+    def unplugged(name: str, _value: float) -> None:
+        if name == "path_gain" and next(failures, None) is not None:
+            raise errors.LinkLost("unplugged")
+
+    robot.before_set = unplugged
+    with pytest.raises(errors.ImportFailed, match="in force again"):
+        apply(robot, WANTED)
+    assert robot.held == before
+
+
+def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parameter_file, "RESTORE_TIMEOUT_S", 0.0)
+    robot = Robot()
+
+    def unplugged(_name: str, _value: float) -> None:
+        if robot.order:
+            raise errors.LinkLost("unplugged")
+
+    robot.before_set = unplugged
+    with pytest.raises(errors.ImportFailed) as raised:
+        apply(robot, WANTED)
+    assert "could not be restored: path_gain, wheel_radius. Reset the robot" in str(raised.value)
+
+
+def test_a_robot_that_was_reset_meanwhile_is_noticed() -> None:
+    robot = Robot()
+
+    def reset(name: str, value: float) -> None:
+        if (name, value) == ("path_gain", 1.5):
+            robot.held["wheel_radius"] = 0.033
+
+    robot.after_set = reset
+    with pytest.raises(errors.ImportFailed, match=r"wheel_radius = 0\.033 again; was it reset"):
+        apply(robot, WANTED)
+    assert robot.held["path_gain"] == definition_of("path_gain").default
+
+
+def test_all_values_of_the_file_are_saved_and_no_other() -> None:
+    robot = Robot()
+    robot.held["integral_gain"] = 12.0  # only tried
+    apply(robot, WANTED, save=True)
+    assert robot.saved == WANTED
+    full = {p.name: float(p.default) for p in PARAMETERS}
+    apply(robot, full, save=True)
+    assert robot.saves[-1] is None  # at once
+    assert robot.saved == robot.held == full
+
+
+def test_a_save_that_fails_restores_and_says_what_was_saved() -> None:
+    robot = Robot()
+    before = dict(robot.held)
+
+    def fail(name: str | None) -> None:
+        if name == "max_duty":
+            raise errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
+
+    robot.before_save = fail
+    with pytest.raises(errors.ImportFailed) as raised:
+        apply(robot, WANTED, save=True)
+    assert robot.held == before
+    assert "the values were not saved: " in str(raised.value)
+    assert str(raised.value).endswith("Saved before that: estop_input_enabled, wheel_radius.")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "error"),
+    [
+        ({"wheel_radius": 0.04, "nonsense": 1.0}, errors.UnknownParameter),
+        ({"wheel_radius": 0.04, "max_duty": 2.0}, errors.ParameterOutOfRange),
+    ],
+)
+def test_nothing_is_set_if_any_value_is_wrong(
+    wanted: dict[str, float], error: type[errors.WheelwireError]
+) -> None:
+    robot = Robot()
+    with pytest.raises(error):
+        apply(robot, wanted)
+    assert robot.order == []
