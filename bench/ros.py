@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.benchmark import output_folder, table
+from support.benchmark import Target, output_folder, table, table_of_targets
 from wheelwire.link.info import quantile
 
 if TYPE_CHECKING:
@@ -29,6 +29,16 @@ robot is the firmware's core on a pseudo-terminal. The peer is a bare rclpy node
 clock, with states each millisecond; the peer's ends in its callback. {ROUNDS - 1} interleaved
 rounds of {COMMANDS} commands.
 """
+STOPS = """
+An e-stop is measured from the call of the service `~/estop` in another process until no motor is
+driven, by the simulated robot's own account; a control step is 1 ms. *Beside other calls*: another
+client sets a parameter, lists and describes parameters and saves, each again once it is answered.
+"""
+STOPS_COUNT = 200
+STOP_LIMIT_MS = 5.0
+COMMAND_LIMIT_MS = 2.5
+CPU_LIMIT_PERCENT = 6.0
+CPU_AT_HZ = 100.0
 STREAMS = """\
 Jitter is the 99th percentile of what the interval between two messages differs from the period
 asked for: of the arrivals at a subscriber in another process, and of the stamps. The node publishes
@@ -36,7 +46,7 @@ asked for: of the arrivals at a subscriber in another process, and of the stamps
 """
 
 
-def show_latency(folder: Path) -> None:
+def show_latency(folder: Path) -> list[Target]:
     """Print the latency of commands."""
     from support.ros import open_graph
     from support.ros_load import Commander, bare_node, interrupt, watched_node
@@ -69,19 +79,48 @@ def show_latency(folder: Path) -> None:
     ]
     header = ("latency [ms]", "commands", "p50", "p99", "p50 / peer's", "p99 / peer's")
     sys.stdout.write(f"{METHOD}\n{table(header, rows)}\n")
+    ours = next(iter(found.values()))
+    return [_at_most("p99 of a command", quantile(ours, 0.99) * 1e3, COMMAND_LIMIT_MS, "ms")]
 
 
-def show_streams(folder: Path) -> None:
+def show_stops() -> list[Target]:
+    """Print the latency of e-stops."""
+    from support.ros import open_graph
+    from support.ros_load import stop_latencies_s
+    from support.ros_process import RobotNode
+    from wheelwire.simulation.simulator import Simulator
+
+    rows, targets = [], []
+    with (
+        open_graph() as graph,
+        Simulator(truth_hz=10.0) as simulator,
+        RobotNode(graph, port=simulator.port),
+    ):
+        for name, flooded in (("e-stop", False), ("e-stop beside other calls", True)):
+            found = stop_latencies_s(graph, simulator, STOPS_COUNT, flooded=flooded)
+            p50_ms, p99_ms = (quantile(found, q) * 1e3 for q in (0.5, 0.99))
+            rows.append([name, str(len(found)), f"{p50_ms:.2f}", f"{p99_ms:.2f}"])
+            targets.append(_at_most(f"p99 of an {name}", p99_ms, STOP_LIMIT_MS, "ms"))
+    header = ("latency [ms]", "stops", "p50", "p99")
+    sys.stdout.write(f"{STOPS}\n{table(header, rows)}\n")
+    return targets
+
+
+def show_streams(folder: Path) -> list[Target]:
     """Print rates, jitter and CPU."""
-    rows = []
+    rows, targets = [], []
     for rate_hz in RATES_HZ:
         node, bare = streams(folder, rate_hz)
         rows += [
             [f"{rate_hz:g} Hz asked: the node", *_cells(node), f"{node.cpu / bare.cpu:.2f}"],
             [f"{rate_hz:g} Hz asked: the peer", *_cells(bare), "1"],
         ]
+        if rate_hz == CPU_AT_HZ:
+            cpu = "CPU at 100 Hz"
+            targets.append(_at_most(cpu, node.cpu * 100, CPU_LIMIT_PERCENT, "%"))
     header = ("", "Hz", "jitter of arrivals [ms]", "of stamps [ms]", "CPU", "CPU / peer's")
-    sys.stdout.write(f"{STREAMS}\n{table(header, rows)}")
+    sys.stdout.write(f"{STREAMS}\n{table(header, rows)}\n")
+    return targets
 
 
 def streams(folder: Path, rate_hz: float) -> tuple[Stream, Stream]:
@@ -107,19 +146,26 @@ def _cells(stream: Stream) -> list[str]:
     return [f"{stream.rate_hz:.1f}", *(f"{s * 1e3:.2f}" for s in jitter), f"{stream.cpu:.1%}"]
 
 
-def main() -> None:
-    """Print the results, or why there are none."""
+def _at_most(what: str, measured: float, limit: float, unit: str) -> Target:
+    return Target(what, f"{measured:.2f} {unit}", f"<= {limit:g} {unit}", measured <= limit)
+
+
+def main() -> int:
+    """Print the results, or why there are none; 1 if a target is missed."""
     output_folder(__doc__)
     if find_spec("rclpy") is None:
         sys.stdout.write(f"{TITLE}Not measured: rclpy is not installed (`make ros`).\n")
-        return
+        return 0
     import rclpy  # noqa: F401 - it starts Python once more: before anything is printed
 
     sys.stdout.write(TITLE)
     with TemporaryDirectory() as folder:
-        show_latency(Path(folder))
-        show_streams(Path(folder))
+        targets = show_latency(Path(folder))
+        targets += show_stops()
+        targets += show_streams(Path(folder))
+    sys.stdout.write(table_of_targets(targets))
+    return 0 if all(target.reached for target in targets) else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from typing import Any
 
-from wheelwire import BaseDriver, WheelSample, WheelwireError
+from wheelwire import BaseDriver, SupervisorState, WheelSample, WheelwireError
 
 from . import diagnostics, robot_settings, robot_state
 from .command_subscriber import CommandSubscriber
@@ -57,6 +57,7 @@ class OpenRobot:
         self._on_failure = on_failure
         self._newest: WheelSample | None = None
         self._closing = False
+        self._estopped_by_us = False
         self._preparing = False
         """The preparation of a session is under way, or will be."""
         self._time_base = TimeBase(
@@ -99,13 +100,16 @@ class OpenRobot:
     def state(self) -> RobotState:
         """For `~/state`."""
         connection = self.connection
+        is_estopped = self._newest is not None and self._newest.state is SupervisorState.ESTOPPED
+        # An e-stop of ours that was just cleared is still ours, until a sample shows the end of it.
+        self._estopped_by_us = is_estopped and (self._estopped_by_us or connection.estopped)
         return robot_state.of_robot(
             self._newest,
             self._reader.silence,
             connection.problem,
             connection.robot.sessions,
             prepared=connection.is_prepared,
-            estopped=connection.estopped,
+            estopped=self._estopped_by_us,
         )
 
     def hardware_id(self) -> str:

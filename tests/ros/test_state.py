@@ -87,6 +87,9 @@ def test_the_nodes_own_estop_is_named_as_such(rig: Rig) -> None:
     state = State(rig.graph)
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
     assert "~/estop" in state.wait(lambda v: v["state"] == "ESTOPPED").message
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
+    state.wait(lambda v: v["state"] == "IDLE")
+    assert "another program" not in rig.node.errors()
 
 
 def test_a_fault_is_told_in_words(rig: Rig) -> None:

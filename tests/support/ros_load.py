@@ -7,7 +7,7 @@ import random
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -15,11 +15,14 @@ from typing import Any
 
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from std_srvs.srv import SetBool
 
+from support import stop_host
 from support.load import cpu_s
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
 from wheelwire.link.info import quantile
+from wheelwire.simulation.simulator import Simulator
 
 PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
@@ -87,6 +90,46 @@ Path("{file}").write_text(json.dumps(seen))
 """
 """A node that ignores the Twists it receives, and publishes an Odometry by a timer."""
 
+FLOOD = """
+import rclpy
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
+from rclpy.executors import ExternalShutdownException
+from std_srvs.srv import Trigger
+
+rclpy.init()
+node = rclpy.create_node("flood")
+name = "/hardware_robot/"
+clients = [
+    node.create_client(type_, name + service)
+    for type_, service in (
+        (SetParameters, "set_parameters"),
+        (ListParameters, "list_parameters"),
+        (DescribeParameters, "describe_parameters"),
+        (Trigger, "save_parameters"),
+    )
+]
+gain = Parameter(name="integral_gain", value=ParameterValue(type=3, double_value=16.0))
+requests = [
+    SetParameters.Request(parameters=[gain]),
+    ListParameters.Request(),
+    DescribeParameters.Request(names=["integral_gain", "publish_rate", "wheel_radius"] * 10),
+    Trigger.Request(),
+]
+
+def ask(client, request):
+    client.call_async(request).add_done_callback(lambda _: ask(client, request))
+
+for client, request in zip(clients, requests):
+    client.wait_for_service()
+    ask(client, request)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+"""A client that asks for parameters, sets one and saves, each again as soon as it is answered."""
+
 
 class Commander:
     """Publishes numbered commands, and knows when.
@@ -114,6 +157,38 @@ class Commander:
         """Latencies of all commands seen, except the first `skipped`."""
         seen = {int(float(n)): s for n, s in json.loads(self._file.read_text()).items()}
         return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
+
+
+def stop_latencies_s(
+    graph: Graph, simulator: Simulator, count: int, *, flooded: bool
+) -> list[float]:
+    """From the call of ~/estop until no motor is driven, on the simulated robot's own account."""
+    commands = graph.publisher(Twist, "cmd_vel")
+    estop = graph.node.create_client(SetBool, "/hardware_robot/estop")
+    wait(estop.service_is_ready, "~/estop")
+    latencies_s = []
+    with RobotNode(graph, FLOOD) if flooded else nullcontext():
+        for _ in range(count):
+            _drive(commands, simulator)
+            called_s = time.monotonic()
+            answer = estop.call_async(SetBool.Request(data=True))
+            off = stop_host.wait(simulator, lambda state: not state.drive_on)
+            latencies_s.append(off.host_us / 1e6 - called_s)
+            wait(answer.done, "the answer of ~/estop")
+            cleared = estop.call_async(SetBool.Request(data=False))
+            wait(cleared.done, "the end of the e-stop")
+    return latencies_s
+
+
+def _drive(commands: Any, simulator: Simulator) -> None:
+    """Until a motor is driven."""
+
+    def driven() -> bool:
+        commands.publish(Twist(linear=Vector3(x=0.2)))
+        time.sleep(PAUSE_S * (1 + random.random()))
+        return any(state.drive_on for state in simulator.take_states())
+
+    wait(driven, "a motor driven")
 
 
 @dataclass(frozen=True)
