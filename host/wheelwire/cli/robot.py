@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -102,7 +102,7 @@ def drive(
     with address.open(baud) as driver:
         geometry = driver.geometry
         try:
-            end, pose = _drive(driver, asked, seconds)
+            end, pose, late = _drive(driver, asked, seconds)
         except DeviceRefused as error:
             if error.code != RefusalCode.ESTOPPED:
                 raise
@@ -111,8 +111,15 @@ def drive(
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
     if as_json:
-        print_json({**pose._asdict(), **driven._asdict(), "rolled_out_m": rolled_m})
+        result = {**pose._asdict(), **driven._asdict(), "rolled_out_m": rolled_m}
+        print_json({**result, "late_setpoints": late})
         return
+    if late:
+        console.print(
+            f"{late} setpoints had expired when they arrived, and the wheels stopped meanwhile: "
+            "this computer is too busy",
+            soft_wrap=True,
+        )
     if not math.isclose(driven.linear_mps, asked.linear_mps) or not math.isclose(
         driven.angular_radps, asked.angular_radps
     ):
@@ -129,24 +136,43 @@ def drive(
     )
 
 
-def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> tuple[Pose, Pose]:
-    """Drive and stop; returns the pose at the stop and the one at standstill."""
+class _Driven(NamedTuple):
+    """Result of a drive."""
+
+    end: Pose
+    """When the stop was acknowledged."""
+    pose: Pose
+    """At standstill."""
+    late: int
+    """Setpoints that had expired when they arrived."""
+
+
+def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
+    """Drive and stop."""
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
     end = time.monotonic() + seconds
-    driving = False
-    while (left := end - time.monotonic()) > 0:
-        # A short rest of the drive is left to the setpoint before, which lasts to the end as well;
-        # the stop below ends a first one that would last longer.
-        if left >= COMMAND_PERIOD_S or not driving:
-            robot.set_velocity(*twist, ttl=min(TTL_S, max(left, COMMAND_PERIOD_S)))
-            driving = True
+    valid_until = -math.inf
+    late = 0
+    # The last setpoint lasts to the end, so that none has to arrive within the little that is left.
+    while (now := time.monotonic()) < end:
+        if valid_until < end:
+            # The stop below ends a first one that is longer than the drive.
+            ttl = min(TTL_S, max(end - now, COMMAND_PERIOD_S))
+            try:
+                robot.set_velocity(*twist, ttl=ttl)
+            except DeviceRefused as error:
+                if error.code != RefusalCode.EXPIRED:
+                    raise
+                late += 1  # this computer was busy; the wheels have stopped, and go on
+                continue
+            valid_until = end if now + TTL_S >= end else now + ttl
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
     robot.stop()
     stopped = odometry.update(robot.read()).pose
     odometry.update(_standstill(robot))
-    return stopped, odometry.pose
+    return _Driven(stopped, odometry.pose, late)
 
 
 def _without_contact(address: str) -> str:
