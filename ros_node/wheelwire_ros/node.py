@@ -101,15 +101,10 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def open_robot(self) -> OpenRobot:
         """The robot while it is open; else raises `LinkLost` with the reason."""
-        if self._open is None:
+        open_robot = self._open  # another thread may close it
+        if open_robot is None:
             raise LinkLost(f"the robot is not open: {self._closed_because}")
-        return self._open
-
-    @property
-    def estopped(self) -> bool:
-        """Whether this node has set the e-stop, whether a robot is open or not."""
-        open_robot = self._open
-        return self._estopped if open_robot is None else open_robot.connection.estopped
+        return open_robot
 
     def set_estop(self) -> None:
         """Set the e-stop of the robot, or of the one that will be opened.
@@ -122,11 +117,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def clear_estop(self) -> None:
         """Clear the e-stop; raises `WheelwireError` while its cause is present."""
-        if self._open is None:
+        open_robot = self._open
+        if open_robot is None:
             self._estopped = False
         else:
-            self._open.connection.clear_estop()
-            self._estopped = False
+            open_robot.connection.clear_estop()
+            self._estopped = open_robot.connection.estopped  # perhaps it was set again meanwhile
 
     def report(self) -> None:
         """Publish /diagnostics; called every second, and at once when something changes."""
@@ -210,7 +206,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         open_robot, self._open = self._open, None
         self._bridge.connection = None
         if open_robot is not None:
-            self._estopped = open_robot.connection.estopped
+            self._estopped = self._estopped or open_robot.connection.estopped
             open_robot.close()
 
     def _end_autostart(self) -> None:

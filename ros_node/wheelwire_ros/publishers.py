@@ -21,6 +21,7 @@ except ImportError:  # not on PyPI; every ROS installation has it
     TFMessage = None
 
 DEPTH = 10
+BATTERY_PERIOD_NS = 1_000_000_000
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
 
@@ -63,6 +64,7 @@ class MotionPublisher:
             self._publishers.append(self._transform)
         if topics.battery:
             self._battery = create(BatteryState, "battery_state", DEPTH)
+            self._battery_due_ns = 0
             self._publishers.append(self._battery)
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
@@ -76,7 +78,8 @@ class MotionPublisher:
         if self._publishes_transform:
             self._transform.publish(TFMessage(transforms=[conversions.transform_message(odometry)]))
         self._joints.publish(conversions.joint_message(motion, stamp, topics.joints))
-        if topics.battery and motion.battery_v is not None:
+        if topics.battery and motion.battery_v is not None and stamp_ns >= self._battery_due_ns:
+            self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
             self._battery.publish(
                 conversions.battery_message(motion.battery_v, stamp, topics.frames.base)
             )

@@ -136,6 +136,8 @@ class StateReporter:
 
     def update(self) -> None:
         """Publish and log the state, unless it is the one that was told last."""
+        if not self._node.context.ok():  # the node is ending, and nobody can be told
+            return
         with self._lock:  # the newest state is told last
             state, before = self._state(), self._told
             if state == before:

@@ -88,9 +88,13 @@ class NodeThreads:
         self._general.spin()
 
     def close(self) -> None:
-        """End what runs callbacks. Lanes finish what they have begun, and begin nothing new."""
-        for lane in (self.stops, self.requests, self.transitions):
+        """End what runs callbacks, and wait for a transition that is under way.
+
+        The other lanes finish what they have begun; nothing new is begun.
+        """
+        for lane in (self.stops, self.requests):
             lane.shutdown(wait=False, cancel_futures=True)
+        self.transitions.shutdown(wait=True, cancel_futures=True)
         self._urgent.shutdown(0)
         if self._thread.is_alive():
             self._thread.join(JOIN_S)
