@@ -22,13 +22,15 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write the generated files: from the protocol's definitions, and the picture of the package
+gen: $(VENV)/installed  ## Write the generated files: from the protocol's definitions, the picture of the package, the API reference
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw-rooms
+	$(BIN)/python tools/write-api
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
 	$(BIN)/python tools/draw-rooms --check
+	$(BIN)/python tools/write-api --check
 
 format: $(VENV)/installed  ## Format Python and C++
 	$(BIN)/ruff format host protocol ros_node tests bench examples

@@ -12,6 +12,8 @@ import pytest
 import typer
 import yaml
 
+import wheelwire
+import wheelwire.aio
 from wheelwire import config, errors
 from wheelwire.cli.app import app
 from wheelwire.linux_mcu.pins import Pins
@@ -25,6 +27,17 @@ def rows(page: str) -> list[list[str]]:
     lines = [line for line in (DOCS / page).read_text().splitlines() if line.startswith("|")]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return [row for row in cells if not set(row[0]) <= {"-"}]
+
+
+def test_every_public_name_has_its_place_in_the_api_reference() -> None:
+    page = (DOCS / "api.md").read_text()
+    told = set(re.findall(r"^## ([\w.]+)$", page, re.MULTILINE))
+    for name in set(wheelwire.__all__) - {"__version__", "aio"}:
+        is_error = hasattr(errors, name)
+        assert is_error or f"wheelwire.{name}" in told
+    assert {f"wheelwire.aio.{name}" for name in wheelwire.aio.__all__} <= told
+    assert "set_velocity(linear: float, angular: float, ttl: float" in page
+    assert "None\n" not in re.findall(r"^## .*\n\n(.*\n)", page, re.MULTILINE)  # a docstring each
 
 
 def test_every_error_has_its_row_among_the_exit_codes() -> None:
