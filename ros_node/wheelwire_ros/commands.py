@@ -48,12 +48,8 @@ class CommandGate:
     obeyed: int = 0
     ignored: Counter[Ignored] = field(default_factory=Counter)
 
-    def time_to_live(self, born_s: float, now_s: float) -> float:
-        """The remaining life, in seconds, of a command given at `born_s`.
-
-        Raises:
-            CommandIgnored: It is too old.
-        """
+    def check(self, born_s: float, now_s: float) -> None:
+        """Raise `CommandIgnored` if a command given at `born_s` is too old."""
         age_s = now_s - born_s
         if age_s >= self.timeout_s:
             raise CommandIgnored(
@@ -62,7 +58,6 @@ class CommandGate:
             )
         if born_s < self.connected_s:
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
-        return self.timeout_s - age_s
 
     def count(self, ignored: CommandIgnored) -> None:
         """Count a command that was not obeyed."""

@@ -60,7 +60,6 @@ class RobotConnection:
         given: Parameters that the user gave, by name.
         tuning: Limits and calibration.
         on_session: Called by `follow` for each new session, to prepare it further.
-        stop_soon: Calls `stop` without waiting for it, for `command`; by default it is waited for.
     """
 
     def __init__(
@@ -70,7 +69,6 @@ class RobotConnection:
         given: dict[str, float],
         tuning: Tuning,
         on_session: Callable[[], None],
-        stop_soon: Callable[[], object] | None = None,
     ) -> None:
         self.robot = robot
         self.gate = gate
@@ -82,7 +80,6 @@ class RobotConnection:
         self._limiter = SpeedLimiter()
         self._given = given
         self._on_session = on_session
-        self._stop_soon = stop_soon or self.stop
         self._session: int | None = None
         """The session that is prepared."""
         self._active = False
@@ -171,11 +168,15 @@ class RobotConnection:
         drive, now_s = self.drive, time.monotonic()
         limited = self._limiter.limit(twist, self.tuning.limits, now_s)
         wheels = drive.saturate(drive.wheel_velocities(limited))
-        ttl_s = self.gate.time_to_live(born_s, time.monotonic())
-        self.robot.set_wheel_velocity(*wheels, ttl_s)
-        self._cancel_if_over(born_s)
+        self.gate.check(born_s, time.monotonic())
+        try:
+            # By its stamp, the command gains no life if this process is suspended meanwhile.
+            self.robot.set_wheel_velocity(*wheels, self.gate.timeout_s, stamp=born_s)
+        except InvalidCommand:
+            self.gate.check(born_s, time.monotonic())
+            raise
         obeyed = drive.twist(wheels)
-        self._limiter.obeyed(obeyed, now_s, ttl_s)
+        self._limiter.obeyed(obeyed, now_s, born_s + self.gate.timeout_s - now_s)
         return obeyed
 
     def clear_fault(self) -> None:
@@ -246,11 +247,3 @@ class RobotConnection:
         self._estop_unsent = True  # so that `follow` sends it again, even in the same session
         self.robot.estop()
         self._estop_unsent = False
-
-    def _cancel_if_over(self, born_s: float) -> None:
-        """Stop if the command expired while it was sent: this process may have been suspended."""
-        try:
-            self.gate.time_to_live(born_s, time.monotonic())
-        except CommandIgnored:
-            self._stop_soon()
-            raise

@@ -140,7 +140,6 @@ class OpenRobot:
             self._bridge.given,
             robot_settings.tuning(get),
             self._on_session,
-            lambda: self._threads.stops.submit(self._stop),
         )
         self.connection.estopped = estopped
         self.estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
@@ -182,10 +181,6 @@ class OpenRobot:
             self._preparing = False
         if not self._closing:
             self._on_change()
-
-    def _stop(self) -> None:
-        with suppress(WheelwireError):  # the last command ends at its deadline
-            self.connection.stop()
 
     def _on_session(self) -> None:
         """Read the parameters again: a robot that was reset or flashed may have others."""

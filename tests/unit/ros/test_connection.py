@@ -12,6 +12,7 @@ from wheelwire import (
     BaseDriver,
     DeviceRefused,
     DifferentialDrive,
+    InvalidCommand,
     LinkLost,
     ParameterOutOfRange,
     RequestTimeout,
@@ -48,8 +49,10 @@ class RecordingRobot:
         self.values[name] = value
         return value
 
-    def set_wheel_velocity(self, left: float, right: float, ttl: float) -> None:
-        self._tell(("drive", left, right, ttl))
+    def set_wheel_velocity(self, left: float, right: float, ttl: float, *, stamp: float) -> None:
+        if time.monotonic() >= stamp + ttl:
+            raise InvalidCommand("the time to live has run out")
+        self._tell(("drive", left, right, stamp + ttl))
 
     def estop(self) -> None:
         self._tell("estop")
@@ -103,10 +106,11 @@ def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
     connection.gate.connected_s = 0
-    connection.command(Twist(0.2, 1.0), time.monotonic() - 0.2)
-    ((_, left, right, ttl_s),) = robot.told
+    born_s = time.monotonic() - 0.2
+    connection.command(Twist(0.2, 1.0), born_s)
+    ((_, left, right, end_s),) = robot.told
     assert (left, right) == pytest.approx((0.1, 0.3))
-    assert 0.2 < ttl_s <= 0.3
+    assert end_s == born_s + 0.5
     assert connection.gate.obeyed == 1
 
 
@@ -205,11 +209,11 @@ def test_no_command_is_sent_after_the_deactivation(
         connection.active = False
         connection.stop()
 
-    def interrupted(*velocity: float) -> None:
+    def interrupted(*velocity: float, stamp: float) -> None:
         threads.append(threading.Thread(target=deactivate))
         threads[0].start()
         threads[0].join(0.1)  # as far as it gets
-        send(*velocity)
+        send(*velocity, stamp=stamp)
 
     monkeypatch.setattr(robot, "set_wheel_velocity", interrupted)
     connection.command(Twist(0.2, 0), time.monotonic())
@@ -326,17 +330,20 @@ def test_no_parameter_is_set_before_a_new_session_is_prepared(
     assert robot.told[-1] == ("integral_gain", 1.0)
 
 
-def test_a_command_whose_life_ends_while_it_is_handed_over_is_stopped(
+def test_a_command_whose_life_ends_while_it_is_handed_over_is_stale(
     robot: RecordingRobot, connection: RobotConnection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """This process was suspended between two of its lines."""
     now_s = time.monotonic() + 1
     monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    send = robot.set_wheel_velocity
 
-    def frozen(*_: float) -> None:
+    def frozen(*velocity: float, stamp: float) -> None:
         nonlocal now_s
         now_s += 10
+        send(*velocity, stamp=stamp)
 
     monkeypatch.setattr(robot, "set_wheel_velocity", frozen)
     assert ignored(connection, now_s) is Ignored.STALE
-    assert robot.told == ["stop"]
+    assert robot.told == []
     assert connection.gate.obeyed == 0
