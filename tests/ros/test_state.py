@@ -164,8 +164,9 @@ def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Pat
                 assert not answer.success
                 assert "not open" in answer.message
                 waits_s += [get_s, estop_s]
-            # An attempt to connect takes two seconds; what waits for one would show it.
-            assert sorted(waits_s)[len(waits_s) // 2] < 0.2
+            # On a quiet machine milliseconds. What waits for an attempt to connect takes a second
+            # on average, and two at most.
+            assert sorted(waits_s)[len(waits_s) // 2] < 0.5
             device.device.mute = False
             graph.wait_active()
             wait(

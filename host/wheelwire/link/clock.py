@@ -34,7 +34,7 @@ MAX_DRIFT = 500e-6
 """Between any two clocks: two crystals, and NTP, which slews the host's by up to 500 ppm."""
 MAX_SLOPE = 0.1
 """A steeper fit is not drift: the device's clock stood still, or the answers are wrong."""
-WANDER = 2e-6
+DRIFT_CHANGE = 2e-6
 """How far the drift can depart from the fit since the last exchange, due to temperature."""
 RESOLUTION_US = 1.0
 """Timestamps are whole microseconds."""
@@ -46,26 +46,26 @@ def host_clock_us() -> int:
 
 
 class SuspendWatch:
-    """Detects that the computer slept: its monotonic clock stood still, the device's did not."""
+    """Detects that the computer was suspended: its monotonic clock stood still meanwhile."""
 
     STEP_US = 10_000
-    """The two clocks compared run at the same rate, so a step means a sleep."""
+    """The two clocks compared run at the same rate, so a step means a suspension."""
 
     def __init__(self, boot_clock_us: Callable[[], int | None] | None = None) -> None:
         self._boot_clock_us = boot_clock_us or _boot_clock_us
-        self._asleep_us: int | None = None
-        """The longest that the computer can have slept up to the last check."""
-        self.slept(host_clock_us())
+        self._suspended_us: int | None = None
+        """The longest that the computer can have been suspended up to the last check."""
+        self.was_suspended(host_clock_us())
 
-    def slept(self, now_us: int) -> bool:
-        """Whether the computer has slept since the last check. `now_us` was read just before."""
+    def was_suspended(self, now_us: int) -> bool:
+        """Whether it was suspended since the last check. `now_us` was read just before."""
         boot_us = self._boot_clock_us()
         if boot_us is None:
             return False
-        # The thread may be preempted between two readings; that must not look like sleep, so the
-        # difference of the clocks is bounded from both sides. Nearly always one bound is enough.
-        former_us, self._asleep_us = self._asleep_us, boot_us - now_us
-        if former_us is None or self._asleep_us <= former_us + self.STEP_US:
+        # The thread may be preempted between two readings; that must not look like a suspension, so
+        # their difference is bounded from both sides. Nearly always one bound is enough.
+        former_us, self._suspended_us = self._suspended_us, boot_us - now_us
+        if former_us is None or self._suspended_us <= former_us + self.STEP_US:
             return False
         return boot_us - host_clock_us() > former_us + self.STEP_US
 
@@ -202,7 +202,7 @@ class ClockEstimator:
         elif self._has_enough(reading.host_us):
             return
         self._readings.append(reading)
-        lines = [_through_best(self._readings)]
+        lines = [_constant_offset(self._readings)]
         if len(self._readings) >= FIT_FROM:
             fit = _fit(list(self._readings))
             if abs(fit.b) < MAX_SLOPE:
@@ -235,7 +235,7 @@ class ClockEstimator:
         return near + tick_difference(t_us, near)
 
 
-def _through_best(readings: Sequence[_Reading]) -> _Line:
+def _constant_offset(readings: Sequence[_Reading]) -> _Line:
     """A constant offset: through the reading that gives the tightest bound now.
 
     Nothing is assumed about drift but its limit: the bound grows by MAX_DRIFT with age.
@@ -281,7 +281,7 @@ def _fit(readings: Sequence[_Reading]) -> _Line:
         error_us=length / 2 / math.sqrt(n),
         error_slope=length / 2 / math.sqrt(spread),
         last_us=readings[-1].host_us,
-        growth=WANDER,
+        growth=DRIFT_CHANGE,
     )
 
 

@@ -187,7 +187,7 @@ class ServedPort(ABC):
         if events & BROKEN and not data:
             raise transport.lost()
         self._turned_us = now_us = host_clock_us()
-        if self._suspend.slept(now_us):
+        if self._suspend.was_suspended(now_us):
             self._renew(now_us)
         if data:
             self._receive(data, now_us)

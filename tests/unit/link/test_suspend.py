@@ -17,10 +17,10 @@ SLEEP_US = 6_000_000
 def test_a_step_between_the_clocks_is_told_once() -> None:
     asleep_us = 1000
     watch = SuspendWatch(lambda: host_clock_us() + asleep_us)
-    assert not watch.slept(host_clock_us())
+    assert not watch.was_suspended(host_clock_us())
     asleep_us += SLEEP_US
-    assert watch.slept(host_clock_us())
-    assert not watch.slept(host_clock_us())
+    assert watch.was_suspended(host_clock_us())
+    assert not watch.was_suspended(host_clock_us())
 
 
 def test_a_pause_between_two_readings_is_no_sleep() -> None:
@@ -38,13 +38,13 @@ def test_a_pause_between_two_readings_is_no_sleep() -> None:
     for boot_clock in (slow_clock, late_clock):
         watch = SuspendWatch(boot_clock)
         pause_s = 0.05
-        assert not watch.slept(host_clock_us())
+        assert not watch.was_suspended(host_clock_us())
         pause_s = 0.0
-        assert not watch.slept(host_clock_us())
+        assert not watch.was_suspended(host_clock_us())
 
 
 def test_without_such_a_clock_nothing_is_noticed() -> None:
-    assert not SuspendWatch(lambda: None).slept(host_clock_us())
+    assert not SuspendWatch(lambda: None).was_suspended(host_clock_us())
 
 
 def test_after_a_sleep_a_new_session_knows_the_devices_clock(
