@@ -1,0 +1,70 @@
+"""`wheelwire teleop`: drive by keyboard."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import InvalidArgument
+from wheelwire.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
+from wheelwire.teleop.terminal import Terminal
+
+from .address import BaudOption, RobotArgument, YesFlag, resolve
+from .output import console
+
+
+def teleop(
+    robot: RobotArgument = None,
+    speed: Annotated[
+        int,
+        typer.Option(
+            min=1, max=SPEEDS, help="At the start, in tenths of the robot's max_velocity_mps."
+        ),
+    ] = DEFAULT_SPEED,
+    yes: YesFlag = False,
+    baud: BaudOption = None,
+) -> None:
+    """Drive by keyboard: w a s d or the arrow keys, space stops, e latches an e-stop, q quits.
+
+    Hold a key to keep driving. Most terminals do not report a release:
+    a press then drives for 0.7 s, and each repeat of a held key for another 0.2 s.
+    In a terminal with the kitty keyboard protocol a release stops at once.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise InvalidArgument(
+            "teleop takes keys from a terminal and shows the robot there: run it in one, without a "
+            "pipe; `wheelwire drive` needs none"
+        )
+    address = resolve(robot, moves=True, yes=yes)
+    # Warnings of the link would be printed into the line; it shows what they say.
+    logging.getLogger("wheelwire").addHandler(logging.NullHandler())
+    with _ended_by_signals(), address.open(baud) as driver:
+        device = driver.info.device if isinstance(driver, DeviceDriver) else None
+        identity = f" ({device.board.name} {device.board_id})" if device else ""
+        console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
+        with Terminal(sys.stdin.fileno(), sys.stdout.fileno()) as terminal:
+            drive(driver, terminal, speed)
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP leave the block as Ctrl-C does: robot stopped, terminal restored."""
+    signals = (signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, _exit) for number in signals}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _exit(number: int, _frame: FrameType | None) -> None:
+    sys.exit(128 + number)

@@ -1,0 +1,1 @@
+"""Driving by hand: keys to presses, presses to setpoints, a terminal, and the loop."""

@@ -1,0 +1,204 @@
+"""Driving a robot by the keys of a terminal."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from wheelwire_protocol.codes import SupervisorState
+
+from ..drivers.base import BaseDriver
+from ..errors import RequestTimeout, WheelwireError
+from ..motion.kinematics import Twist
+from ..samples import WheelSample
+from .keys import INTERRUPT, SPACE, Action, KeyboardFlags, KeyDecoder, KeyEvent
+from .presses import DIRECTIONS, STILL, Presses
+from .terminal import Terminal
+
+SPEEDS = 10
+"""Steps of the speed; the last one is the robot's limit."""
+DEFAULT_SPEED = 4
+PERIOD_S = 0.05
+TTL_S = 0.3
+"""Of a setpoint, if the press lives as long: a program that hangs or is killed drives no longer."""
+STALE_S = 0.25
+"""Keys that waited about this long, because the program did not run, drive no more."""
+SHOW_PERIOD_S = 0.1
+HELP = """\
+  w a s d or arrows  drive          + - or 1..9, 0  speed
+  space              stop           q or Ctrl-C     quit: stops, too
+  e                  e-stop         c               clear an e-stop or a fault"""
+
+_FASTER, _SLOWER = ("+", "="), ("-", "_")
+
+
+class Teleop:
+    """The meaning of the keys. Times are `time.monotonic()`, or a robot's virtual clock.
+
+    Args:
+        robot: Is stopped by its owner at the end.
+        say: Shows an error or an event.
+        speed: 1 to `SPEEDS`.
+    """
+
+    def __init__(
+        self, robot: BaseDriver, say: Callable[[str], None], speed: int = DEFAULT_SPEED
+    ) -> None:
+        self._robot = robot
+        self._say = say
+        self._presses = Presses()
+        self._complaint = ""
+        self.speed = speed
+        self.done = False
+        """The user wants to quit."""
+
+    @property
+    def velocity(self) -> Twist:
+        """Of the speed that is set: straight ahead, and turning on the spot.
+
+        Turning, each wheel has half the speed that it has straight ahead: a whole one is hard to
+        steer.
+        """
+        geometry = self._robot.geometry
+        linear_mps = geometry.max_velocity_mps * self.speed / SPEEDS
+        return Twist(linear_mps, linear_mps / geometry.wheel_separation)
+
+    def take(self, event: KeyEvent, now: float, *, stale: bool = False) -> None:
+        """Carry out a key. `stale`: it waited, and must not start a motion.
+
+        Raises:
+            KeyboardInterrupt: It was Ctrl-C as a key.
+        """
+        key, action = event
+        try:
+            if key in DIRECTIONS:
+                self._take_direction(event, now, stale=stale)
+            elif action is not Action.RELEASED:
+                self._take_command(key)
+        except WheelwireError as error:
+            self._complain(str(error))
+
+    def command(self, now: float) -> None:
+        """Send the setpoint that the keys ask for; it lives no longer than they do."""
+        motion = self._presses.motion(now)
+        life_s = motion.until - now
+        # A shorter rest is left to the setpoint before, which ends at the same time.
+        if motion is STILL or life_s < PERIOD_S:
+            return
+        try:
+            linear, angular = self.velocity
+            self._robot.set_velocity(
+                motion.forward * linear, motion.left * angular, min(TTL_S, life_s), stamp=now
+            )
+        except WheelwireError as error:
+            self._complain(str(error))
+        else:
+            self._complaint = ""
+
+    def wait_s(self, now: float) -> float:
+        """How long nothing is to be done without a key."""
+        return min(PERIOD_S, self._presses.motion(now).until - now)
+
+    def _complain(self, text: str) -> None:
+        """Let go of all keys; say why once, not at each repeat of a key that is held."""
+        self._presses.clear()
+        if text != self._complaint:
+            self._complaint = text
+            self._say(text)
+
+    def _take_direction(self, event: KeyEvent, now: float, *, stale: bool) -> None:
+        released = event.action is Action.RELEASED
+        if stale and not released:
+            return
+        drove = self._presses.motion(now) is not STILL
+        self._presses.take(event, now)
+        if released and drove and self._presses.motion(now) is STILL:
+            self._robot.stop()
+
+    def _take_command(self, key: str) -> None:
+        self._complaint = ""
+        if key == INTERRUPT:
+            raise KeyboardInterrupt
+        if key == SPACE:
+            self._presses.clear()
+            self._robot.stop()
+        elif key == "e":
+            self._presses.clear()
+            self._robot.estop()
+            self._say("e-stop latched; c clears it")
+        elif key == "c":
+            self._presses.clear()
+            self._clear()
+        elif key == "q":
+            self.done = True
+        elif key in _FASTER:
+            self.speed = min(self.speed + 1, SPEEDS)
+        elif key in _SLOWER:
+            self.speed = max(self.speed - 1, 1)
+        elif key in "0123456789":
+            self.speed = int(key) or SPEEDS
+
+    def _clear(self) -> None:
+        self._robot.read()  # it may be older than the last e-stop
+        state = self._robot.read().state
+        if state is SupervisorState.ESTOPPED:
+            self._robot.clear_estop()
+        elif state is SupervisorState.FAULT:
+            self._robot.clear_fault()
+        else:
+            self._say("nothing is latched")
+            return
+        self._say(f"{state.name} cleared")
+
+
+def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:
+    """Drive by keys until q, or until the terminal is gone. The robot's owner stops it then.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+    """
+    teleop = Teleop(robot, terminal.say, speed)
+    decoder = KeyDecoder()
+    display = _Display(terminal, teleop)
+    seen = time.monotonic()
+    while not teleop.done:
+        data = terminal.read(teleop.wait_s(time.monotonic()))
+        if data is None:
+            return
+        now = time.monotonic()
+        stale, seen = now - seen > STALE_S, now
+        for event in decoder.feed(data):
+            if isinstance(event, KeyboardFlags):
+                terminal.take_flags(event)
+            else:
+                teleop.take(event, time.monotonic(), stale=stale)
+        teleop.command(time.monotonic())
+        display.update(robot, now)
+
+
+class _Display:
+    """The line with the robot's state and speed."""
+
+    def __init__(self, terminal: Terminal, teleop: Teleop) -> None:
+        self._terminal = terminal
+        self._teleop = teleop
+        self._next = 0.0
+
+    def update(self, robot: BaseDriver, now: float) -> None:
+        if now < self._next:
+            return
+        self._next = now + SHOW_PERIOD_S
+        try:
+            self._terminal.show(self._text(robot.read(0)))
+        except RequestTimeout:
+            pass  # no new sample: the line stays
+        except WheelwireError as error:
+            self._terminal.show(str(error))
+
+    def _text(self, sample: WheelSample) -> str:
+        velocity, speed = self._teleop.velocity, self._teleop.speed
+        return (
+            f"{sample.state.name:9}  left {sample.left_mps:+.2f}  right {sample.right_mps:+.2f} m/s"
+            f"  speed {speed}: {velocity.linear_mps:.2f} m/s, "
+            f"{velocity.angular_radps:.1f} rad/s"
+        )

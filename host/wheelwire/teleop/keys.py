@@ -1,0 +1,155 @@
+"""From a terminal's bytes to keys. Sans-IO.
+
+Two encodings arrive: the usual one, which has no releases, and that of the kitty keyboard protocol
+(https://sw.kovidgoyal.net/kitty/keyboard-protocol/), which has them. Sequences may be split
+anywhere. A space is always a key of its own, whatever came before it: it stops the robot.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import NamedTuple, TypeAlias
+
+UP, DOWN, LEFT, RIGHT = "up", "down", "left", "right"
+SPACE = " "
+INTERRUPT = "interrupt"
+"""Ctrl with C, D, Z or backslash."""
+
+MAX_SEQUENCE = 32
+"""Longer ones are dropped: no key has one."""
+
+_ESC = 0x1B
+_SPACE = 0x20
+_DELETE = 0x7F
+_FIRST_FINAL = 0x40
+_ARROWS = {"A": UP, "B": DOWN, "C": RIGHT, "D": LEFT}
+_INTERRUPTING = {0x03, 0x04, 0x1A, 0x1C}
+_CTRL = 4
+_IGNORED_MODIFIERS = 0b111110
+"""Alt, ctrl, super, hyper, meta; neither shift nor caps lock and num lock."""
+
+
+class Action(enum.Enum):
+    """What happened to a key."""
+
+    TYPED = "typed"
+    """Pressed or repeated: the terminal does not say which, and reports no release."""
+    PRESSED = "pressed"
+    REPEATED = "repeated"
+    RELEASED = "released"
+
+
+class KeyEvent(NamedTuple):
+    """A key: a lower-case character, or one of the names above."""
+
+    key: str
+    action: Action
+
+
+class KeyboardFlags(NamedTuple):
+    """The terminal's answer to a query: the enhancements of the kitty protocol that are on."""
+
+    flags: int
+
+
+Event: TypeAlias = KeyEvent | KeyboardFlags
+
+
+class KeyDecoder:
+    """Decodes what a terminal sends, in any portions."""
+
+    def __init__(self) -> None:
+        self._sequence = bytearray()
+        """From ESC on, as far as it has come."""
+
+    def feed(self, data: bytes) -> list[Event]:
+        """Take bytes; returns the keys that they complete."""
+        events: list[Event] = []
+        for byte in data:
+            event = self._step(byte)
+            if event:
+                events.append(event)
+        return events
+
+    def _step(self, byte: int) -> Event | None:
+        sequence = self._sequence
+        if byte == _ESC:  # also ends an unfinished sequence
+            sequence[:] = bytes([byte])
+            return None
+        if not sequence:
+            return _plain(byte)
+        if byte <= _SPACE or byte >= _DELETE:
+            sequence.clear()
+            return _plain(byte)
+        sequence.append(byte)
+        if not _is_complete(sequence):
+            return None
+        text = sequence[1:].decode("ascii")
+        sequence.clear()
+        if text[0] == "O":
+            return _typed(_ARROWS.get(text[1]))
+        # Anything else than CSI is a key after the escape key, or with alt.
+        return _control_sequence(text[1:]) if text[0] == "[" else _plain(byte)
+
+
+def _is_complete(sequence: bytearray) -> bool:
+    """Whether the sequence ends with its last byte, which is a printing character."""
+    if len(sequence) == 2:
+        return sequence[1:2] != b"[" and sequence[1:2] != b"O"
+    if sequence[1:] == b"[[":  # a function key of the Linux console has one character more
+        return False
+    return (
+        sequence[1:3] == b"[["
+        or sequence[1:2] == b"O"
+        or sequence[-1] >= _FIRST_FINAL
+        or len(sequence) >= MAX_SEQUENCE
+    )
+
+
+def _plain(byte: int) -> KeyEvent | None:
+    if byte in _INTERRUPTING:
+        return KeyEvent(INTERRUPT, Action.TYPED)
+    return _typed(chr(byte).lower()) if _SPACE <= byte < _DELETE else None
+
+
+def _typed(key: str | None) -> KeyEvent | None:
+    return KeyEvent(key, Action.TYPED) if key else None
+
+
+def _control_sequence(text: str) -> Event | None:
+    """What follows CSI: parameters and a final character."""
+    parameters, final = text[:-1], text[-1]
+    try:
+        if parameters.startswith("?"):
+            return KeyboardFlags(int(parameters[1:])) if final == "u" else None
+        if final not in _ARROWS and final != "u":
+            return None
+        # CODE[:...] ; MODIFIERS[:ACTION] [; ...], each of which may be left out
+        fields = [field.split(":") for field in parameters.split(";")]
+        code = int(fields[0][0] or 1)
+        state = fields[1] if len(fields) > 1 else [""]
+        modifiers = int(state[0] or 1) - 1
+        action = int(state[1] or 1) if len(state) > 1 else None
+    except ValueError:
+        return None
+    if code > _DELETE:
+        return None
+    if final == "u":
+        if action is None:
+            action = 1  # this encoding says so only of repeats and releases
+        if modifiers & _CTRL and chr(code) in "cdz\\":
+            return KeyEvent(INTERRUPT, _action(action))
+        key = chr(code).lower() if _SPACE <= code < _DELETE else None
+    else:
+        key = _ARROWS[final]
+    if key is None or (
+        modifiers & _IGNORED_MODIFIERS and key != SPACE and _action(action) is not Action.RELEASED
+    ):
+        return None
+    return KeyEvent(key, _action(action))
+
+
+def _action(code: int | None) -> Action:
+    if code is None:
+        return Action.TYPED
+    return {2: Action.REPEATED, 3: Action.RELEASED}.get(code, Action.PRESSED)

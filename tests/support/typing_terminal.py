@@ -1,0 +1,139 @@
+"""A command in a terminal of its own, at whose keyboard a test sits."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import termios
+import threading
+import time
+from collections.abc import Mapping
+from types import TracebackType
+
+from .command import PROGRAM, TIMEOUT_S
+from .waiting import PERIOD_S
+
+REPEAT_S = 1 / 30
+"""Of a held key."""
+
+
+def _in_a_session_of_its_own() -> None:
+    """For `preexec_fn`: stdin becomes the controlling terminal, whose Ctrl-C is a signal."""
+    os.setsid()
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
+class TypingTerminal:
+    """Runs `wheelwire` with `arguments` during a `with` block; killed at its end.
+
+    Args:
+        arguments: Of the command.
+        kitty: The terminal has the kitty keyboard protocol; its flags are in `flags`.
+        environment: Added to this process's.
+    """
+
+    def __init__(
+        self,
+        *arguments: str,
+        kitty: bool = False,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._kitty = kitty
+        self.flags = [0]
+        """The stack of the protocol."""
+        self.output = b""
+        self._master, self._slave = os.openpty()
+        self.before = self.attributes()
+        self.process = subprocess.Popen(
+            [*PROGRAM, *arguments],
+            stdin=self._slave,
+            stdout=self._slave,
+            stderr=self._slave,
+            env={**os.environ, "COLUMNS": "100", "TERM": "xterm", **(environment or {})},
+            preexec_fn=_in_a_session_of_its_own,
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def attributes(self) -> list[object]:
+        """The terminal's settings."""
+        return list(termios.tcgetattr(self._slave))
+
+    def press(self, keys: bytes) -> None:
+        os.write(self._master, keys)
+
+    def hold(self, key: bytes, seconds: float) -> None:
+        """Hold a key as a keyboard does: pressed, and repeated after half a second."""
+        end = time.monotonic() + seconds
+        self.press(key)
+        time.sleep(min(0.5, seconds))
+        while time.monotonic() < end:
+            self.press(key)
+            time.sleep(REPEAT_S)
+
+    def wait_for(self, text: str, count: int = 1) -> None:
+        """Wait until the command has printed `text`, `count` times."""
+
+        end = time.monotonic() + TIMEOUT_S
+        while self.output.count(text.encode()) < count:
+            assert time.monotonic() < end, self.output
+            assert self.process.poll() is None, self.output
+            time.sleep(PERIOD_S)
+
+    def wait(self) -> int:
+        """Wait until the command ends; returns its exit code."""
+        return self.process.wait(TIMEOUT_S)
+
+    def hang_up(self) -> None:
+        """Close the terminal's window."""
+        os.close(self._slave)
+        self._slave = -1
+        self._reader_ends()
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        if self._slave >= 0:
+            os.close(self._slave)
+        self._reader_ends()
+
+    def _reader_ends(self) -> None:
+        if self._master >= 0:
+            master, self._master = self._master, -1
+            os.close(master)
+
+    def _read(self) -> None:
+        master = self._master
+        try:
+            while data := os.read(master, 4096):
+                self.output += data
+                if self._kitty:
+                    self._answer(master, data)
+        except OSError:
+            return
+
+    def _answer(self, master: int, data: bytes) -> None:
+        for sequence in re.findall(rb"\x1b\[([?<>]\d*)u", data):
+            kind, flags = sequence[:1], int(sequence[1:] or 0)
+            if kind == b">":
+                self.flags.append(flags)
+            elif kind == b"<":
+                self.flags.pop()
+            else:
+                os.write(master, b"\x1b[?%du" % self.flags[-1])
+
+    def __enter__(self) -> TypingTerminal:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
