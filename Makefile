@@ -22,10 +22,12 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write the generated files: from the protocol's definitions, the picture of the package, the API reference
+gen: $(VENV)/installed  ## Write the generated files: of the protocol, the picture of the package, API reference, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw-rooms
 	$(BIN)/python tools/write-api
+	@$(MAKE) --no-print-directory sim
+	$(BIN)/python tools/write-simulator-page
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check

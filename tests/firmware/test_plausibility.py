@@ -15,7 +15,7 @@ SIDES = ("left", "right")
 @pytest.mark.parametrize("target", [0.1, -0.1, 0.2])
 @pytest.mark.parametrize(
     "failure",
-    [{"encoder_lost": 0.9}, {"encoder_lost": 0.99}, {"encoder_stuck": 1}, {"encoder_stuck": 2}],
+    [{"encoder_lost": 0.9}, {"encoder_lost": 0.99}, {"stuck_channel": 1}, {"stuck_channel": 2}],
     ids=str,
 )
 def test_a_failing_encoder_trips_within_a_second_and_30_cm(

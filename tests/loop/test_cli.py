@@ -406,6 +406,33 @@ def test_sim_on_a_line_that_cannot_be(tmp_path: Path) -> None:
     assert "0 to 1" in line
 
 
+def test_sim_takes_a_plant_and_what_is_set_beside_it(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("variables: {wheels_free: 1, mass_kg: 2, motors_swapped: 1}")
+    asked = "".join(f"get {name}\n" for name in ("mass_kg", "wheels_free", "motors_swapped"))
+    options = ["--json", "--link", str(tmp_path / "robot"), "--plant", str(mine)]
+    result = subprocess.run(
+        [*PROGRAM, "sim", *options, "--", "--set=mass_kg=3"],
+        input=f"{asked}quit\n",
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=True,
+    )
+    answers = [json.loads(line) for line in result.stdout.splitlines()[1:]]
+    assert [answer.get("value") for answer in answers[:3]] == [3.0, 1.0, 1.0]
+
+
+def test_sim_of_a_plant_that_is_none(tmp_path: Path) -> None:
+    line = check_error(run("sim", "--plant", "nothing"), errors.ConfigurationError)
+    assert "jgb37-520" in line
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("variables: {colour: 1}")
+    result = run("sim", "--link", str(tmp_path / "robot"), "--plant", str(mine))
+    assert result.returncode != 0
+    assert "colour" in result.stderr
+
+
 # --- the demonstration -------------------------------------------------------------------------
 
 

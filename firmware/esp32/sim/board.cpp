@@ -12,15 +12,18 @@ constexpr auto kPhysicsStep = static_cast<Nanoseconds>(kMaxPhysicsStep / kNanose
 
 }  // namespace
 
-uint16_t Battery::millivolts() { return static_cast<uint16_t>(std::lround(volts * 1e3)); }
+uint16_t Battery::millivolts() {
+  return static_cast<uint16_t>(std::lround(std::max(0.0, volts - sag_v) * 1e3));
+}
 
-ChipState::ChipState(const std::array<Quadrature, 2>& encoders)
-    : counters{PulseCounter(encoders[kLeft].a(), encoders[kLeft].b()),
-               PulseCounter(encoders[kRight].a(), encoders[kRight].b())} {}
+ChipState::ChipState(const std::array<Quadrature, 2>& encoders, const EncoderWiring& wiring)
+    : counters{PulseCounter(encoders[wiring.a_of(kLeft)].a(), encoders[wiring.b_of(kLeft)].b()),
+               PulseCounter(encoders[wiring.a_of(kRight)].a(), encoders[wiring.b_of(kRight)].b())} {
+}
 
 SimulatedBoard::SimulatedBoard(uint64_t seed)
     : encoders{Quadrature(mix(seed)), Quadrature(mix(seed + 1))} {
-  chip_.emplace(encoders);
+  chip_.emplace(encoders, wiring);
 }
 
 void SimulatedBoard::run_until(Nanoseconds end, bool listening) {
@@ -29,17 +32,29 @@ void SimulatedBoard::run_until(Nanoseconds end, bool listening) {
   while (now_ < end) {
     const Nanoseconds step = std::min(kPhysicsStep, end - now_);
     plant.step(static_cast<double>(step) * kNanosecond, applied);
-    for (const Side side : kSides) {
-      encoders[side].turn(plant.turned_rad(side), counts_per_revolution,
-                          [&](bool a, bool b) { chip_->counters[side].set_levels(a, b); });
-    }
+    for (const Side side : kSides) turn_encoder(side);
     now_ += step;
+    if (is_browned_out()) break;
   }
+  battery.sag_v = plant.sag_v();
   line.carry(static_cast<double>(now_ - start) * kNanosecond, listening);
 }
 
+void SimulatedBoard::turn_encoder(Side side) {
+  encoders[side].turn(plant.turned_rad(side), counts_per_revolution, [&](bool a, bool b) {
+    if (wiring.is_right()) {
+      chip_->counters[side].set_levels(a, b);
+      return;
+    }
+    for (const Side counter : kSides) {
+      chip_->counters[counter].set_levels(encoders[wiring.a_of(counter)].a(),
+                                          encoders[wiring.b_of(counter)].b());
+    }
+  });
+}
+
 void SimulatedBoard::reset() {
-  chip_.emplace(encoders);
+  chip_.emplace(encoders, wiring);
   line.reset();
   clock.reset(now_);
 }

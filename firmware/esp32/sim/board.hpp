@@ -25,13 +25,28 @@ class EstopContact final : public EstopInput {
 
 class Battery final : public BatterySense {
  public:
-  double volts = 7.4;
+  double volts = 7.4;  ///< Without a load; 0: not measured.
+  double sag_v = 0.0;  ///< Less by this.
   uint16_t millivolts() override;
+};
+
+/// Which encoder's wires lead to each counter of the chip.
+struct EncoderWiring {
+  bool swapped = false;  ///< Each counter has the other wheel's encoder.
+  int both_on = 0;       ///< Both counters have one encoder: 1 the left one, 2 the right one.
+  bool mixed = false;    ///< Each counter has A of one encoder and B of the other.
+
+  bool is_right() const { return !swapped && both_on == 0 && !mixed; }
+  Side a_of(Side counter) const {
+    if (both_on != 0) return both_on == 1 ? kLeft : kRight;
+    return swapped ? other(counter) : counter;
+  }
+  Side b_of(Side counter) const { return mixed ? other(a_of(counter)) : a_of(counter); }
 };
 
 /// What a reset of the chip loses: pin levels and counters.
 struct ChipState {
-  explicit ChipState(const std::array<Quadrature, 2>& encoders);
+  ChipState(const std::array<Quadrature, 2>& encoders, const EncoderWiring& wiring);
   ChipState(const ChipState&) = delete;
   ChipState& operator=(const ChipState&) = delete;
 
@@ -49,7 +64,9 @@ class SimulatedBoard final : public EncoderPort {
 
   Plant plant;
   std::array<Quadrature, 2> encoders;
+  EncoderWiring wiring;
   int counts_per_revolution = 360;
+  double brownout_v = 0.0;  ///< The chip needs a supply of at least this.
   Line line;
   Store store;
   EstopContact estop;
@@ -59,7 +76,8 @@ class SimulatedBoard final : public EncoderPort {
   Nanoseconds now() const { return now_; }
   uint64_t device_us() const { return clock.microseconds(now_); }
 
-  /// Advances physics and line to `end`. A device that is not `listening` loses what it is sent.
+  /// Advances physics and line to `end`, or to a brownout. A device that is not `listening` loses
+  /// what it is sent.
   void run_until(Nanoseconds end, bool listening);
   /// Outputs off, counters and clock from 0, the line's buffers lost. The store is kept.
   void reset();
@@ -68,8 +86,11 @@ class SimulatedBoard final : public EncoderPort {
   Hal hal();
   std::array<BridgePins, 2> pins() const;
   bool drives() const;
+  bool is_browned_out() const { return plant.supply_v() < brownout_v; }
 
  private:
+  void turn_encoder(Side side);
+
   std::optional<ChipState> chip_;
   Nanoseconds now_ = 0;
 };

@@ -1,13 +1,16 @@
 // A DC gear motor with its wheel. All constants are on the wheel's side of the gearbox.
 #pragma once
 
+#include <cmath>
+
 #include "bridge.hpp"
 
 namespace wheelwire::sim {
 
-/// The figures of a motor's data sheet, at the nominal supply behind the bridge.
+/// The figures of a motor's data sheet.
 struct MotorRating {
-  double supply_v = 7.4;  ///< At which the other three hold.
+  double supply_v = 7.4;      ///< At which the other three hold.
+  bool at_terminals = false;  ///< They are the motor's alone; false: behind the bridge.
   double no_load_rpm = 200.0;
   double stall_current_a = 1.0;
   double stall_torque_nm = 0.09;  ///< At the wheel, so the gearbox's losses are in it.
@@ -18,8 +21,15 @@ struct Friction {
   double static_nm = 0.009;  ///< To break away; fades to coulomb_nm as the wheel turns.
   double viscous_nms = 1e-4;
 
+  /// Where static friction has faded halfway [rad/s].
+  static constexpr double kStribeckSpeed = 0.3;
+
   /// Against the motion, at `speed` [rad/s].
-  double torque(double speed) const;
+  double torque(double speed) const {
+    const double ratio = speed / kStribeckSpeed;
+    const double dry = coulomb_nm + std::max(0.0, static_nm - coulomb_nm) / (1.0 + ratio * ratio);
+    return dry + viscous_nms * std::abs(speed);
+  }
 };
 
 struct MotorConstants {
@@ -28,7 +38,7 @@ struct MotorConstants {
   double emf_vs;  ///< [V s/rad]
 };
 
-/// With V = supply - drop_v and the drop's slope r:
+/// With V = supply - drop_v and the drop's slope r, both 0 for a rating at the motor's terminals:
 ///   R  = V / stall current - r;
 ///   kt = stall torque / stall current;
 ///   ke = (V - (R + r) i0) / w0, where i0 = friction(w0) / kt is the no-load current.
@@ -49,7 +59,20 @@ struct WheelMotion {
 
 /// One explicit Euler step of `dt` seconds. Static friction holds a standing wheel at exactly zero,
 /// and a wheel whose speed changes sign stops at zero first, so friction never chatters.
-WheelMotion step_wheel(const WheelMotion& wheel, double dt, double inertia, double current_a,
-                       double torque_nm_per_a, const Friction& friction, const WheelLoad& load);
+inline WheelMotion step_wheel(const WheelMotion& wheel, double dt, double inertia, double current_a,
+                              double torque_nm_per_a, const Friction& friction,
+                              const WheelLoad& load) {
+  if (load.blocked) return {.speed = 0.0, .current_a = current_a};
+  const double torque = torque_nm_per_a * current_a - load.torque_nm;
+  double speed = wheel.speed;
+  if (speed == 0.0) {
+    if (std::abs(torque) <= friction.static_nm) return {.speed = 0.0, .current_a = current_a};
+    speed = dt / inertia * (torque - std::copysign(friction.static_nm, torque));
+  } else {
+    speed += dt / inertia * (torque - std::copysign(friction.torque(speed), speed));
+    if (speed * wheel.speed < 0.0) speed = 0.0;
+  }
+  return {.speed = speed, .current_a = current_a};
+}
 
 }  // namespace wheelwire::sim

@@ -8,55 +8,148 @@ namespace wheelwire::sim {
 namespace {
 
 constexpr double kGravity = 9.80665;  // [m/s^2]
-
-/// Seen at each wheel [kg m^2]. Each carries half of the robot; they are not coupled, as in a robot
-/// whose radius of gyration is half its wheel separation.
-double wheel_inertia(const PlantModel& model) {
-  const double radius = model.wheel_radius_m;
-  return model.mass_kg / 2.0 * radius * radius + model.rotor_inertia_kgm2;
-}
+constexpr double kMostSlip = 0.9;
 
 }  // namespace
 
+/// Each wheel carries half of the robot; they are not coupled, as in a robot whose radius of
+/// gyration is half its wheel separation.
+Plant::WheelConstants Plant::constants_of(const PlantModel& model, Side side) {
+  const WheelModel& wheel = model.wheels[side];
+  const double radius = model.wheel_radius_m * wheel.radius_scale;
+  const double share_kg = model.wheels_free ? 0.0 : model.mass_kg / 2.0;
+  const double body_inertia = share_kg * radius * radius;
+  MotorConstants motor = derive(model.motor, model.bridge, model.friction);
+  motor.winding_ohm *= wheel.winding_scale;
+  motor.torque_nm_per_a *= wheel.torque_scale;
+  motor.emf_vs /= wheel.motor_scale;
+  return {
+      .radius_m = radius,
+      .body_inertia = body_inertia,
+      .inertia = body_inertia + model.rotor_inertia_kgm2,
+      .slope_torque = share_kg * kGravity * std::sin(model.slope_rad) * radius,
+      .slip_per_nm = model.wheels_free ? 0.0 : model.slip / (share_kg * kGravity * radius),
+      .motor = motor,
+      .friction = {.coulomb_nm = model.friction.coulomb_nm * wheel.coulomb_scale,
+                   .static_nm = model.friction.static_nm * wheel.static_scale,
+                   .viscous_nms = model.friction.viscous_nms * wheel.viscous_scale},
+  };
+}
+
 bool is_physical(const PlantModel& model) {
-  const MotorConstants motor = derive(model.motor, model.bridge, model.friction);
-  if (!(motor.winding_ohm > 0.0 && motor.emf_vs > 0.0)) return false;
-  double least_scale = 1.0;
-  for (const WheelModel& wheel : model.wheels) {
-    least_scale = std::min(least_scale, wheel.motor_scale);
-  }
-  const double damping = motor.torque_nm_per_a * motor.emf_vs / least_scale / motor.winding_ohm +
-                         model.friction.viscous_nms;
-  return damping / wheel_inertia(model) * kMaxPhysicsStep < 0.5;
+  return std::all_of(kSides.begin(), kSides.end(), [&](Side side) {
+    const Plant::WheelConstants wheel = Plant::constants_of(model, side);
+    const MotorConstants& motor = wheel.motor;
+    if (!(motor.winding_ohm > 0.0 && motor.emf_vs > 0.0)) return false;
+    const double damping =
+        motor.torque_nm_per_a * motor.emf_vs / motor.winding_ohm + wheel.friction.viscous_nms;
+    const bool plays = model.wheels[side].backlash_rad > 0.0;
+    const double inertia = plays ? model.rotor_inertia_kgm2 : wheel.inertia;
+    return damping * kMaxPhysicsStep < 0.5 * inertia;
+  });
 }
 
 void Plant::configure(const PlantModel& model) {
   model_ = model;
-  motor_ = derive(model.motor, model.bridge, model.friction);
-  inertia_ = wheel_inertia(model);
-  slope_torque_ = model.mass_kg / 2.0 * kGravity * std::sin(model.slope_rad) * model.wheel_radius_m;
+  bridge_ = model.bridge;
+  for (const Side side : kSides) {
+    constants_[side] = constants_of(model, side);
+    if (model.wheels[side].backlash_rad == 0.0) gears_[side].in_play = false;
+    slip_[side] = 0.0;
+  }
 }
 
 void Plant::step(double dt, const std::array<BridgePins, 2>& pins) {
-  const double slope = slope_torque_ == 0.0 ? 0.0 : slope_torque_ * std::cos(pose_.heading_rad);
+  const double uphill = model_.slope_rad == 0.0 ? 0.0 : std::cos(pose_.heading_rad);
+  if (model_.supply_ohm != 0.0) step_supply(pins);
+  for (const Side side : kSides) step_side(side, dt, pins_of(side, pins), uphill);
+  if (!model_.wheels_free) step_pose();
+}
+
+/// The voltage moves towards what the last step's current leaves of it, by the share that is
+/// stable at any resistance: the current grows with the voltage by 1 / winding_ohm at most.
+void Plant::step_supply(const std::array<BridgePins, 2>& pins) {
+  double drawn_a = 0.0;
+  double conductance = 0.0;
   for (const Side side : kSides) {
-    const WheelModel& model = model_.wheels[side];
-    const double polarity = model.motor_reversed ? -1.0 : 1.0;
-    const double emf = motor_.emf_vs / model.motor_scale * wheels_[side].speed;
-    const double current =
-        model_.bridge.current(pins[side], polarity * emf, motor_.winding_ohm) * polarity;
-    wheels_[side] =
-        step_wheel(wheels_[side], dt, inertia_, current, motor_.torque_nm_per_a, model_.friction,
-                   {.torque_nm = model.load_nm + slope, .blocked = model.blocked});
-    turned_[side] = wheels_[side].speed * dt;
+    const BridgePins& pin = pins_of(side, pins);
+    // The supply feeds the motor in the PWM's on time; in the rest its current circulates.
+    const double share = bridge_.chopped ? 1.0 : pin.enable;
+    const bool reversed = model_.wheels[side].motor_reversed != pin.in2;
+    const double current_a = wheels_[side].current_a * (reversed ? -1.0 : 1.0);
+    if (pin.drives()) drawn_a += share * std::max(0.0, current_a);
+    conductance += 1.0 / constants_[side].motor.winding_ohm;
   }
-  step_pose();
+  const double target = std::max(0.0, model_.bridge.supply_v - model_.supply_ohm * drawn_a);
+  bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
+}
+
+void Plant::step_side(Side side, double dt, const BridgePins& pins, double uphill) {
+  const WheelModel& model = model_.wheels[side];
+  const WheelConstants& constants = constants_[side];
+  const WheelMotion before = wheels_[side];
+  Gear& gear = gears_[side];
+  const double polarity = model.motor_reversed ? -1.0 : 1.0;
+  const double emf = constants.motor.emf_vs * before.speed;
+  double current = bridge_.current(pins, polarity * emf, constants.motor.winding_ohm) * polarity;
+  if (model.motor_open) current = 0.0;
+  if (hand_rad_[side] != 0.0 && !model.blocked) {
+    turn_by_hand_for(side, dt, current);
+  } else {
+    const double load = gear.in_play ? 0.0 : model.load_nm + constants.slope_torque * uphill;
+    wheels_[side] =
+        step_wheel(before, dt, gear.in_play ? model_.rotor_inertia_kgm2 : constants.inertia,
+                   current, constants.motor.torque_nm_per_a, constants.friction,
+                   {.torque_nm = load, .blocked = model.blocked});
+    gear.turned_rad = wheels_[side].speed * dt;
+    if (constants.slip_per_nm != 0.0 && !gear.in_play) {
+      const double acceleration = (wheels_[side].speed - before.speed) / dt;
+      step_slip(side, load + constants.body_inertia * acceleration);
+    }
+  }
+  gear.rolled_rad = gear.turned_rad;
+  if (model.backlash_rad != 0.0) engage(side);
+  gear.wheel_rad += gear.rolled_rad;
+}
+
+/// `push_nm` is what the floor receives of the wheel's torque, forward positive.
+void Plant::step_slip(Side side, double push_nm) {
+  const double lost = constants_[side].slip_per_nm * std::abs(push_nm);
+  slip_[side] = std::min(std::copysign(lost, push_nm * wheels_[side].speed), kMostSlip);
+  slip_[side] = std::max(slip_[side], -kMostSlip);
+}
+
+void Plant::turn_by_hand_for(Side side, double dt, double current_a) {
+  const double left = hand_rad_[side];
+  const double angle = std::copysign(std::min(std::abs(left), kHandSpeed * dt), left);
+  hand_rad_[side] -= angle;
+  // It lets go of a standing wheel.
+  wheels_[side] = {.speed = hand_rad_[side] == 0.0 ? 0.0 : angle / dt, .current_a = current_a};
+  gears_[side].turned_rad = angle;
+  slip_[side] = 0.0;
+}
+
+/// The wheel stays where it is while the motor's side crosses the play, which it does where its
+/// direction changes. Play that opens under a moving robot is not modelled.
+void Plant::engage(Side side) {
+  Gear& gear = gears_[side];
+  const double half = model_.wheels[side].backlash_rad / 2.0;
+  const double unlimited = gear.slack_rad + gear.turned_rad;
+  gear.slack_rad = std::clamp(unlimited, -half, half);
+  gear.rolled_rad = unlimited - gear.slack_rad;
+  const bool was_in_play = gear.in_play;
+  gear.in_play = gear.rolled_rad == 0.0 && gear.turned_rad != 0.0;
+  if (was_in_play && gear.rolled_rad != 0.0) {
+    // The gears meet without a bounce: the momentum of the rotor moves the wheel, too.
+    wheels_[side].speed *= model_.rotor_inertia_kgm2 / constants_[side].inertia;
+  }
 }
 
 /// Exact arc of the two rolled lengths, the chord taken along the mean heading.
 void Plant::step_pose() {
-  const double left = turned_[kLeft] * model_.wheel_radius_m;
-  const double right = turned_[kRight] * model_.wheel_radius_m;
+  const double left = gears_[kLeft].rolled_rad * constants_[kLeft].radius_m * (1.0 - slip_[kLeft]);
+  const double right =
+      gears_[kRight].rolled_rad * constants_[kRight].radius_m * (1.0 - slip_[kRight]);
   if (left == 0.0 && right == 0.0) return;
   const double length = (left + right) / 2.0;
   const double half_turn = (right - left) / model_.wheel_separation_m / 2.0;
@@ -70,9 +163,13 @@ void Plant::step_pose() {
 }
 
 double Plant::kinetic_energy_j() const {
-  const double left = wheels_[kLeft].speed;
-  const double right = wheels_[kRight].speed;
-  return inertia_ / 2.0 * (left * left + right * right);
+  double energy = 0.0;
+  for (const Side side : kSides) {
+    const double inertia =
+        gears_[side].in_play ? model_.rotor_inertia_kgm2 : constants_[side].inertia;
+    energy += inertia / 2.0 * wheels_[side].speed * wheels_[side].speed;
+  }
+  return energy;
 }
 
 }  // namespace wheelwire::sim

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <numbers>
 
 #include "motor.hpp"
 
@@ -9,12 +10,22 @@ namespace wheelwire::sim {
 
 enum Side : unsigned { kLeft = 0, kRight = 1 };
 constexpr std::array<Side, 2> kSides = {kLeft, kRight};
+constexpr Side other(Side side) { return side == kLeft ? kRight : kLeft; }
 
 /// One wheel's deviations from the common model.
 struct WheelModel {
-  double motor_scale = 1.0;     ///< No-load speed, relative to the rating.
+  double motor_scale = 1.0;    ///< No-load speed, relative to the rating.
+  double torque_scale = 1.0;   ///< Torque per ampere.
+  double winding_scale = 1.0;  ///< The winding's resistance.
+  double coulomb_scale = 1.0;
+  double static_scale = 1.0;
+  double viscous_scale = 1.0;
+  double radius_scale = 1.0;
   bool motor_reversed = false;  ///< Wires swapped.
-  double load_nm = 0.0;         ///< Against forward.
+  bool motor_open = false;      ///< No current flows: a wire is off.
+  /// Play of the gearbox. The encoder is on the motor's side of it.
+  double backlash_rad = 0.0;
+  double load_nm = 0.0;  ///< Against forward.
   bool blocked = false;
 };
 
@@ -22,8 +33,14 @@ struct PlantModel {
   double wheel_radius_m = 0.033;
   double wheel_separation_m = 0.20;
   double mass_kg = 0.8;
-  double rotor_inertia_kgm2 = 5e-5;  ///< Of one motor, seen at the wheel.
+  double rotor_inertia_kgm2 = 5e-5;  ///< Of one motor with its wheel, seen at the wheel.
   double slope_rad = 0.0;            ///< The plane rises along the world's +x.
+  /// Of the travel, lost when a wheel pushes with its share of the robot's weight; in proportion to
+  /// the push below that.
+  double slip = 0.0;
+  double supply_ohm = 0.0;   ///< Of battery and leads: the supply sags under the motors' current.
+  bool wheels_free = false;  ///< Raised: nothing of the robot moves but the wheels.
+  bool motors_swapped = false;  ///< Each bridge drives the other wheel's motor.
   MotorRating motor;
   Friction friction;
   BridgeModel bridge;
@@ -42,6 +59,9 @@ struct Pose {
 /// Longest step of Plant::step [s].
 constexpr double kMaxPhysicsStep = 100e-6;
 
+/// How fast a hand turns a wheel [rad/s]: once a second.
+constexpr double kHandSpeed = 2.0 * std::numbers::pi;
+
 class Plant {
  public:
   explicit Plant(const PlantModel& model = {}) { configure(model); }
@@ -53,23 +73,70 @@ class Plant {
   /// Advances by `dt` seconds, at most kMaxPhysicsStep.
   void step(double dt, const std::array<BridgePins, 2>& pins);
 
+  /// A hand turns the wheel by this angle from here, forward positive, and then lets go; 0 lets go
+  /// at once. A blocked wheel cannot be turned.
+  void turn_by_hand(Side side, double angle_rad) { hand_rad_[side] = angle_rad; }
+  /// Still to be turned by hand.
+  double hand_rad(Side side) const { return hand_rad_[side]; }
+
   const Pose& pose() const { return pose_; }
   double distance_m() const { return distance_m_; }  ///< Length of the centre's path.
-  double speed_mps(Side side) const { return wheels_[side].speed * model_.wheel_radius_m; }
+  /// At the rim, relative to the robot.
+  double speed_mps(Side side) const {
+    return gears_[side].in_play ? 0.0 : wheels_[side].speed * constants_[side].radius_m;
+  }
   double current_a(Side side) const { return wheels_[side].current_a; }
-  double turned_rad(Side side) const { return turned_[side]; }  ///< By the last step.
+  /// By the last step, on the motor's side of the play.
+  double turned_rad(Side side) const { return gears_[side].turned_rad; }
+  double wheel_rad(Side side) const { return gears_[side].wheel_rad; }  ///< Since the start.
+  double slip(Side side) const { return slip_[side]; }  ///< Share of the travel that is lost.
+  double supply_v() const { return bridge_.supply_v; }  ///< As it sags.
+  double sag_v() const { return model_.bridge.supply_v - bridge_.supply_v; }
   double kinetic_energy_j() const;
   bool stands_still() const { return wheels_[kLeft].speed == 0.0 && wheels_[kRight].speed == 0.0; }
 
  private:
+  /// What follows from the model for one wheel.
+  struct WheelConstants {
+    double radius_m;
+    double body_inertia;  ///< Its share of the robot, if it is on the floor [kg m^2].
+    double inertia;       ///< With its motor.
+    double slope_torque;  ///< When heading straight up [N m].
+    double slip_per_nm;
+    MotorConstants motor;
+    Friction friction;
+  };
+
+  /// Between motor and wheel.
+  struct Gear {
+    double slack_rad =
+        0.0;  ///< Of the motor's side against the wheel, from the middle of the play.
+    double turned_rad = 0.0;  ///< By the motor's side, in the last step.
+    double rolled_rad = 0.0;  ///< By the wheel, in the last step.
+    double wheel_rad = 0.0;   ///< By the wheel, since the start.
+    bool in_play = false;     ///< Motor and wheel do not touch.
+  };
+
+  static WheelConstants constants_of(const PlantModel& model, Side side);
+  friend bool is_physical(const PlantModel& model);
+
+  const BridgePins& pins_of(Side side, const std::array<BridgePins, 2>& pins) const {
+    return pins[model_.motors_swapped ? other(side) : side];
+  }
+  void step_supply(const std::array<BridgePins, 2>& pins);
+  void step_side(Side side, double dt, const BridgePins& pins, double uphill);
+  void step_slip(Side side, double push_nm);
+  void turn_by_hand_for(Side side, double dt, double current_a);
+  void engage(Side side);
   void step_pose();
 
   PlantModel model_;
-  MotorConstants motor_{};
-  double inertia_ = 0.0;       ///< Seen at each wheel [kg m^2].
-  double slope_torque_ = 0.0;  ///< At each wheel when heading straight up [N m].
+  BridgeModel bridge_;  ///< The model's, with the supply as it sags.
+  std::array<WheelConstants, 2> constants_{};
   std::array<WheelMotion, 2> wheels_{};
-  std::array<double, 2> turned_{};
+  std::array<Gear, 2> gears_{};
+  std::array<double, 2> hand_rad_{};
+  std::array<double, 2> slip_{};
   Pose pose_;
   double distance_m_ = 0.0;
 };

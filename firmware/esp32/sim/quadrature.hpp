@@ -13,7 +13,9 @@ struct EncoderModel {
   bool dead = false;      ///< The levels are stuck.
   bool reversed = false;  ///< A and B swapped.
   int stuck = 0;          ///< Which level never changes: 1 that of A, 2 that of B.
-  double lost = 0.0;      ///< Fraction of the edges that are lost, at random.
+  /// No edge comes for a twelfth of each turn; those of that part come together at its end.
+  bool magnet_missing = false;
+  double lost = 0.0;  ///< Fraction of the edges that are lost, at random.
   /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
   /// order of the edges is kept.
   double edge_error_ticks = 0.0;
@@ -43,9 +45,12 @@ class Quadrature {
   /// Where the edge below interval `index` lies [tick].
   double edge(int64_t index, int counts_per_revolution) const {
     const double nominal = static_cast<double>(index);
-    if (model.edge_error_ticks == 0.0) return nominal;
+    if (model.edge_error_ticks == 0.0 && !model.magnet_missing) return nominal;
     const int64_t turn = index % counts_per_revolution;
     const int64_t mark = turn < 0 ? turn + counts_per_revolution : turn;
+    const int64_t gap = model.magnet_missing ? counts_per_revolution / kMagnets : 0;
+    // Half a tick before the next edge, so that this one cannot be ahead by its error.
+    if (mark < gap) return nominal + static_cast<double>(gap - mark) - 0.5;
     return nominal + model.edge_error_ticks * symmetric(mix(seed_ ^ static_cast<uint64_t>(mark)));
   }
 
@@ -70,6 +75,7 @@ class Quadrature {
 
   static constexpr int kStuckA = 1;
   static constexpr int kStuckB = 2;
+  static constexpr int kMagnets = 12;
 
   uint64_t seed_;
   uint64_t edges_ = 0;     ///< Edges so far, lost or not.

@@ -40,15 +40,14 @@ void Simulator::advance(Nanoseconds duration) {
   const Nanoseconds end = board.now() + duration;
   for (;;) {
     const Nanoseconds step = next_step();
+    if (!run_until(std::min(step, end))) continue;
     if (step > end) break;
-    run_until(step);
     if (device_) {
       control_step();
     } else {
       boot();
     }
   }
-  run_until(end);
 }
 
 Nanoseconds Simulator::next_step() const {
@@ -62,10 +61,20 @@ Nanoseconds Simulator::next_event() const {
   return std::min(next_step(), board.now() + line_ns);
 }
 
-void Simulator::run_until(Nanoseconds end) {
-  if (end <= board.now()) return;
+bool Simulator::run_until(Nanoseconds end) {
+  if (end <= board.now()) return true;
   board.run_until(end, device_.has_value());
+  const bool browned_out = board.is_browned_out();
+  if (browned_out) brown_out();
   observe();
+  return !browned_out;
+}
+
+/// The chip is held in reset as long as the supply is too low.
+void Simulator::brown_out() {
+  if (device_) reset(ResetReason::kBrownout);
+  identity_.reset_reason = ResetReason::kBrownout;
+  board.clock.reset(board.now());
 }
 
 void Simulator::boot() {

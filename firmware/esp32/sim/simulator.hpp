@@ -60,7 +60,9 @@ class Simulator {
  private:
   /// The next control step, or the end of the boot.
   Nanoseconds next_step() const;
-  void run_until(Nanoseconds end);
+  /// False if a brownout has reset the device before `end`.
+  bool run_until(Nanoseconds end);
+  void brown_out();
   void boot();
   void control_step();
   void observe();

@@ -1,12 +1,15 @@
 #include "variables.hpp"
 
 #include <cmath>
+#include <numbers>
 #include <type_traits>
 #include <unordered_map>
 
 namespace wheelwire::sim {
 
 namespace {
+
+constexpr double kTurn = 2.0 * std::numbers::pi;
 
 /// The description of a variable, before it is bound to what it reads and sets.
 Variable real(std::string name, const char* unit, double minimum, double maximum, std::string doc) {
@@ -29,6 +32,11 @@ Variable whole(std::string name, const char* unit, double minimum, double maximu
 
 Variable toggle(std::string name, std::string doc) {
   return whole(std::move(name), "0 or 1", 0, 1, std::move(doc));
+}
+
+/// Relative to the model of both wheels.
+Variable scale(std::string name, double minimum, double maximum, std::string doc) {
+  return real(std::move(name), "", minimum, maximum, std::move(doc));
 }
 
 Variable reading(std::string name, const char* unit, std::string doc,
@@ -80,6 +88,13 @@ void add_world(std::vector<Variable>& table) {
                {
                    with_model<[](auto& m) -> auto& { return m.bridge.supply_v; }>(
                        real("supply_v", "V", 0, 60, "Motor supply, before the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.supply_ohm; }>(
+                       real("supply_ohm", "Ohm", 0, 20,
+                            "Of battery and leads: the supply sags, and with it what the battery "
+                            "input senses.")),
+                   with_field<[](auto& s) -> auto& { return s.board.brownout_v; }>(
+                       real("brownout_v", "V", 0, 60,
+                            "A supply below this resets the chip, and holds it in reset.")),
                    with_model<[](auto& m) -> auto& { return m.bridge.drop_v; }>(
                        real("bridge.drop_v", "V", 0, 5, "The L298N's drop at no current.")),
                    with_model<[](auto& m) -> auto& { return m.bridge.drop_ohm; }>(real(
@@ -90,10 +105,14 @@ void add_world(std::vector<Variable>& table) {
                               "frequency.")),
                    with_model<[](auto& m) -> auto& { return m.motor.supply_v; }>(real(
                        "motor.supply_v", "V", 1, 60, "Supply at which the motor's ratings hold.")),
-                   with_model<[](auto& m) -> auto& { return m.motor.no_load_rpm; }>(real(
-                       "motor.no_load_rpm", "1/min", 10, 2000, "Of the wheel, behind the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.at_terminals; }>(
+                       toggle("motor.at_terminals",
+                              "The ratings are the motor's alone, as in a data sheet, not those "
+                              "behind the bridge.")),
+                   with_model<[](auto& m) -> auto& { return m.motor.no_load_rpm; }>(
+                       real("motor.no_load_rpm", "1/min", 10, 2000, "Of the wheel.")),
                    with_model<[](auto& m) -> auto& { return m.motor.stall_current_a; }>(
-                       real("motor.stall_current_a", "A", 0.1, 50, "Behind the bridge.")),
+                       real("motor.stall_current_a", "A", 0.1, 50, "At motor.supply_v.")),
                    with_model<[](auto& m) -> auto& { return m.motor.stall_torque_nm; }>(
                        real("motor.stall_torque_nm", "N m", 0.005, 10, "At the wheel.")),
                    with_model<[](auto& m) -> auto& { return m.friction.coulomb_nm; }>(real(
@@ -104,15 +123,50 @@ void add_world(std::vector<Variable>& table) {
                        real("friction.viscous_nms", "N m s/rad", 0, 0.1, "Grows with the speed.")),
                    with_model<[](auto& m) -> auto& { return m.mass_kg; }>(
                        real("mass_kg", "kg", 0.05, 100, "Of the robot.")),
-                   with_model<[](auto& m) -> auto& { return m.rotor_inertia_kgm2; }>(real(
-                       "rotor_inertia_kgm2", "kg m^2", 0, 1, "Of one motor, seen at the wheel.")),
+                   with_model<[](auto& m) -> auto& { return m.rotor_inertia_kgm2; }>(
+                       real("rotor_inertia_kgm2", "kg m^2", 0, 1,
+                            "Of one motor with its wheel, seen at the wheel.")),
                    with_model<[](auto& m) -> auto& { return m.wheel_radius_m; }>(
-                       real("wheel_radius_m", "m", 0.005, 1, "")),
+                       real("wheel_radius_m", "m", 0.005, 1, "Of both wheels.")),
                    with_model<[](auto& m) -> auto& { return m.wheel_separation_m; }>(
-                       real("wheel_separation_m", "m", 0.02, 5, "")),
+                       real("wheel_separation_m", "m", 0.02, 5, "Between the wheels' middles.")),
                    with_model<[](auto& m) -> auto& { return m.slope_rad; }>(
                        real("slope_rad", "rad", -1, 1, "The plane rises along +x.")),
+                   with_model<[](auto& m) -> auto& { return m.slip; }>(
+                       real("slip", "", 0, 1,
+                            "The share of the travel that is lost when a wheel pushes with its "
+                            "share of the robot's weight; less in proportion below.")),
+                   with_model<[](auto& m) -> auto& { return m.wheels_free; }>(
+                       toggle("wheels_free",
+                              "The robot is raised: its wheels turn with their own inertia and "
+                              "friction, and it stays where it is.")),
+                   with_model<[](auto& m) -> auto& { return m.motors_swapped; }>(toggle(
+                       "motors_swapped",
+                       "The left bridge drives the right motor, and the right one the left.")),
+                   with_field<[](auto& s) -> auto& { return s.board.wiring.swapped; }>(toggle(
+                       "encoders_swapped",
+                       "The left counter has the right encoder, and the right one the left.")),
+                   with_field<[](auto& s) -> auto& { return s.board.wiring.both_on; }>(whole(
+                       "encoders_same", "", 0, 2,
+                       "Both counters have the same encoder: 1 the left one, 2 the right one; "
+                       "0: each has its own.")),
+                   with_field<[](auto& s) -> auto& { return s.board.wiring.mixed; }>(toggle(
+                       "channels_mixed", "Each counter has A of one encoder and B of the other.")),
                });
+}
+
+template <Side kSide>
+Variable by_hand(const std::string& side) {
+  Variable variable =
+      real(side + ".hand_turns", "turn", -1000, 1000,
+           "Turned by hand, forward positive, once a second, and then let go; reads "
+           "as what is left.");
+  variable.get = [](const Simulator& s) { return s.board.plant.hand_rad(kSide) / kTurn; };
+  variable.set = [](Simulator& s, double turns) {
+    s.board.plant.turn_by_hand(kSide, turns * kTurn);
+    return true;
+  };
+  return variable;
 }
 
 template <Side kSide>
@@ -121,9 +175,27 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
       table.end(),
       {
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_scale; }>(
-              real(side + ".motor_scale", "", 0.2, 3, "No-load speed, relative to the rating.")),
+              scale(side + ".motor_scale", 0.2, 3, "No-load speed, relative to the rating.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].torque_scale; }>(
+              scale(side + ".torque_scale", 0.05, 3, "Torque per ampere, relative to the rating.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].winding_scale; }>(
+              scale(side + ".winding_scale", 0.2, 20,
+                    "The winding's resistance, relative to the rating.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].coulomb_scale; }>(
+              scale(side + ".coulomb_scale", 0, 20, "Relative to friction.coulomb_nm.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].static_scale; }>(
+              scale(side + ".static_scale", 0, 20, "Relative to friction.static_nm.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].viscous_scale; }>(
+              scale(side + ".viscous_scale", 0, 20, "Relative to friction.viscous_nms.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].radius_scale; }>(
+              scale(side + ".radius_scale", 0.5, 2, "Relative to wheel_radius_m.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].backlash_rad; }>(
+              real(side + ".backlash_rad", "rad", 0, 1,
+                   "Play of the gearbox, at the wheel; the encoder is on the motor's side.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_reversed; }>(
               toggle(side + ".motor_reversed", "The motor's wires are swapped.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].motor_open; }>(
+              toggle(side + ".motor_open", "A wire of the motor is off: no current flows.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].load_nm; }>(
               real(side + ".load_nm", "N m", -10, 10, "Acts against forward motion.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].blocked; }>(
@@ -133,21 +205,32 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.reversed; }>(
               toggle(side + ".encoder_reversed", "A and B are swapped.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.stuck; }>(
-              whole(side + ".encoder_stuck", "", 0, 2,
+              whole(side + ".stuck_channel", "", 0, 2,
                     "The channel whose level never changes: 1 for A, 2 for B; 0: neither.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.magnet_missing; }>(
+              toggle(
+                  side + ".magnet_missing",
+                  "No edge comes for a twelfth of each turn; those of that part come together at "
+                  "its end.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.lost; }>(
               real(side + ".encoder_lost", "", 0, 1, "The share of the edges that is lost.")),
           with_field<[](auto& s) -> auto& {
             return s.board.encoders[kSide].model.edge_error_ticks;
           }>(real(side + ".encoder_error_ticks", "tick", 0, 0.45,
                   "Each edge is off by up to this, the same at every turn.")),
-          reading(side + ".duty", "", "On the bridge, forward positive; 0 when not driving.",
+          by_hand<kSide>(side),
+          reading(side + ".duty", "", "On the side's bridge, forward positive; 0 when not driving.",
                   [](const Simulator& s) { return s.board.pins()[kSide].signed_duty(); }),
           reading(side + ".current_a", "A", "Through the winding.",
                   [](const Simulator& s) { return s.board.plant.current_a(kSide); }),
+          reading("true." + side + "_turns", "turn", "By the wheel, behind its gearbox's play.",
+                  [](const Simulator& s) { return s.board.plant.wheel_rad(kSide) / kTurn; }),
+          reading("true." + side + "_slip", "", "The share of the travel that is lost.",
+                  [](const Simulator& s) { return s.board.plant.slip(kSide); }),
           reading("true." + side + "_mps", "m/s", "Speed at the rim.",
                   [](const Simulator& s) { return s.board.plant.speed_mps(kSide); }),
-          reading("true." + side + "_ticks", "tick", "What an ideal encoder would have counted.",
+          reading("true." + side + "_ticks", "tick",
+                  "What an ideal encoder at its place would have counted.",
                   [](const Simulator& s) {
                     return static_cast<double>(s.board.encoders[kSide].ticks());
                   }),
@@ -155,25 +238,27 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
 }
 
 void add_device(std::vector<Variable>& table) {
-  table.insert(table.end(),
-               {
-                   with_field<[](auto& s) -> auto& { return s.board.counts_per_revolution; }>(
-                       whole("counts_per_revolution", "tick", 4, 200'000, "Of the encoders, x4.")),
-                   with_field<[](auto& s) -> auto& { return s.board.estop.open; }>(
-                       toggle("estop_open", "The normally-closed e-stop contact is open.")),
-                   with_field<[](auto& s) -> auto& { return s.board.battery.volts; }>(real(
-                       "battery_v", "V", 0, 60, "What the battery input senses; 0: not measured.")),
-                   with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
-                       toggle("store_failing", "The parameter store cannot be written.")),
-                   with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
-                       whole("store_unreadable", "", 0, 0xFFFF,
-                             "Why the saved parameters cannot be read, as the fault flag of that "
-                             "name; checked when the firmware starts, cleared by erasing.")),
-                   with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(whole(
-                       "boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
-                   with_field<[](auto& s) -> auto& { return s.boot_text; }>(
-                       toggle("boot_text", "The ROM prints at each reset, at 115200 baud.")),
-               });
+  table.insert(
+      table.end(),
+      {
+          with_field<[](auto& s) -> auto& { return s.board.counts_per_revolution; }>(
+              whole("counts_per_revolution", "tick", 4, 200'000, "Of the encoders, x4.")),
+          with_field<[](auto& s) -> auto& { return s.board.estop.open; }>(
+              toggle("estop_open", "The normally-closed e-stop contact is open.")),
+          with_field<[](auto& s) -> auto& { return s.board.battery.volts; }>(
+              real("battery_v", "V", 0, 60,
+                   "What the battery input senses, less what the supply sags; 0: not measured.")),
+          with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
+              toggle("store_failing", "The parameter store cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
+              whole("store_unreadable", "", 0, 0xFFFF,
+                    "Why the saved parameters cannot be read, as the fault flag of that "
+                    "name; checked when the firmware starts, cleared by erasing.")),
+          with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(
+              whole("boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
+          with_field<[](auto& s) -> auto& { return s.boot_text; }>(
+              toggle("boot_text", "The ROM prints at each reset, at 115200 baud.")),
+      });
   Variable clock = real("clock_ppm", "ppm", -10'000, 10'000, "How fast the device's clock runs.");
   clock.get = [](const Simulator& s) { return s.board.clock.ppm(); };
   clock.set = [](Simulator& s, double value) {
@@ -215,19 +300,23 @@ void add_readings(std::vector<Variable>& table) {
   table.insert(
       table.end(),
       {
-          reading("true.x_m", "m", "", [](const Simulator& s) { return s.board.plant.pose().x_m; }),
-          reading("true.y_m", "m", "", [](const Simulator& s) { return s.board.plant.pose().y_m; }),
+          reading("true.x_m", "m", "Of the middle between the wheels.",
+                  [](const Simulator& s) { return s.board.plant.pose().x_m; }),
+          reading("true.y_m", "m", "The same.",
+                  [](const Simulator& s) { return s.board.plant.pose().y_m; }),
           reading("true.heading_rad", "rad", "Counter-clockwise positive, not wrapped.",
                   [](const Simulator& s) { return s.board.plant.pose().heading_rad; }),
           reading("true.distance_m", "m", "Length of the centre's path.",
                   [](const Simulator& s) { return s.board.plant.distance_m(); }),
-          reading("true.kinetic_energy_j", "J", "",
+          reading("true.kinetic_energy_j", "J", "Of robot and wheels.",
                   [](const Simulator& s) { return s.board.plant.kinetic_energy_j(); }),
+          reading("true.supply_v", "V", "The motor supply, as it sags.",
+                  [](const Simulator& s) { return s.board.plant.supply_v(); }),
           reading("t_us", "us", "Simulated time.",
                   [](const Simulator& s) { return static_cast<double>(s.board.now()) * 1e-3; }),
           reading("device_us", "us", "The device's clock, from its reset.",
                   [](const Simulator& s) { return static_cast<double>(s.board.device_us()); }),
-          reading("boot_id", "", "",
+          reading("boot_id", "", "Drawn at each reset.",
                   [](const Simulator& s) { return static_cast<double>(s.boot_id()); }),
           reading("state", "", "The supervisor's, as on the wire.",
                   [](const Simulator& s) { return static_cast<double>(s.state()); }),

@@ -15,6 +15,7 @@ from wheelwire.errors import OutputFailed
 from wheelwire.link.port_list import list_serial_ports
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import LineProfile, load_profile
+from wheelwire.simulation.plant import load_plant
 from wheelwire.simulation.simulator import find_simulator
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
@@ -28,6 +29,10 @@ def sim(
         str | None,
         typer.Option(help="Simulate a bad serial line: a built-in profile's name or a YAML file."),
     ] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(help="Simulate these motors: a built-in plant's name or a YAML file."),
+    ] = None,
     arguments: Annotated[
         list[str] | None,
         typer.Argument(help="For wheelwire-fwsim: see `wheelwire sim -- --help`."),
@@ -35,14 +40,21 @@ def sim(
     as_json: JsonFlag = False,
 ) -> None:
     """Run a simulated robot with the firmware's real core until Ctrl-C."""
+    arguments = [*_plant_settings(plant), *(arguments or [])]
     if faults is not None:
-        _sim_on_a_bad_line(link, load_profile(faults), arguments or [], as_json=as_json)
+        _sim_on_a_bad_line(link, load_profile(faults), arguments, as_json=as_json)
         return
     program = str(find_simulator())
     announce = [] if as_json else ["--announce", _announcement(link)]
     # exec, not a child: any signal that ends this command then ends the simulator, which removes
     # its port.
-    os.execv(program, [program, "--link", str(link), *announce, *(arguments or [])])  # noqa: S606
+    os.execv(program, [program, "--link", str(link), *announce, *arguments])  # noqa: S606
+
+
+def _plant_settings(plant: str | None) -> list[str]:
+    if plant is None:
+        return []
+    return [f"--set={name}={value!r}" for name, value in load_plant(plant).settings.items()]
 
 
 def _announcement(port: str | Path) -> str:

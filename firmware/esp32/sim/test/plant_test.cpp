@@ -1,0 +1,98 @@
+#include "plant.hpp"
+
+#include <cmath>
+
+#include "check.hpp"
+
+using namespace wheelwire::sim;
+
+namespace {
+
+constexpr BridgePins kForward = {.in1 = true, .enable = 1.0};
+constexpr BridgePins kBackward = {.in2 = true, .enable = 0.5};
+
+void run(Plant& plant, double seconds, const std::array<BridgePins, 2>& pins) {
+  const int steps = static_cast<int>(std::lround(seconds / kMaxPhysicsStep));
+  for (int i = 0; i < steps; ++i) plant.step(kMaxPhysicsStep, pins);
+}
+
+}  // namespace
+
+TEST(supply_settles_at_any_resistance) {
+  for (const double ohm : {0.01, 0.5, 3.0, 20.0}) {
+    for (const bool chopped : {false, true}) {
+      PlantModel model;
+      model.supply_ohm = ohm;
+      model.bridge.chopped = chopped;
+      for (WheelModel& wheel : model.wheels) wheel.blocked = true;
+      model.wheels[kRight].motor_reversed = true;
+      Plant plant(model);
+      run(plant, 0.1, {kForward, kBackward});
+      const double before = plant.supply_v();
+      plant.step(kMaxPhysicsStep, {kForward, kBackward});
+      CHECK(std::abs(plant.supply_v() - before) < 1e-9);
+      const double drawn =
+          plant.current_a(kLeft) + plant.current_a(kRight) * (chopped ? 1.0 : kBackward.enable);
+      CHECK(std::abs(plant.supply_v() - (7.4 - ohm * drawn)) < 1e-6);
+      CHECK(plant.supply_v() > 0.0 && plant.sag_v() > 0.0);
+      run(plant, 0.1, {});
+      CHECK(plant.sag_v() < 1e-6);
+    }
+  }
+}
+
+TEST(scales_of_one_wheel_leave_the_other_alone) {
+  Plant plain;
+  PlantModel model;
+  model.wheels[kLeft] = {.torque_scale = 0.5,
+                         .winding_scale = 2.0,
+                         .coulomb_scale = 2.0,
+                         .static_scale = 2.0,
+                         .viscous_scale = 2.0,
+                         .radius_scale = 1.2};
+  Plant scaled(model);
+  run(plain, 0.5, {kForward, kForward});
+  run(scaled, 0.5, {kForward, kForward});
+  CHECK(plain.wheel_rad(kRight) == scaled.wheel_rad(kRight));
+  CHECK(plain.current_a(kRight) == scaled.current_a(kRight));
+  CHECK(scaled.wheel_rad(kLeft) < 0.5 * plain.wheel_rad(kLeft));
+}
+
+TEST(momentum_is_kept_when_the_gears_meet) {
+  PlantModel model;
+  model.wheels[kLeft].backlash_rad = 0.2;
+  Plant plant(model);
+  double before = 0.0;
+  while (plant.wheel_rad(kLeft) == 0.0) {
+    before = plant.turned_rad(kLeft) / kMaxPhysicsStep;
+    plant.step(kMaxPhysicsStep, {kForward, {}});
+  }
+  const double inertia = model.mass_kg / 2.0 * 0.033 * 0.033 + model.rotor_inertia_kgm2;
+  const double after = plant.speed_mps(kLeft) / 0.033;
+  CHECK(std::abs(after * inertia / (before * model.rotor_inertia_kgm2) - 1.0) < 0.1);
+}
+
+TEST(a_model_that_the_step_cannot_follow_is_refused) {
+  PlantModel model;
+  CHECK(is_physical(model));
+  model.rotor_inertia_kgm2 = 0.0;
+  CHECK(is_physical(model));
+  model.wheels[kRight].backlash_rad = 0.1;
+  CHECK(!is_physical(model));
+  model.wheels[kRight].backlash_rad = 0.0;
+  model.wheels_free = true;
+  CHECK(!is_physical(model));
+}
+
+TEST(a_hand_turns_exactly_and_lets_go) {
+  PlantModel model;
+  model.wheels_free = true;
+  Plant plant(model);
+  plant.turn_by_hand(kRight, -1.5 * kHandSpeed);
+  run(plant, 1.0, {});
+  CHECK(std::abs(plant.hand_rad(kRight) + 0.5 * kHandSpeed) < 1e-6);
+  run(plant, 0.6, {});
+  CHECK(plant.hand_rad(kRight) == 0.0 && plant.stands_still());
+  CHECK(std::abs(plant.wheel_rad(kRight) + 1.5 * kHandSpeed) < 1e-9);
+  CHECK(plant.distance_m() == 0.0);
+}

@@ -1,0 +1,106 @@
+"""A plant as data: the variables of a simulated robot, in a YAML file.
+
+title: My robot         # in a line
+variables:              # names and units as in docs/simulator.md, set in this order
+  mass_kg: 1.5
+  motor.supply_v: {value: 12, source: "data sheet XY, page 2"}
+  slope_rad: {value: 0.02, assumed: the workshop's floor}
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from wheelwire.errors import ConfigurationError
+
+SHIPPED = Path(__file__).parent / "plants"
+_FIELDS = {"value", "source", "assumed"}
+
+
+@dataclass(frozen=True)
+class PlantValue:
+    """The value of one variable.
+
+    Attributes:
+        value: In the variable's unit.
+        source: Where it is from, or why it is assumed; empty in a file that does not say.
+        assumed: No source says so.
+    """
+
+    value: float
+    source: str = ""
+    assumed: bool = False
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A robot to simulate.
+
+    Attributes:
+        title: What it is, in a line.
+        values: By the variable's name, in the order in which they are set.
+    """
+
+    title: str
+    values: Mapping[str, PlantValue]
+
+    @property
+    def settings(self) -> dict[str, float]:
+        """The values alone, as `Simulator(settings=...)` takes them."""
+        return {name: value.value for name, value in self.values.items()}
+
+
+def shipped_plants() -> list[str]:
+    """The names of the built-in plants."""
+    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+
+
+def load_plant(name: str | Path) -> Plant:
+    """Read a plant from a file, or a built-in one by its name.
+
+    Raises:
+        ConfigurationError: The file does not exist or is invalid.
+    """
+    import yaml
+
+    path = SHIPPED / f"{name}.yaml" if str(name) in shipped_plants() else Path(name)
+    try:
+        return parse_plant(yaml.safe_load(path.read_text("utf-8")))
+    except OSError as error:
+        known = ", ".join(shipped_plants())
+        raise ConfigurationError(
+            f"no plant {name}: {error.strerror}; the built-in plants are {known}"
+        ) from error
+    except (UnicodeDecodeError, yaml.YAMLError, ConfigurationError) as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+
+
+def parse_plant(content: object) -> Plant:
+    """Build a plant from the content of a file. The simulator checks names and bounds.
+
+    Raises:
+        ConfigurationError: The content is invalid.
+    """
+    if not isinstance(content, dict) or not set(content) <= {"title", "variables"}:
+        raise ConfigurationError("a plant has `title` and `variables`, nothing else")
+    variables = content.get("variables", {})
+    if not isinstance(variables, dict):
+        raise ConfigurationError("variables must be names with values, as in `mass_kg: 1.5`")
+    return Plant(
+        str(content.get("title", "")),
+        {str(name): _parse_value(str(name), value) for name, value in variables.items()},
+    )
+
+
+def _parse_value(name: str, entry: object) -> PlantValue:
+    fields = entry if isinstance(entry, dict) else {"value": entry}
+    value = fields.get("value")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ConfigurationError(f"{name} must be a number, or have one as its `value`")
+    if not set(fields) <= _FIELDS or {"source", "assumed"} <= set(fields):
+        raise ConfigurationError(f"{name} takes `value` and either `source` or `assumed`")
+    source = str(fields.get("source", fields.get("assumed", "")))
+    return PlantValue(float(value), source, "assumed" in fields)
