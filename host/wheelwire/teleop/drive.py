@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
-from ..errors import RequestTimeout, WheelwireError
+from ..errors import DeviceRefused, RequestTimeout, WheelwireError
 from ..motion.kinematics import Twist
 from ..samples import WheelSample
 from .keys import INTERRUPT, SPACE, Action, KeyboardFlags, KeyDecoder, KeyEvent
-from .presses import DIRECTIONS, STILL, Presses
+from .presses import DIRECTIONS, STILL, Motion, Presses
 from .terminal import Terminal
 
 SPEEDS = 10
@@ -32,6 +33,15 @@ HELP = """\
 _FASTER, _SLOWER = ("+", "="), ("-", "_")
 
 
+class _Sent(NamedTuple):
+    """A setpoint: directions, speed, and when it ends."""
+
+    forward: int
+    left: int
+    speed: int
+    until: float
+
+
 class Teleop:
     """The meaning of the keys. Times are `time.monotonic()`, or a robot's virtual clock.
 
@@ -48,6 +58,8 @@ class Teleop:
         self._say = say
         self._presses = Presses()
         self._complaint = ""
+        self._sent: _Sent | None = None
+        """The newest setpoint that the robot may still obey."""
         self.speed = speed
         self.done = False
         """The user wants to quit."""
@@ -82,18 +94,32 @@ class Teleop:
         """Send the setpoint that the keys ask for; it lives no longer than they do."""
         motion = self._presses.motion(now)
         life_s = motion.until - now
-        # A shorter rest is left to the setpoint before, which ends at the same time.
+        until = motion.until if life_s <= TTL_S else now + TTL_S
+        sent = _Sent(motion.forward, motion.left, self.speed, until)
+        # The last setpoint lasts to the end of the press, so that none has to arrive within the
+        # little that is left.
+        if self._sent and self._sent[:-1] == sent[:-1] and self._sent.until >= motion.until:
+            return
         if motion is STILL or life_s < PERIOD_S:
             return
         try:
-            linear, angular = self.velocity
-            self._robot.set_velocity(
-                motion.forward * linear, motion.left * angular, min(TTL_S, life_s), stamp=now
-            )
+            self._send(motion, min(TTL_S, life_s), now)
         except WheelwireError as error:
             self._complain(str(error))
         else:
             self._complaint = ""
+            self._sent = sent
+
+    def _send(self, motion: Motion, ttl_s: float, now: float) -> None:
+        linear, angular = self.velocity
+        asked = motion.forward * linear, motion.left * angular
+        try:
+            self._robot.set_velocity(*asked, ttl_s, stamp=now)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.EXPIRED:
+                raise
+            # One before came too late: this computer or the line was busy. This one may be in time.
+            self._robot.set_velocity(*asked, ttl_s, stamp=now)
 
     def wait_s(self, now: float) -> float:
         """How long nothing is to be done without a key."""
@@ -101,7 +127,7 @@ class Teleop:
 
     def _complain(self, text: str) -> None:
         """Let go of all keys; say why once, not at each repeat of a key that is held."""
-        self._presses.clear()
+        self._let_go()
         if text != self._complaint:
             self._complaint = text
             self._say(text)
@@ -113,21 +139,26 @@ class Teleop:
         drove = self._presses.motion(now) is not STILL
         self._presses.take(event, now)
         if released and drove and self._presses.motion(now) is STILL:
+            self._sent = None
             self._robot.stop()
+
+    def _let_go(self) -> None:
+        self._presses.clear()
+        self._sent = None
 
     def _take_command(self, key: str) -> None:
         self._complaint = ""
         if key == INTERRUPT:
             raise KeyboardInterrupt
         if key == SPACE:
-            self._presses.clear()
+            self._let_go()
             self._robot.stop()
         elif key == "e":
-            self._presses.clear()
+            self._let_go()
             self._robot.estop()
             self._say("e-stop latched; c clears it")
         elif key == "c":
-            self._presses.clear()
+            self._let_go()
             self._clear()
         elif key == "q":
             self.done = True

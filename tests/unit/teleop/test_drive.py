@@ -14,7 +14,7 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.teleop.drive import DEFAULT_SPEED, PERIOD_S, SPEEDS, TTL_S
 from wheelwire.teleop.keys import INTERRUPT, SPACE, Action
 from wheelwire.teleop.presses import FIRST_LIFE_S
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 TYPED, PRESSED, REPEATED, RELEASED = (
     Action.TYPED,
@@ -54,6 +54,59 @@ def test_without_the_loop_a_setpoint_ends_sooner(hand: Hand) -> None:
     hand.key("w")
     hand.robot.advance(TTL_S + 0.01)
     assert hand.true("drive_on") == 0
+
+
+@pytest.fixture
+def lives(hand: Hand, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The times to live of all setpoints."""
+    found: list[float] = []
+    send = hand.robot.set_velocity
+
+    def noted(linear: float, angular: float, ttl: float, *, stamp: float) -> None:
+        found.append(ttl)
+        send(linear, angular, ttl, stamp=stamp)
+
+    monkeypatch.setattr(hand.robot, "set_velocity", noted)
+    return found
+
+
+def test_the_last_setpoint_lasts_to_the_end_of_the_press(hand: Hand, lives: list[float]) -> None:
+    """One that is sent shortly before would come too late on a slow line."""
+    hand.key("w")
+    hand.wait(1.0)
+    assert lives[:-1] == pytest.approx([TTL_S] * (len(lives) - 1))
+    assert TTL_S - PERIOD_S - 0.01 < lives[-1] <= TTL_S
+    hand.key("w")
+    hand.wait(0.1)
+    assert lives[-1] == TTL_S  # a new press
+
+
+def test_a_new_direction_or_speed_is_sent_at_once(hand: Hand, lives: list[float]) -> None:
+    hand.key("w")
+    hand.wait(0.55)
+    before = len(lives)
+    hand.key("5")
+    assert len(lives) == before + 1
+    hand.key("s")
+    assert len(lives) == before + 2
+
+
+def test_a_setpoint_that_came_too_late_costs_no_press(
+    hand: Hand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    send, late = hand.robot.set_velocity, [True]
+
+    def refused(*arguments: float, **stamp: float) -> None:
+        if late:
+            late.clear()
+            raise errors.DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+        send(*arguments, **stamp)
+
+    monkeypatch.setattr(hand.robot, "set_velocity", refused)
+    hand.key("w")
+    hand.wait(0.2)
+    assert hand.state() is SupervisorState.DRIVING
+    assert hand.said == []
 
 
 def test_a_release_stops_at_once(hand: Hand) -> None:
