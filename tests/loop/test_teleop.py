@@ -123,6 +123,7 @@ def test_e_latches_and_c_clears(simulator: Simulator) -> None:
         terminal.press(b"e")
         wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED)
         terminal.press(b"q")
+        terminal.wait_for(f"ESTOPPED remains latched; `wheelwire clear {simulator.port}` ends it")
         assert terminal.wait() == 0
     assert run_json("info", simulator.port)["state"] == "ESTOPPED"
     run("clear", simulator.port)

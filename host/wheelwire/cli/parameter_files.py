@@ -139,7 +139,7 @@ def diff(
 ) -> None:
     """Show where a robot's values differ from a file's; exit code 22 if any does.
 
-    Only the parameters in the file are compared. Nothing is changed.
+    Only the parameters in the file are compared.
     """
     from wheelwire.parameter_file import differences, load_parameter_file
 

@@ -12,13 +12,17 @@ from typing import Annotated
 
 import typer
 
+from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import InvalidArgument
+from wheelwire.errors import InvalidArgument, LinkLost, RequestTimeout
 from wheelwire.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
 from wheelwire.teleop.terminal import Terminal
+from wheelwire_protocol.codes import SupervisorState
 
-from .address import BaudOption, RobotArgument, YesFlag, resolve
+from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import console
+
+_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 def teleop(
@@ -52,6 +56,19 @@ def teleop(
         console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
         with Terminal(sys.stdin.fileno(), sys.stdout.fileno()) as terminal:
             drive(driver, terminal, speed)
+        _say_what_remains(driver, address.text)
+
+
+def _say_what_remains(driver: BaseDriver, address: str) -> None:
+    try:
+        driver.read()  # it may be older than the last key
+        state = driver.read().state
+    except (LinkLost, RequestTimeout):
+        return
+    if state in _LATCHED and outlives_commands(driver):
+        console.print(
+            f"{state.name} remains latched; `wheelwire clear {address}` ends it", soft_wrap=True
+        )
 
 
 @contextmanager
