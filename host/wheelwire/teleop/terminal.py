@@ -20,8 +20,6 @@ _POP = b"\x1b[<u"
 _CLEAR_TO_END = "\x1b[K"
 _READ_SIZE = 4096
 _LFLAG, _IFLAG, _CC = 3, 0, 6
-_DISABLED = b"\x00"
-"""As `_POSIX_VDISABLE` on Linux."""
 
 
 class Terminal:
@@ -53,7 +51,8 @@ class Terminal:
         characters[termios.VMIN], characters[termios.VTIME] = 1, 0
         # Ctrl-C stays a signal, which is heard while a call waits for the robot. Suspending or
         # quitting without cleaning up would leave the terminal as it is now: they become keys.
-        characters[termios.VSUSP] = characters[termios.VQUIT] = _DISABLED
+        disabled = bytes([os.fpathconf(self._keyboard, "PC_VDISABLE")])
+        characters[termios.VSUSP] = characters[termios.VQUIT] = disabled
         termios.tcsetattr(self._keyboard, termios.TCSAFLUSH, attributes)
         self._write(_QUERY)
         return self
