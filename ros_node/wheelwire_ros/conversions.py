@@ -63,16 +63,19 @@ def heading_quaternion(heading_rad: float) -> Quaternion:
     return Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
 
 
-def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> Any:
+def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:
     """ROS's 6 by 6 covariance matrix, row by row.
 
     Args:
         planar: Covariance of (x, y, heading), 3 by 3.
         base_diagonal: Variances to add, for errors that dead reckoning does not model.
     """
-    matrix = np.diag(np.asarray(base_diagonal, dtype=np.float64))
-    matrix[np.ix_(PLANAR, PLANAR)] += planar
-    return matrix.reshape(36)
+    matrix = [0.0] * 36
+    matrix[::7] = base_diagonal
+    for row, values in zip(PLANAR, planar.tolist(), strict=True):
+        for column, value in zip(PLANAR, values, strict=True):
+            matrix[6 * row + column] += value
+    return matrix
 
 
 def diagonal(values: Sequence[float]) -> Any:

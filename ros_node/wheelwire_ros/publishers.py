@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from wheelwire import Twist
+from wheelwire import Pose, Twist
 
 from . import conversions
-from .conversions import Frames
-from .estimator import RobotMotion
+from .conversions import NANOSECONDS, Frames
+from .estimator import RobotMotion, WheelMotion
+from .message_template import MessageTemplate
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -24,6 +27,19 @@ DEPTH = 10
 BATTERY_PERIOD_NS = 1_000_000_000
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
+
+
+STAMP = (("header.stamp.sec", "i"), ("header.stamp.nanosec", "I"))
+POSE = ("position.x", "d"), ("position.y", "d"), ("orientation.z", "d"), ("orientation.w", "d")
+AT_REST = RobotMotion(
+    stamp_s=0.0,
+    pose=Pose(),
+    covariance=np.zeros((3, 3)),
+    twist=Twist(0.0, 0.0),
+    left=WheelMotion(0.0, 0.0),
+    right=WheelMotion(0.0, 0.0),
+    battery_v=None,
+)
 
 
 class MotionTopics(NamedTuple):
@@ -51,7 +67,7 @@ class MotionPublisher:
         self.published = 0
         """Samples published."""
         self._publishes_transform = topics.transform and TFMessage is not None
-        self._twist_covariance = conversions.diagonal(topics.twist_diagonal)
+        self._templates = MotionTemplates(topics)
         self._node = node
         create = node.create_lifecycle_publisher
         self._odometry = create(Odometry, "odom", DEPTH)
@@ -69,17 +85,15 @@ class MotionPublisher:
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement."""
-        topics, stamp = self.topics, conversions.time_message(stamp_ns)
-        odometry = conversions.odometry_message(
-            motion, stamp, topics.frames, topics.pose_diagonal, self._twist_covariance
-        )
-        self._odometry.publish(odometry)
+        topics = self.topics
+        self._odometry.publish(self._templates.odometry(motion, stamp_ns))
         self.published += 1
         if self._publishes_transform:
-            self._transform.publish(TFMessage(transforms=[conversions.transform_message(odometry)]))
-        self._joints.publish(conversions.joint_message(motion, stamp, topics.joints))
+            self._transform.publish(self._templates.transform(motion, stamp_ns))
+        self._joints.publish(self._templates.joints(motion, stamp_ns))
         if topics.battery and motion.battery_v is not None and stamp_ns >= self._battery_due_ns:
             self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
+            stamp = conversions.time_message(stamp_ns)
             self._battery.publish(
                 conversions.battery_message(motion.battery_v, stamp, topics.frames.base)
             )
@@ -88,6 +102,87 @@ class MotionPublisher:
         """Remove the topics."""
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
+
+
+class MotionTemplates:
+    """The messages of each sample, serialised: as those of `conversions`, only quicker.
+
+    Args:
+        topics: As of `MotionPublisher`.
+    """
+
+    def __init__(self, topics: MotionTopics) -> None:
+        self._pose_diagonal = topics.pose_diagonal
+        self._wheels = [len(names) for names in topics.joints]
+        count = f"{sum(self._wheels)}d"
+        stamp = conversions.time_message(0)
+        odometry = conversions.odometry_message(
+            AT_REST,
+            stamp,
+            topics.frames,
+            topics.pose_diagonal,
+            conversions.diagonal(topics.twist_diagonal),
+        )
+        self._odometry = MessageTemplate(
+            odometry,
+            [
+                *STAMP,
+                *((f"pose.pose.{path}", format_) for path, format_ in POSE),
+                ("pose.covariance", "36d"),
+                ("twist.twist.linear.x", "d"),
+                ("twist.twist.angular.z", "d"),
+            ],
+        )
+        self._joints = MessageTemplate(
+            conversions.joint_message(AT_REST, stamp, topics.joints),
+            [*STAMP, ("position", count), ("velocity", count)],
+        )
+        if topics.transform and TFMessage is not None:
+            one = conversions.transform_message(odometry)
+            names = ("translation.x", "translation.y", "rotation.z", "rotation.w")
+            self._transform = MessageTemplate(
+                TFMessage(transforms=[one]),
+                [
+                    *((f"transforms.0.{path}", format_) for path, format_ in STAMP),
+                    *((f"transforms.0.transform.{name}", "d") for name in names),
+                ],
+            )
+
+    def odometry(self, motion: RobotMotion, stamp_ns: int) -> bytes:
+        """nav_msgs/Odometry."""
+        covariance = conversions.pose_covariance(motion.covariance, self._pose_diagonal)
+        return self._odometry.fill(
+            *_stamp(stamp_ns),
+            *_pose(motion.pose),
+            covariance,
+            (motion.twist.linear_mps,),
+            (motion.twist.angular_radps,),
+        )
+
+    def transform(self, motion: RobotMotion, stamp_ns: int) -> bytes:
+        """tf2_msgs/TFMessage: the same pose."""
+        return self._transform.fill(*_stamp(stamp_ns), *_pose(motion.pose))
+
+    def joints(self, motion: RobotMotion, stamp_ns: int) -> bytes:
+        """sensor_msgs/JointState."""
+        left, right = self._wheels
+        wheels = [motion.left] * left + [motion.right] * right
+        return self._joints.fill(
+            *_stamp(stamp_ns),
+            [wheel.angle_rad for wheel in wheels],
+            [wheel.velocity_radps for wheel in wheels],
+        )
+
+
+def _stamp(stamp_ns: int) -> tuple[tuple[int], tuple[int]]:
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return (seconds,), (nanoseconds,)
+
+
+def _pose(pose: Pose) -> Iterator[tuple[float]]:
+    half_rad = pose.heading_rad / 2
+    for number in (pose.x_m, pose.y_m, math.sin(half_rad), math.cos(half_rad)):
+        yield (number,)
 
 
 class LimitedVelocityPublisher:
