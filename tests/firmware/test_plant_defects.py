@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import pytest
 
@@ -79,6 +79,36 @@ def test_all_of_it_swapped_is_a_robot_whose_sides_are_exchanged() -> None:
     left, right = truth(robot, "ticks")
     assert reported(robot) == (right, left)
     assert right > left > 0
+
+
+WIRING = (
+    "motors_swapped",
+    "encoders_swapped",
+    "left.motor_reversed",
+    "right.motor_reversed",
+    "left.encoder_reversed",
+    "right.encoder_reversed",
+)
+
+
+@pytest.mark.parametrize(
+    "wired", list(product((0, 1), repeat=6)), ids=lambda w: "".join(map(str, w))
+)
+def test_each_of_64_wirings_moves_and_counts_as_it_is_wired(wired: tuple[int, ...]) -> None:
+    wiring = dict(zip(WIRING, wired, strict=True))
+    robot = VirtualRobot(wheels_free=1, **wiring).open()
+    robot.drive_duty(0.3, 0.0, 0.04)
+    robot.run(0.05)
+    moved = wiring["motors_swapped"]
+    side = ("left", "right")[moved]
+    way = -1 if wiring[f"{side}.motor_reversed"] else 1
+    turns = truth(robot, "turns")
+    assert way * turns[moved] > 0.01
+    assert turns[1 - moved] == 0.0
+    counter = moved ^ wiring["encoders_swapped"]
+    sign = -way if wiring[f"{side}.encoder_reversed"] else way
+    assert sign * reported(robot)[counter] > 3
+    assert reported(robot)[1 - counter] == 0
 
 
 def test_a_reset_counts_nothing_whatever_the_wiring() -> None:
