@@ -11,7 +11,7 @@ from support.virtual import VirtualRobot
 from wheelwire.link.session import Phase
 from wheelwire.samples import tick_difference
 from wheelwire.simulation.library import FwSimError, Status
-from wheelwire_protocol.codes import ResetReason
+from wheelwire_protocol.codes import ResetReason, SupervisorState
 
 COUNTS = 360
 
@@ -377,6 +377,7 @@ def test_a_brownout_resets_the_device() -> None:
         robot.set_duty(1.0, 1.0)
         robot.run(0.01)
     assert robot.sim.get("boot_id") != boot_id
+    assert robot.sim.get("state") == SupervisorState.BOOT  # for boot_time_us
     assert not robot.sim.get("drive_on")
     robot.run(0.2)
     robot.open()
