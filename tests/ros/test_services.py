@@ -81,6 +81,12 @@ def test_the_odometry_begins_anew_where_the_robot_is(rig: Rig) -> None:
 def test_saving_is_refused_while_driving_with_the_reason(rig: Rig) -> None:
     with rig.driving():
         rig.truth(lambda state: state.drive_on)
-        answer = trigger(rig, "save_parameters")
-    assert not answer.success
-    assert "refused" in answer.message
+        answers = []
+
+        def refused() -> bool:
+            """On a busy computer a command comes too late now and then, and the robot stands."""
+            answers.append(trigger(rig, "save_parameters"))
+            return not answers[-1].success
+
+        wait(refused, "the refusal")
+    assert "refused" in answers[-1].message

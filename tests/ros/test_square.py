@@ -78,7 +78,8 @@ def test_a_square(graph: Graph, simulator: Simulator) -> None:
     odometry = graph.listen(Odometry, "odom")
     joints = graph.listen(JointState, "joint_states")
     diagnostics = Diagnostics(graph)
-    with RobotNode(graph, port=simulator.port):
+    # On a busy computer a command may take longer than half a second to the robot.
+    with RobotNode(graph, port=simulator.port, cmd_vel_timeout=5.0, ttl_max_s=5.0):
         publisher = graph.publisher(Twist, "cmd_vel")
         wait(lambda: odometry, "odom")
         driver = Driver(odometry, publisher)
