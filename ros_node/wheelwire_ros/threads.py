@@ -30,7 +30,7 @@ from rclpy.task import Future as RosFuture
 
 STOPS_AT_ONCE = 4
 """Stops that may wait for their acknowledgement; the next one would wait for one of these."""
-SWITCH_INTERVAL_S = 0.0005
+SWITCH_INTERVAL_S = 0.0001
 """How long one thread may keep the interpreter while another has something to do. Python's 5 ms
 is as long as an e-stop may take to the wire."""
 JOIN_S = 2.0

@@ -22,11 +22,13 @@ from support.load import cpu_s
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
 from wheelwire.link.info import quantile
-from wheelwire.simulation.simulator import Simulator
+from wheelwire.simulation.simulator import Simulator, TrueState
 
 PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
 STATES_HZ = 1000
+DRIVEN_S = 0.4
+"""A command that has not driven a motor by then was not obeyed: it is valid for half a second."""
 WATCH_S = 3.0
 
 WATCHED_NODE = """
@@ -159,36 +161,49 @@ class Commander:
         return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
 
 
-def stop_latencies_s(
+def latencies_to_the_motors_s(
     graph: Graph, simulator: Simulator, count: int, *, flooded: bool
-) -> list[float]:
-    """From the call of ~/estop until no motor is driven, on the simulated robot's own account."""
+) -> tuple[list[float], list[float]]:
+    """Of commands and of e-stops, on the simulated robot's own account.
+
+    From the publication of cmd_vel until a motor is driven, and from the call of ~/estop until none
+    is; one after the other.
+    """
     commands = graph.publisher(Twist, "cmd_vel")
     estop = graph.node.create_client(SetBool, "/hardware_robot/estop")
     wait(estop.service_is_ready, "~/estop")
-    latencies_s = []
+    graph.wait_active()
+    driven_s: list[float] = []
+    stopped_s: list[float] = []
     with RobotNode(graph, FLOOD) if flooded else nullcontext():
-        for _ in range(count):
-            _drive(commands, simulator)
-            called_s = time.monotonic()
+        while len(stopped_s) < count:
+            time.sleep(PAUSE_S * (1 + random.random()))
+            simulator.take_states()
+            begin_s = time.monotonic()
+            commands.publish(Twist(linear=Vector3(x=0.2)))
+            on = _driven(simulator)
+            if on is None:  # it came before the first state without the e-stop, and was ignored
+                continue
+            driven_s.append(on.host_us / 1e6 - begin_s)
+            begin_s = time.monotonic()
             answer = estop.call_async(SetBool.Request(data=True))
             off = stop_host.wait(simulator, lambda state: not state.drive_on)
-            latencies_s.append(off.host_us / 1e6 - called_s)
+            stopped_s.append(off.host_us / 1e6 - begin_s)
             wait(answer.done, "the answer of ~/estop")
             cleared = estop.call_async(SetBool.Request(data=False))
             wait(cleared.done, "the end of the e-stop")
-    return latencies_s
+    return driven_s, stopped_s
 
 
-def _drive(commands: Any, simulator: Simulator) -> None:
-    """Until a motor is driven."""
-
-    def driven() -> bool:
-        commands.publish(Twist(linear=Vector3(x=0.2)))
-        time.sleep(PAUSE_S * (1 + random.random()))
-        return any(state.drive_on for state in simulator.take_states())
-
-    wait(driven, "a motor driven")
+def _driven(simulator: Simulator) -> TrueState | None:
+    """The first state with a driven motor, if there is one soon."""
+    end_s = time.monotonic() + DRIVEN_S
+    while time.monotonic() < end_s:
+        for state in simulator.take_states():
+            if state.drive_on:
+                return state
+        time.sleep(0.001)
+    return None
 
 
 @dataclass(frozen=True)
