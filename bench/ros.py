@@ -23,11 +23,11 @@ RATES_HZ = (50.0, 100.0, 200.0)
 TITLE = "## The ROS node\n\n"
 METHOD = f"""\
 Client, node and peer are processes on loopback (Fast DDS, UDP and shared memory as they come), the
-robot is the firmware's core on a pseudo-terminal. The peer is a bare rclpy node: its subscriber of
-`Twist` does nothing, its timer publishes an empty `Odometry`. Latency is from the publication of
-`cmd_vel` to the first state of the robot that has the command's sequence number, on the device's
-clock, with states each millisecond; the peer's ends in its callback. {ROUNDS - 1} interleaved
-rounds of {COMMANDS} commands.
+robot is the firmware's core on a pseudo-terminal, which sends 200 states a second. The peer is a
+bare rclpy node: its subscriber of `Twist` does nothing, its timer publishes an empty `Odometry` 50
+times a second. Latency is from the publication of `cmd_vel` to the control step that accepts the
+setpoint, by the simulator, which tells each millisecond; the peer's ends in its callback.
+{ROUNDS - 1} interleaved rounds of {COMMANDS} commands.
 """
 MOTORS = """
 From the publication of `cmd_vel`, or the call of the service `~/estop`, in another process until a
@@ -37,6 +37,7 @@ describes parameters and saves, each again once it is answered.
 """
 MOTORS_COUNT = 300
 MOTORS_HZ = 200.0
+TRUTH_HZ = 1000.0
 STOP_LIMIT_MS = 5.0
 COMMAND_LIMIT_MS = 2.5
 CPU_LIMIT_PERCENT = 6.0
@@ -51,23 +52,25 @@ asked for: of the arrivals at a subscriber in another process, and of the stamps
 def show_latency(folder: Path) -> list[Target]:
     """Print the latency of commands."""
     from support.ros import open_graph
-    from support.ros_load import Commander, bare_node, interrupt, watched_node
+    from support.ros_load import Commander, RobotCommander, bare_node, interrupt
+    from support.ros_process import RobotNode
     from wheelwire.simulation.simulator import Simulator
 
     with (
         open_graph() as graph,
-        Simulator() as simulator,
-        watched_node(graph, simulator.port, folder / "node", 50.0) as node,
+        Simulator(truth_hz=TRUTH_HZ) as simulator,
+        RobotNode(graph, port=simulator.port, publish_rate=MOTORS_HZ),
         bare_node(graph, folder / "bare", 50.0) as bare,
     ):
-        commanders = {
-            "cmd_vel to the setpoint obeyed": Commander(graph, "cmd_vel", folder / "node"),
+        graph.wait_active()
+        commanders: dict[str, Commander | RobotCommander] = {
+            "cmd_vel to the setpoint accepted": RobotCommander(graph, simulator),
             "the peer: to its callback": Commander(graph, "bare_cmd_vel", folder / "bare"),
         }
         for _ in range(ROUNDS):
             for commander in commanders.values():
                 commander.send(COMMANDS)
-        interrupt(node, bare)
+        interrupt(bare)
         found = {name: c.latencies_s(skipped=COMMANDS) for name, c in commanders.items()}
     reference = list(found.values())[-1]
     rows = [

@@ -19,47 +19,16 @@ from std_srvs.srv import SetBool
 
 from support import stop_host
 from support.load import cpu_s
-from support.ros import Graph, wait
+from support.ros import TIMEOUT_S, Graph, wait
 from support.ros_process import RobotNode
 from wheelwire.link.info import quantile
 from wheelwire.simulation.simulator import Simulator, TrueState
 
 PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
-STATES_HZ = 1000
 DRIVEN_S = 0.4
 """A command that has not driven a motor by then was not obeyed: it is valid for half a second."""
 WATCH_S = 3.0
-
-WATCHED_NODE = """
-import json
-from pathlib import Path
-from wheelwire_ros import command_subscriber, estimator, hardware_robot
-
-numbers, seen = {{}}, {{}}
-obey = command_subscriber.CommandSubscriber._obey
-update = estimator.MotionEstimator.update
-
-def note_number(self, twist, *rest):
-    obey(self, twist, *rest)
-    numbers[self._connection.gate.obeyed] = twist.linear.y
-
-def note_state(self, sample):
-    seen.setdefault(sample.command_seq, sample.stamp)
-    return update(self, sample)
-
-class Watched(hardware_robot.HardwareRobot):
-    def _options(self):
-        return {{**super()._options(), "stream_rate_hz": {states_hz}}}
-
-command_subscriber.CommandSubscriber._obey = note_number
-estimator.MotionEstimator.update = note_state
-hardware_robot.HardwareRobot = Watched
-hardware_robot.main()
-times = {{numbers[seq]: stamp for seq, stamp in seen.items() if seq in numbers}}
-Path("{file}").write_text(json.dumps(times))
-"""
-"""The node itself; it records when the robot's state first had each command's number."""
 
 BARE_NODE = """
 import json, time
@@ -131,6 +100,48 @@ except (KeyboardInterrupt, ExternalShutdownException):
     pass
 """
 """A client that asks for parameters, sets one and saves, each again as soon as it is answered."""
+
+
+class RobotCommander:
+    """Publishes commands, and sees the simulated robot accept each: its deadline changes.
+
+    Args:
+        graph: Of the client.
+        simulator: It prints its true state each millisecond.
+    """
+
+    def __init__(self, graph: Graph, simulator: Simulator) -> None:
+        self._publisher = graph.publisher(Twist, "cmd_vel")
+        self._simulator = simulator
+        self._latencies_s: list[float] = []
+
+    def send(self, count: int) -> None:
+        """Publish commands one after the other."""
+        for _ in range(count):
+            time.sleep(PAUSE_S * (1 + random.random()))
+            (*_, before) = self._states()
+            begin_s = time.monotonic()
+            self._publisher.publish(Twist(linear=Vector3(x=0.2)))
+            self._latencies_s.append(self._accepted_s(before) - begin_s)
+
+    def latencies_s(self, skipped: int) -> list[float]:
+        """Latencies of all commands, except the first `skipped`."""
+        return self._latencies_s[skipped:]
+
+    def _accepted_s(self, before: TrueState) -> float:
+        while True:
+            for state in self._states():
+                if state.deadline_us != before.deadline_us:
+                    return state.host_us / 1e6
+
+    def _states(self) -> list[TrueState]:
+        states: list[TrueState] = []
+        end_s = time.monotonic() + TIMEOUT_S
+        while not states:
+            assert time.monotonic() < end_s, "the simulator prints no states"
+            time.sleep(0.0005)
+            states = self._simulator.take_states()
+        return states
 
 
 class Commander:
@@ -246,14 +257,6 @@ def watch(graph: Graph, topic: str, rate_hz: float, pid: int) -> Stream:
 
 def _jitter_s(times_s: list[float], period_s: float) -> float:
     return quantile([abs(b - a - period_s) for a, b in pairwise(times_s)], 0.99)
-
-
-@contextmanager
-def watched_node(graph: Graph, port: str, file: Path, rate_hz: float) -> Iterator[RobotNode]:
-    """The node; `file` is there when it has ended."""
-    code = WATCHED_NODE.format(file=file, states_hz=STATES_HZ)
-    with RobotNode(graph, code, port=port, publish_rate=rate_hz) as node:
-        yield node
 
 
 @contextmanager
