@@ -10,7 +10,7 @@ import pytest
 from support.virtual import VirtualRobot
 from wheelwire.link.session import Phase
 from wheelwire.samples import tick_difference
-from wheelwire.simulation.library import FwSimError, Status
+from wheelwire.simulation.library import FwSim, FwSimError, Status
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 
 COUNTS = 360
@@ -291,6 +291,12 @@ def test_static_friction_of_its_own_holds_one_wheel() -> None:
 
 
 # --- the encoders -------------------------------------------------------------------------------
+
+
+def test_a_stuck_channel_has_two_names() -> None:
+    robot = FwSim()
+    robot.set("left.encoder_stuck", 2)
+    assert robot.get("left.stuck_channel") == 2
 
 
 @pytest.mark.parametrize("channel", [1, 2])

@@ -207,6 +207,8 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.stuck; }>(
               whole(side + ".stuck_channel", "", 0, 2,
                     "The channel whose level never changes: 1 for A, 2 for B; 0: neither.")),
+          with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.stuck; }>(
+              whole(side + ".encoder_stuck", "", 0, 2, "Another name of stuck_channel.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.magnet_missing; }>(
               toggle(
                   side + ".magnet_missing",
