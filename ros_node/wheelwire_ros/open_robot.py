@@ -150,13 +150,12 @@ class OpenRobot:
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
         node, threads = self._node, self._threads
         has_battery = robot.read().battery_v is not None
-        self._publisher = MotionPublisher(
-            node, robot_settings.topics(node.setting, has_battery=has_battery)
-        )
+        topics = robot_settings.topics(node.setting, has_battery=has_battery)
+        self._publisher = MotionPublisher(node, threads, topics)
         resources.callback(self._publisher.destroy)
         limited = None
         if node.setting("publish_limited_velocity"):
-            limited = LimitedVelocityPublisher(node, self._publisher.topics.frames.base)
+            limited = LimitedVelocityPublisher(node, threads, topics.frames.base)
             resources.callback(limited.destroy)
         self._commands = CommandSubscriber(
             node,

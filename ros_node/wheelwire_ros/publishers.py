@@ -17,6 +17,7 @@ from . import conversions
 from .conversions import NANOSECONDS, Frames
 from .estimator import RobotMotion, WheelMotion
 from .message_template import MessageTemplate
+from .threads import NodeThreads
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -59,28 +60,33 @@ class MotionPublisher:
 
     Args:
         node: The lifecycle node.
+        threads: The node's.
         topics: What to publish. `transform` needs tf2_msgs; if it is missing, a warning says so.
     """
 
-    def __init__(self, node: Any, topics: MotionTopics) -> None:
+    def __init__(self, node: Any, threads: NodeThreads, topics: MotionTopics) -> None:
         self.topics = topics
         self.published = 0
         """Samples published."""
         self._publishes_transform = topics.transform and TFMessage is not None
         self._templates = MotionTemplates(topics)
         self._node = node
-        create = node.create_lifecycle_publisher
+        self._threads = threads
+        if topics.transform and TFMessage is None:
+            node.get_logger().warning("/tf is not published: install tf2_msgs (ros-jazzy-tf2-msgs)")
+        self._battery_due_ns = 0
+        threads.run_generally(self._create)
+
+    def _create(self) -> None:
+        create = self._node.create_lifecycle_publisher
         self._odometry = create(Odometry, "odom", DEPTH)
         self._joints = create(JointState, "joint_states", DEPTH)
         self._publishers = [self._odometry, self._joints]
-        if topics.transform and TFMessage is None:
-            node.get_logger().warning("/tf is not published: install tf2_msgs (ros-jazzy-tf2-msgs)")
         if self._publishes_transform:
             self._transform = create(TFMessage, "/tf", TF_DEPTH)
             self._publishers.append(self._transform)
-        if topics.battery:
+        if self.topics.battery:
             self._battery = create(BatteryState, "battery_state", DEPTH)
-            self._battery_due_ns = 0
             self._publishers.append(self._battery)
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
@@ -100,6 +106,9 @@ class MotionPublisher:
 
     def destroy(self) -> None:
         """Remove the topics."""
+        self._threads.run_generally(self._destroy)
+
+    def _destroy(self) -> None:
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
 
@@ -190,13 +199,18 @@ class LimitedVelocityPublisher:
 
     Args:
         node: An rclpy node.
+        threads: The node's.
         frame: The robot's frame.
     """
 
-    def __init__(self, node: Any, frame: str) -> None:
+    def __init__(self, node: Any, threads: NodeThreads, frame: str) -> None:
         self._node = node
+        self._threads = threads
         self._frame = frame
-        self._publisher = node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
+        threads.run_generally(self._create)
+
+    def _create(self) -> None:
+        self._publisher = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
 
     def publish(self, twist: Twist) -> None:
         """Publish one command, stamped with the current time."""
@@ -205,4 +219,4 @@ class LimitedVelocityPublisher:
 
     def destroy(self) -> None:
         """Remove the topic."""
-        self._node.destroy_publisher(self._publisher)
+        self._threads.run_generally(lambda: self._node.destroy_publisher(self._publisher))

@@ -10,6 +10,7 @@ lane of transitions  (1 thread)       lifecycle transitions, and so connecting; 
 samples              (its own)        reads the robot; odom, tf, joint_states, battery_state
 
 Only the lanes and the thread of the samples wait for the robot.
+An entity is created and destroyed in the thread that waits for it: `run_generally`, `run_urgently`.
 A callback that needs a lane is a coroutine: its executor goes on with other callbacks until the
 lane is done. So nothing that the robot does, or does not do, delays an e-stop, a command or the
 answer of a parameter service.
@@ -34,6 +35,8 @@ SWITCH_INTERVAL_S = 0.0001
 """How long one thread may keep the interpreter while another has something to do. Python's 5 ms
 is as long as an e-stop may take to the wire."""
 JOIN_S = 2.0
+SPIN_ENDED_S = 0.1
+"""How soon it is noticed that an executor ended before it came to a callback."""
 
 Result = TypeVar("Result")
 Serve = Callable[[Any, Any], Any]
@@ -47,6 +50,42 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         super().__init__(context=node.context)
         self._node = node
         self._runs = runs
+        self.spins = threading.Event()
+        """Set while `spin` runs."""
+        self._thread: int | None = None
+
+    def spin(self) -> None:
+        """Run callbacks until the context or this is shut down."""
+        self._thread = threading.get_ident()
+        self.spins.set()
+        try:
+            super().spin()
+        finally:
+            self.spins.clear()
+
+    def run(self, callback: Callable[[], None]) -> None:
+        """Run a callback in the thread that spins, and wait for it; raises what it raises.
+
+        If none spins, it runs at once.
+        """
+        if not self.spins.is_set() or self._thread == threading.get_ident():
+            callback()
+            return
+        done: Future[None] = Future()
+
+        def run() -> None:
+            try:
+                callback()
+            except Exception as error:
+                done.set_exception(error)
+            else:
+                done.set_result(None)
+
+        self.create_task(run)
+        while not wait([done], SPIN_ENDED_S).done:
+            if not self.spins.is_set() and not done.done():  # it ended before it came to this
+                run()
+        done.result()
 
     def get_nodes(self) -> list[Any]:
         """The node. It knows one executor only, and wakes that one when it has a new entity."""
@@ -85,6 +124,7 @@ class NodeThreads:
         """Run all callbacks until the context is shut down; raises what a callback raises."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._thread.start()
+        self._urgent.spins.wait()
         self._general.spin()
 
     def close(self) -> None:
@@ -104,29 +144,18 @@ class NodeThreads:
         """Run a callback in the general thread; from any thread."""
         self._general.create_task(callback)
 
-    def run_urgently(self, callback: Callable[[], None]) -> None:
-        """Run a callback in the thread of the urgent ones, and wait for it; raises what it raises.
+    def run_generally(self, callback: Callable[[], None]) -> None:
+        """Run a callback in the general thread, and wait for it; raises what it raises.
 
-        So all that concerns an entity of the group happens in one thread.
+        Publishers are created and destroyed there once the threads run, like all entities of the
+        default group: rclpy's executor raises InvalidHandle when the event handler of a
+        publisher is destroyed while another thread prepares to wait for it.
         """
-        if not self._thread.is_alive() or self._thread is threading.current_thread():
-            callback()
-            return
-        done: Future[None] = Future()
+        self._general.run(callback)
 
-        def run() -> None:
-            try:
-                callback()
-            except Exception as error:
-                done.set_exception(error)
-            else:
-                done.set_result(None)
-
-        self._urgent.create_task(run)
-        while not wait([done], JOIN_S).done:
-            if not self._thread.is_alive():  # it ended before it came to this
-                run()
-        done.result()
+    def run_urgently(self, callback: Callable[[], None]) -> None:
+        """As `run_generally`, for the entities of the group `urgent` and in its thread."""
+        self._urgent.run(callback)
 
     def fail(self, error: Exception) -> None:
         """Have `spin` raise the error; from any thread."""

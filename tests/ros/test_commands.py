@@ -113,7 +113,7 @@ def test_the_first_publisher_decides_the_type(tmp_path: Path, graph: Graph, type
             stop_host.wait(simulator, lambda state: state.drive_on)
             later.enter_context(RobotNode(graph, DRIVING.format(type=other.__name__)))
             wait(lambda: f"type {name} are dropped" in node.errors(), "the error")
-        graph.node.destroy_publisher(publisher)
+        graph.destroy(publisher)
         wait(lambda: f"cmd_vel is {name}\n" in node.errors(), "the new type")
         simulator.take_states()
         stop_host.wait(simulator, lambda state: state.drive_on)

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool
 
 from support.ros import Diagnostics, Graph, wait
@@ -20,6 +21,7 @@ from support.ros_rig import NODE, SPEED_MPS, twist
 from wheelwire.simulation.simulator import Simulator
 
 OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
+CYCLES = 20
 
 
 def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
@@ -49,6 +51,26 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         wait(lambda: odometry, "odom once more")
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
         assert graph.state(NODE) == "finalized"
+
+
+def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:
+    """Its topics begin and end without disturbing the threads that wait for others."""
+    client = graph.node.create_client(GetParameters, f"{NODE}/get_parameters")
+    answers = 0
+
+    def ask(_: object = None) -> None:
+        nonlocal answers
+        answers += 1
+        client.call_async(GetParameters.Request(names=["port"])).add_done_callback(ask)
+
+    with RobotNode(graph, driver_type="mock", publish_limited_velocity=True, autostart=False):
+        wait(client.service_is_ready, "the node's parameters")
+        for _ in range(4):
+            ask()  # each answer asks again, so the node's threads never rest
+        for _ in range(CYCLES):
+            assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+            assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
+    assert answers > CYCLES
 
 
 def test_a_transition_that_the_state_does_not_have_is_refused(graph: Graph) -> None:

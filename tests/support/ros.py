@@ -113,6 +113,13 @@ class Graph:
         wait(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
+    def destroy(self, entity: Any) -> None:
+        """Remove a publisher or a subscription, in the thread that may be waiting for it."""
+        node = self.node
+        is_publisher = entity in list(node.publishers)
+        destroy = node.destroy_publisher if is_publisher else node.destroy_subscription
+        wait(self._executor.create_task(destroy, entity).done, "the end of a topic")
+
     def call(self, type_: Any, name: str, **fields: Any) -> Any:
         """A service's answer."""
         client = self.node.create_client(type_, name)

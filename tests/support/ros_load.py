@@ -248,7 +248,7 @@ def watch(graph: Graph, topic: str, rate_hz: float, pid: int) -> Stream:
     arrivals.clear()
     time.sleep(WATCH_S)
     cpu = (cpu_s(pid) - cpu_before_s) / (time.monotonic() - begin_s)
-    graph.node.destroy_subscription(subscription)
+    graph.destroy(subscription)
     arrived_s, stamped_s = ([times[i] for times in arrivals] for i in (0, 1))
     rate = (len(arrivals) - 1) / (arrived_s[-1] - arrived_s[0])
     period_s = 1 / rate_hz
