@@ -133,6 +133,7 @@ class _Line(NamedTuple):
         return self.origin_us + round(elapsed / (1 + self.b))
 
     def contradicts(self, reading: _Reading) -> bool:
+        # Both bounds hold for certain, so the two can differ by no more than their sum.
         error = abs(reading.offset_us - self.base_us - self.offset_us(reading.host_us))
         return error > self.bound_us(reading.host_us) + reading.round_trip_us / 2
 
@@ -202,6 +203,7 @@ class ClockEstimator:
         elif self._has_enough(reading.host_us):
             return
         self._readings.append(reading)
+        # The constant offset is surest just after a quick exchange, the fit between them.
         lines = [_constant_offset(self._readings)]
         if len(self._readings) >= FIT_FROM:
             fit = _fit(list(self._readings))
@@ -264,13 +266,16 @@ def _fit(readings: Sequence[_Reading]) -> _Line:
     groups = [readings[start : start + GROUP] for start in range(0, len(readings), GROUP)]
     chosen = [min(group, key=attrgetter("round_trip_us")) for group in groups]
     n = len(chosen)
+    # Relative to the first reading: the squares of absolute microseconds exceed a float's 53 bits.
     origin, base = chosen[0].host_us, chosen[0].offset_us
     times = [r.host_us - origin for r in chosen]
     offsets = [r.offset_us - base for r in chosen]
     mean_time, mean_offset = sum(times) / n, sum(offsets) / n
-    spread = sum((t - mean_time) ** 2 for t in times) or 1.0
+    spread = sum((t - mean_time) ** 2 for t in times) or 1.0  # all at once: the slope is then 0
     products = zip(times, offsets, strict=True)
     b = sum((t - mean_time) * (o - mean_offset) for t, o in products) / spread
+    # Of the bound in the module's docstring: sum w_i^2 is 1/n at the mean time, and grows with
+    # (h - mean)^2 / spread.
     length = math.sqrt(sum(r.round_trip_us**2 for r in chosen))
     return _Line(
         origin_us=origin,
@@ -331,7 +336,7 @@ class Synchroniser:
         """Send a ping. A lost one is never repeated: its time would be wrong."""
         self._last_id = request_id = (self._last_id + 1) % ID_MODULUS
         self._open[request_id] = now_us
-        if len(self._open) > OPEN_PINGS:
+        if len(self._open) > OPEN_PINGS:  # a dict keeps its order: the oldest
             del self._open[next(iter(self._open))]
         self._burst_left -= 1
         self.sent_us = now_us
@@ -342,6 +347,8 @@ class Synchroniser:
         """Take an answer that came at `now_us`; None if no ping is open or it is impossible."""
         if self._open.get(pong.request_id) != pong.host_us:
             return None
+        # The CRC lets one bad frame in four billion pass, and another host's pong may come: a wrong
+        # exchange would be taken for a step of the clock.
         held_us = pong.sent_us - pong.received_us
         if not 0 <= held_us <= now_us - pong.host_us + SLACK_US or pong.sent_us > MAX_DEVICE_US:
             return None

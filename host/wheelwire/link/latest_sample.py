@@ -46,6 +46,7 @@ class LatestSample:
     def put(self, measurement: Measurement) -> None:
         """Store what was measured; `notify_all` tells those who wait for it."""
         state, last = measurement.state, self._last
+        # A reset sets the counters back: the difference across it is unknown, and counts as none.
         if last is None:
             self._ticks = state.left_ticks, state.right_ticks
         elif state.boot_id == last.boot_id:
@@ -94,6 +95,7 @@ class LatestSample:
     def iterate(self, wait: Callable[[Callable[[], bool]], None] | None = None) -> SampleIterator:
         """All samples from now on; `wait`: see `SampleIterator`."""
         iterator = SampleIterator(wait or self._wait_for)
+        # Weakly: one that was abandoned in the middle of a loop is no longer filled.
         self._iterators.append(ref(iterator))
         if self._failure is not None:  # possibly before it was listed
             iterator.end(None if self._closed else self._failure)
@@ -110,7 +112,7 @@ class LatestSample:
 
         def take() -> bool:
             with suppress(IndexError):  # there is none, or another thread took it
-                if not taken:
+                if not taken:  # asked again after the wait: it must not take a second one
                     taken.append(self._unread.popleft())
             return bool(taken)
 

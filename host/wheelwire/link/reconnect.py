@@ -66,6 +66,7 @@ class BaudSearch:
         if self._due_us is None or now_us < self._due_us:
             return None
         if not self._waiting:
+            # `_due_us` stays: the round is over at every further look, until the next `begin`.
             self.over = True
             return None
         self._due_us = now_us + NEXT_US
@@ -120,6 +121,7 @@ class PortPolicy:
 
     def take_pause_s(self) -> float:
         """How long to wait before the attempt to open the port that is now due. Each is longer."""
+        # The first attempt has no pause: a cable that was only loose is back at once.
         pause_s = self._pause_s
         self._pause_s = min(max(2 * pause_s, FIRST_PAUSE_S), self._longest_pause_s)
         return pause_s
@@ -170,6 +172,7 @@ class PortPolicy:
             Unanswered: A device that used to answer has fallen silent.
             WrongBoard: Another board is there than the one that the link was opened to.
         """
+        # Any answer to a hello proves the rate, even if it refuses the session.
         if session.answers > self._answers_before:
             self.search.end(rate)
             since_us = session.unanswered_since_us
@@ -188,6 +191,7 @@ class PortPolicy:
 
     def note_lost(self, error: LinkLost) -> bool:
         """The port was closed because of `error`; returns whether a warning of its own is due."""
+        # A port that is reopened on suspicion is not lost: its device may be merely silent.
         self.lost = None if isinstance(error, Unanswered) else error
         if not isinstance(error, WrongBoard) or error.found == self._wrong_board:
             return False
@@ -221,6 +225,7 @@ class LastStop:
         """
         if self._until_us is None:
             return False
+        # An error answers it, too: there is no session, and the stop is in the output.
         return (self._answered and all_written) or now_us >= self._until_us
 
     def _on_answer(self, _result: Answer | WheelwireError) -> None:

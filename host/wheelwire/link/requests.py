@@ -149,6 +149,7 @@ class RequestQueue:
             nonlocal remaining
             if remaining == 0:
                 return  # an error was reported already
+            # An error ends the counting, whatever the other answers are.
             failed = isinstance(result, WheelwireError)
             remaining = 0 if failed else remaining - 1
             if remaining == 0:
@@ -161,6 +162,7 @@ class RequestQueue:
 
     def advance(self, now_us: int) -> None:
         """Repeat what has waited long enough; give up what was repeated often enough."""
+        # A copy: `done` of one that is given up may submit others, or end the session.
         for key, request in list(self._open.items()):
             if request.deadline_us > now_us or key not in self._open:
                 continue  # not due, or ended by what an earlier one's `done` did
@@ -182,6 +184,7 @@ class RequestQueue:
         request = self._open.get(key)
         if request is None:
             return False
+        # An id alone is not enough: a former host's answer may carry the same one.
         expected = _ANSWER_TYPES.get(type(request.message), Ack)
         if type(answer) is not expected:
             return False
@@ -214,10 +217,12 @@ class RequestQueue:
             if request.urgent:
                 del self._open[key]
             else:
+                # Still open, so that the next request does not overtake it on the line.
                 request.attempts = ATTEMPTS
 
     def abort(self, error: WheelwireError) -> None:
         """End all requests with `error`."""
+        # Cleared first: a `done` may submit again, to the next session's queue.
         requests = [*self._open.values(), *self._waiting]
         self._open.clear()
         self._waiting.clear()
@@ -243,5 +248,6 @@ class RequestQueue:
 
     def _finish(self, key: tuple[bool, int], result: Answer | WheelwireError, now_us: int) -> None:
         request = self._open.pop(key)
+        # The next one first: what `done` submits comes after those that wait already.
         self._begin_next(now_us)
         request.done(result)

@@ -136,6 +136,7 @@ class ServedPort(ABC):
         transport = self._transport
         if transport is None:
             raise LinkLost("the port is gone; the setpoint was not sent")
+        # Behind what waits, or a newer setpoint would overtake an older one.
         if self._output or self._frames or transport.write(frame) < len(frame):
             self._frames.append(frame)
             self.wake()
@@ -187,7 +188,7 @@ class ServedPort(ABC):
         if events & BROKEN and not data:
             raise transport.lost()
         self._turned_us = now_us = host_clock_us()
-        if self._suspend.was_suspended(now_us):
+        if self._suspend.was_suspended(now_us):  # before what came is stamped by a wrong estimate
             self._renew(now_us)
         if data:
             self._receive(data, now_us)
@@ -247,7 +248,7 @@ class ServedPort(ABC):
             self._latest_sample.notify_all()
 
     def _advance(self, transport: Transport, now_us: int) -> None:
-        if not self._is_wanted():
+        if not self._is_wanted():  # its owner was garbage-collected without close()
             self._finishing = True
         self._check_port(transport, now_us)
         self._session.advance(now_us)
@@ -260,7 +261,7 @@ class ServedPort(ABC):
 
     def _write(self, transport: Transport) -> None:
         """Write what the port takes."""
-        while self._frames:
+        while self._frames:  # other threads append meanwhile
             self._output += self._frames.popleft()
         if self._output:
             self._output = self._output[transport.write(self._output) :]

@@ -223,6 +223,7 @@ class Session:
     def connect(self, now_us: int) -> None:
         """The port is open: say hello. Sequence numbers restart, and queued output is dropped."""
         self._frames_sent_before += self._encoder.encoded
+        # A new encoder, not the old one restarted: another thread may be encoding a setpoint.
         self._encoder = Encoder()
         self._decoder.restart()
         self._output.clear()
@@ -249,11 +250,13 @@ class Session:
             if type(message) is WheelState:
                 # Before the session is open the clock is unknown, so a state has no stamp.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
+                    # A fast stream brings several in one read, and all but the newest are out of
+                    # date: they are collected, and one of them becomes a measurement.
                     states.append(message)
                     if self.every_state:
                         self._take_states(states, found, now_us)
                 continue
-            if states:
+            if states:  # before the message that came after them: it may end the session
                 self._take_states(states, found, now_us)
             handler = self._handlers.get(type(message))
             if handler is None:
@@ -380,7 +383,7 @@ class Session:
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
     ) -> bytes:
         opened = self._opened
-        if opened is None:
+        if opened is None:  # asked once: the port's thread may end the session meanwhile
             raise self.error.with_traceback(None)
         self._setpoints.check()
         # The device's clock is known only within a bound. Subtract the bound from the expiry, or
@@ -404,6 +407,8 @@ class Session:
         if self.phase is Phase.OPEN:
             self._requests.submit(message, done, now_us)
             return
+        # The device obeys a stop of anybody, so it is sent even while there is no session to
+        # acknowledge it in; whether it arrived is then not known.
         if self.phase is not Phase.CLOSED:
             self._send(message)
         done(self.error)
@@ -420,6 +425,7 @@ class Session:
         self._end(error)
         self.phase = Phase.HELLO
         self.unanswered_since_us = now_us + pause_us
+        # A new one, so that a late answer to a former hello cannot begin this session.
         self._nonce = self._draw_nonce()
         self._hello_due_us = now_us + pause_us
         self._say_hello(now_us)
@@ -444,7 +450,7 @@ class Session:
             self._foreign += 1
             return
         self.answers += 1
-        if self._in_session:
+        if self._in_session:  # the answer to a repeated hello
             self._begin_anew_if_reset(hello.boot_id, now_us)
             return
         self.unanswered_since_us = now_us
@@ -452,6 +458,7 @@ class Session:
             device = device_of_session(hello)
             self._check_board(device)
         except WheelwireError as error:
+            # Hellos go on: the device may be flashed, or exchanged, while the program waits.
             self.error = error
         except ValueError:
             self._invalid += 1
@@ -477,6 +484,7 @@ class Session:
         self._requests.begin_session()
         self._setpoints.clear()
         self._command_seqs = count(1)
+        # Requests and pings go out together: whichever takes longer decides when it is open.
         self._synchroniser = Synchroniser(self._id, self._send, now_us)
         self._synchroniser.ping(now_us)
         self._prepared = False
@@ -499,9 +507,11 @@ class Session:
             return
         failure = self._preparation_failure
         if failure is not None:
+            # A refusal would be repeated at once, and for ever; a lost answer may come next time.
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif self._synchroniser.ready:
+            # In this order: whoever sees the phase may send a setpoint at once.
             self._opened = _Opened(self._id, self._synchroniser.clock, self._command_seqs)
             self.phase = Phase.OPEN
 
@@ -510,6 +520,7 @@ class Session:
     def _is_ours(self, session_id: int, now_us: int) -> bool:
         """Whether a message belongs to this session; if so, note that the device was heard."""
         ours = self._in_session and session_id == self._id
+        # What belongs to a former session is no sign of life of this one.
         if ours:
             self._heard_us = now_us
         else:
@@ -584,6 +595,8 @@ class Session:
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self.values[answer.parameter] = answer.value
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
+            # Until the next state frame tells, assume that the device is no longer latched: else
+            # the first setpoint after a clear would be refused here.
             self._setpoints.clear()
 
     # --- sending -------------------------------------------------------------------------------

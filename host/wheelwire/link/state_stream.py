@@ -95,10 +95,13 @@ class StateStream:
         newest = None
         for state in states:
             boot_id, former_us = state.boot_id, self._t_us
+            # From the frame before, for nearly every frame; the estimate is for the first one, and
+            # for one that comes after a pause in which 32 bits may have wrapped.
             if boot_id == self._boot_id and now_us < self._arrived_us + UNWRAP_US:
                 t_us = former_us + tick_difference(state.t_us, former_us)
             else:
                 t_us = clock.unwrap(state.t_us, now_us)
+            # The same latch time: a frame that the line has doubled.
             if boot_id == self._boot_id and t_us <= former_us:
                 self.stale += 1
             else:
