@@ -119,6 +119,14 @@ def test_a_port_that_nobody_reads_keeps_nothing_old() -> None:
         assert any(first_state_is_new(simulator) for _ in range(5))
 
 
+def test_a_ports_name_is_never_that_of_a_later_terminal() -> None:
+    """A host that waits for a simulator to come back must not open a stranger's terminal."""
+    with Simulator() as simulator:
+        port = Path(simulator.port)
+        assert port.is_symlink()
+    assert not port.is_symlink()
+
+
 def test_unplugging_hangs_the_host_up_and_plugging_brings_the_same_device_back(link: Path) -> None:
     with Simulator(link=link) as simulator:
         with opened(simulator.port) as fd:

@@ -12,7 +12,9 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from secrets import token_hex
 from socket import socket as Socket  # noqa: N812 - `socket` is an argument
+from tempfile import gettempdir
 from types import TracebackType
 from typing import IO, Any, TypeVar, cast
 
@@ -115,7 +117,8 @@ class Simulator:
     It ends with this process, however this process ends.
 
     Args:
-        link: Path of a symbolic link to the port, so that the port has a known name.
+        link: Path of a symbolic link to the port, so that the port has a known name; by default a
+            new one among the temporary files.
         seed: Seed of boot ids and encoder errors; random by default.
         baud: Baud rate of the device's UART; 0 accepts any rate, like USB.
         store: File for saved parameters; by default they are kept in memory.
@@ -139,6 +142,10 @@ class Simulator:
         arguments: Sequence[str] = (),
         socket: Socket | None = None,
     ) -> None:
+        if link is None and socket is None:
+            # Not the pseudo-terminal's own name: that is given to another terminal later, and
+            # whoever waits for this simulator to come back would open that one.
+            link = Path(gettempdir()) / f"wheelwire-{token_hex(8)}"
         options = {
             "link": link,
             "seed": seed,
@@ -228,8 +235,8 @@ class Simulator:
 
     @property
     def port(self) -> str:
-        """The port for a host: the link, or the pseudo-terminal itself."""
-        return str(self._link) if self._link else self._port
+        """The port for a host."""
+        return str(self._link or self._port)
 
     @property
     def pid(self) -> int:
