@@ -48,11 +48,13 @@ class PtyDevice:
 
     def unplug(self) -> None:
         """Remove the port, even while a program has it open."""
+        # The name first: the number of a pseudo-terminal is given to the next one that is made, and
+        # a driver that opens the name again at once would be on somebody else's.
+        self.path.unlink(missing_ok=True)
         self._end.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
-        self.path.unlink(missing_ok=True)
 
     def __enter__(self) -> PtyDevice:
         return self
