@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
@@ -35,6 +36,9 @@ SWITCH_INTERVAL_S = 0.0001
 """How long one thread may keep the interpreter while another has something to do. Python's 5 ms
 is as long as an e-stop may take to the wire."""
 JOIN_S = 2.0
+GENERAL_PAUSE_S = 0.0005
+"""Between two general callbacks. A client that asks without end would otherwise keep their thread
+in the interpreter all the time, and each e-stop would have to wait until it lets go."""
 SPIN_ENDED_S = 0.1
 """How soon it is noticed that an executor ended before it came to a callback."""
 
@@ -44,10 +48,17 @@ Serve = Callable[[Any, Any], Any]
 
 
 class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no types
-    """Runs the callbacks of one node whose group belongs to it, and no others."""
+    """Runs the callbacks of one node whose group belongs to it, and no others.
 
-    def __init__(self, node: Any, runs: Callable[[Any], bool]) -> None:
+    Args:
+        node: An rclpy node.
+        runs: Whether a callback group belongs to it.
+        pause_s: After each callback.
+    """
+
+    def __init__(self, node: Any, runs: Callable[[Any], bool], pause_s: float = 0.0) -> None:
         super().__init__(context=node.context)
+        self._pause_s = pause_s
         self._node = node
         self._runs = runs
         self.spins = threading.Event()
@@ -59,7 +70,10 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         self._thread = threading.get_ident()
         self.spins.set()
         try:
-            super().spin()
+            while self._context.ok() and not self._is_shutdown:
+                self.spin_once()
+                if self._pause_s:
+                    time.sleep(self._pause_s)
         finally:
             self.spins.clear()
 
@@ -115,7 +129,7 @@ class NodeThreads:
         self.stops = ThreadPoolExecutor(STOPS_AT_ONCE, "wheelwire stops")
         self.requests = ThreadPoolExecutor(1, "wheelwire requests")
         self.transitions = ThreadPoolExecutor(1, "wheelwire transitions")
-        self._general = _Executor(node, lambda group: group is not self.urgent)
+        self._general = _Executor(node, lambda group: group is not self.urgent, GENERAL_PAUSE_S)
         self._general.add_node(node)
         self._urgent = _Executor(node, lambda group: group is self.urgent)
         self._thread = threading.Thread(target=self._run_urgent, name="urgent callbacks")

@@ -11,7 +11,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
@@ -60,6 +60,31 @@ except (KeyboardInterrupt, ExternalShutdownException):
 Path("{file}").write_text(json.dumps(seen))
 """
 """A node that ignores the Twists it receives, and publishes an Odometry by a timer."""
+
+BARE_SERVICE = """
+import json, time
+from pathlib import Path
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from std_srvs.srv import SetBool
+
+called = []
+rclpy.init()
+node = rclpy.create_node("bare_service")
+
+def serve(request, response):
+    called.append(time.monotonic())
+    response.success = True
+    return response
+
+node.create_service(SetBool, "bare_estop", serve)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+Path("{file}").write_text(json.dumps(called))
+"""
+"""A node with nothing but a service, which does nothing."""
 
 FLOOD = """
 import rclpy
@@ -172,21 +197,42 @@ class Commander:
         return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
 
 
-def latencies_to_the_motors_s(
-    graph: Graph, simulator: Simulator, count: int, *, flooded: bool
-) -> tuple[list[float], list[float]]:
-    """Of commands and of e-stops, on the simulated robot's own account.
+class MotorLatencies(NamedTuple):
+    """In seconds, one after the other."""
 
-    From the publication of cmd_vel until a motor is driven, and from the call of ~/estop until none
-    is; one after the other.
+    commands_s: list[float]
+    """From the publication of cmd_vel until a motor is driven."""
+    estops_s: list[float]
+    """From the call of ~/estop until none is."""
+    peer_s: list[float]
+    """From the call of a service of a bare node to its callback."""
+
+
+def latencies_to_the_motors(
+    graph: Graph, simulator: Simulator, count: int, file: Path, *, flooded: bool
+) -> MotorLatencies:
+    """Of commands and of e-stops, on the simulated robot's own account; and of a bare service.
+
+    Args:
+        graph: Of the client.
+        simulator: The node's robot.
+        count: Of each.
+        file: For the bare node.
+        flooded: Whether another client asks the node without a pause.
     """
     commands = graph.publisher(Twist, "cmd_vel")
     estop = graph.node.create_client(SetBool, "/hardware_robot/estop")
+    peer = graph.node.create_client(SetBool, "bare_estop")
     wait(estop.service_is_ready, "~/estop")
     graph.wait_active()
     driven_s: list[float] = []
     stopped_s: list[float] = []
-    with RobotNode(graph, FLOOD) if flooded else nullcontext():
+    called_s: list[float] = []
+    with (
+        RobotNode(graph, BARE_SERVICE.format(file=file)) as bare,
+        RobotNode(graph, FLOOD) if flooded else nullcontext(),
+    ):
+        wait(peer.service_is_ready, "the bare service")
         while len(stopped_s) < count:
             time.sleep(PAUSE_S * (1 + random.random()))
             simulator.take_states()
@@ -203,7 +249,12 @@ def latencies_to_the_motors_s(
             wait(answer.done, "the answer of ~/estop")
             cleared = estop.call_async(SetBool.Request(data=False))
             wait(cleared.done, "the end of the e-stop")
-    return driven_s, stopped_s
+            called_s.append(time.monotonic())
+            wait(peer.call_async(SetBool.Request()).done, "the answer of the bare service")
+        interrupt(bare)
+    arrived_s = json.loads(file.read_text())
+    peer_s = [arrived - called for called, arrived in zip(called_s, arrived_s, strict=True)]
+    return MotorLatencies(driven_s, stopped_s, peer_s)
 
 
 def _driven(simulator: Simulator) -> TrueState | None:
