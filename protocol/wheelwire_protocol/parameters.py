@@ -157,6 +157,12 @@ PARAMETERS: tuple[Parameter, ...] = (
           "Voltage drop of the bridge."),
     _real(39, "unmeasured_supply_v", _STOPPED, Unit.VOLT, 6.2, 1, 60,
           "Battery voltage assumed if it is not measured; a lower value allows more duty."),
+    _switch(40, "motors_swapped", _STOPPED, False,
+            "The left bridge drives the right wheel's motor, and the right bridge the left one's. "
+            "left_motor_inverted is always of the left wheel's motor."),
+    _switch(41, "encoders_swapped", _STOPPED, False,
+            "The left encoder's pins have the right wheel's encoder, and the right ones the left "
+            "wheel's. left_encoder_inverted is always of the left wheel's encoder."),
 )
 # fmt: on
 

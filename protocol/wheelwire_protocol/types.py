@@ -449,4 +449,4 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
 )
 """Id, class, and the body in the format characters of `struct`, one per field."""
 
-SCHEMA_HASH = 0x8481459B
+SCHEMA_HASH = 0x5C49DD37

@@ -111,6 +111,23 @@ def test_each_of_64_wirings_moves_and_counts_as_it_is_wired(wired: tuple[int, ..
     assert reported(robot)[1 - counter] == 0
 
 
+@pytest.mark.parametrize(
+    "wired", list(product((0, 1), repeat=6)), ids=lambda w: "".join(map(str, w))
+)
+def test_parameters_undo_each_of_64_wirings(wired: tuple[int, ...]) -> None:
+    wiring = dict(zip(WIRING, wired, strict=True))
+    robot = VirtualRobot(wheels_free=1, **wiring).open()
+    for variable, value in wiring.items():
+        name = variable.replace(".", "_").replace("reversed", "inverted")
+        robot.set_parameter(name, value)
+    robot.drive_duty(0.3, -0.2, 0.2)
+    left, right = truth(robot, "turns")
+    assert left > 0.05
+    assert right < -0.03
+    rest(robot)
+    assert reported(robot) == truth(robot, "ticks")
+
+
 def test_a_reset_counts_nothing_whatever_the_wiring() -> None:
     robot = VirtualRobot(encoders_swapped=1, channels_mixed=1).open()
     robot.sim.set("right.hand_turns", 29.5 / COUNTS)  # both levels are high

@@ -96,6 +96,8 @@ ControlConfig make_config(const Parameters& parameters) {
       .right_motor_inverted = parameters.is_on(kRightMotorInverted),
       .left_encoder_inverted = parameters.is_on(kLeftEncoderInverted),
       .right_encoder_inverted = parameters.is_on(kRightEncoderInverted),
+      .motors_swapped = parameters.is_on(kMotorsSwapped),
+      .encoders_swapped = parameters.is_on(kEncodersSwapped),
       .stop_mode = static_cast<StopMode>(parameters.get(kStopMode)),
       .brake_time_us = to_us(parameters.get(kBrakeTimeS)),
       .ttl_max_us = to_us(parameters.get(kTtlMaxS)),

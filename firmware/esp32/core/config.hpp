@@ -25,6 +25,8 @@ struct ControlConfig {
   bool right_motor_inverted;
   bool left_encoder_inverted;
   bool right_encoder_inverted;
+  bool motors_swapped;
+  bool encoders_swapped;
   StopMode stop_mode;
   uint32_t brake_time_us;
   uint32_t ttl_max_us;

@@ -60,6 +60,18 @@ void Drive::note_battery(uint16_t millivolts, const ControlConfig& config) {
   supply_q12_ = supply_ratio_q12(millivolts, config.supply);
 }
 
+void Drive::note_parameters(const ControlConfig& config) {
+  supply_q12_ = 0;
+  if (config.motors_swapped != motors_swapped_) {
+    motors_swapped_ = config.motors_swapped;
+    left_.exchange_motors(right_);
+  }
+  if (config.encoders_swapped != encoders_swapped_) {
+    encoders_swapped_ = config.encoders_swapped;
+    left_.exchange_encoders(right_);
+  }
+}
+
 void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& config) {
   if (consume_stop_began()) return;
   if (!following_ || mode != mode_) {

@@ -17,6 +17,7 @@ class Drive {
  public:
   Drive(MotorPort& left, MotorPort& right) : left_(left), right_(right) {}
 
+  /// All counts are by the wheels.
   void start(const EncoderCounts& counts);
   /// Processes the readings of both encoders. Returns the faults that they reveal, as flags.
   uint32_t latch(const EncoderCounts& counts, const ControlConfig& config);
@@ -33,7 +34,7 @@ class Drive {
   void keep_stopped(uint64_t now_us);
 
   /// Call when the parameters have changed.
-  void note_parameters() { supply_q12_ = 0; }
+  void note_parameters(const ControlConfig& config);
 
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
@@ -45,6 +46,8 @@ class Drive {
 
   Wheel left_;
   Wheel right_;
+  bool motors_swapped_ = false;
+  bool encoders_swapped_ = false;
   ControlMode mode_ = ControlMode::kVelocity;
   bool following_ = false;  // False: the next setpoint starts from the wheels' present speed.
   WheelPair slewed_{};

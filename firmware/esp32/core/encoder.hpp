@@ -29,6 +29,13 @@ class TickTotal {
     return forward;
   }
 
+  /// From now on each counts by the other's register. Neither total changes.
+  void exchange_registers(TickTotal& other) {
+    const int16_t counter = counter_;
+    counter_ = other.counter_;
+    other.counter_ = counter;
+  }
+
   int32_t ticks() const { return static_cast<int32_t>(ticks_); }
 
  private:

@@ -33,13 +33,16 @@ class BridgePort {
 /// The chip's counters stay within -32766..32766: at +-32767 they return to 0.
 constexpr int32_t kCounterLimit = 32767;
 
-/// Both quadrature counters at one instant.
+/// Both quadrature counters at one instant: by the pins from an EncoderPort, by the wheels once
+/// `encoders_swapped` is taken into account.
 struct EncoderCounts {
   uint64_t t_us;  ///< Device clock at the latch.
   int16_t left;   ///< Raw counter, x4, modulo kCounterLimit.
   int16_t right;
   uint32_t left_illegal = 0;  ///< Transitions that imply a lost edge; 0 if not detectable.
   uint32_t right_illegal = 0;
+
+  EncoderCounts exchanged() const { return {t_us, right, left, right_illegal, left_illegal}; }
 };
 
 class EncoderPort {

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x8481459b;
+constexpr uint32_t kHash = 0x5c49dd37;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -1126,6 +1126,12 @@ enum class ParameterId : uint8_t {
   kSupplyDropV = 38,        ///< Voltage drop of the bridge. [V]
   kUnmeasuredSupplyV =
       39,  ///< Battery voltage assumed if it is not measured; a lower value allows more duty. [V]
+  kMotorsSwapped =
+      40,  ///< The left bridge drives the right wheel's motor, and the right bridge the left one's.
+           ///< left_motor_inverted is always of the left wheel's motor.
+  kEncodersSwapped =
+      41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
+           ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
 };
 
 enum class ParameterKind : uint8_t {
@@ -1150,7 +1156,7 @@ struct ParameterSpec {
   float maximum;
 };
 
-constexpr size_t kParameterCount = 39;
+constexpr size_t kParameterCount = 41;
 constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
      1.0f},
@@ -1223,6 +1229,10 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
      10.0f},
     {ParameterId::kUnmeasuredSupplyV, ParameterKind::kReal, ParameterChanges::kStopped, 6.2f, 1.0f,
      60.0f},
+    {ParameterId::kMotorsSwapped, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f, 0.0f,
+     1.0f},
+    {ParameterId::kEncodersSwapped, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f, 0.0f,
+     1.0f},
 };
 
 struct PlatformDefault {

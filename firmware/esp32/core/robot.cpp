@@ -13,7 +13,7 @@ void Robot::start(uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
   store_faults_ = hal_.store.faults();
   apply_parameters();
-  drive_.start(hal_.encoders.latch());
+  drive_.start(latch());
   last_step_us_ = now_us;
   apply(SupervisorEvent::kStarted, now_us);
 }
@@ -22,7 +22,7 @@ void Robot::start(uint64_t now_us) {
 
 void Robot::begin_step(uint64_t now_us) {
   if (parameters_changed_) apply_parameters();
-  counts_ = hal_.encoders.latch();
+  counts_ = latch();
   drive_.note_battery(hal_.battery.millivolts(), config_);
   trip(drive_.latch(counts_, config_) | check_timing(now_us), now_us);
 }
@@ -31,6 +31,11 @@ void Robot::finish_step(uint64_t now_us) {
   check_contact(now_us);
   check_deadline(now_us);
   actuate(now_us);
+}
+
+EncoderCounts Robot::latch() {
+  const EncoderCounts pins = hal_.encoders.latch();
+  return config_.encoders_swapped ? pins.exchanged() : pins;
 }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
@@ -136,7 +141,7 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
 void Robot::apply_parameters() {
   parameters_changed_ = false;
   config_ = make_config(parameters_);
-  drive_.note_parameters();
+  drive_.note_parameters(config_);
   target_ = limited(setpoint_);
 }
 

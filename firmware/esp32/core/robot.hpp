@@ -83,7 +83,7 @@ class Robot {
 
   const Wheel& left() const { return drive_.left(); }
   const Wheel& right() const { return drive_.right(); }
-  /// As latched by the last step.
+  /// By the wheels, as latched by the last step.
   const EncoderCounts& encoder_counts() const { return counts_; }
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
 
@@ -95,6 +95,7 @@ class Robot {
   uint32_t longest_interval_us() const { return longest_interval_us_; }
 
  private:
+  EncoderCounts latch();
   uint32_t check_timing(uint64_t now_us);
   void trip(uint32_t faults, uint64_t now_us);
   bool contact_is_open();

@@ -57,17 +57,23 @@ void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
 
 void Wheel::output(int32_t duty_q15, bool motor_inverted) {
   duty_q15_ = duty_q15;
-  motor_.drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
+  motor_->drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
 }
 
 void Wheel::brake() {
   rest();
-  motor_.brake();
+  motor_->brake();
 }
 
 void Wheel::coast() {
   rest();
-  motor_.coast();
+  motor_->coast();
+}
+
+void Wheel::exchange_motors(Wheel& other) {
+  MotorPort* const motor = motor_;
+  motor_ = other.motor_;
+  other.motor_ = motor;
 }
 
 void Wheel::rest() {

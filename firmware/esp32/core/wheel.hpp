@@ -14,7 +14,7 @@ namespace wheelwire {
 
 class Wheel {
  public:
-  explicit Wheel(MotorPort& motor) : motor_(motor) {}
+  explicit Wheel(MotorPort& motor) : motor_(&motor) {}
 
   /// Ticks count from the counter's value at power-on.
   void start(int16_t counter) { total_ = TickTotal(counter); }
@@ -32,6 +32,10 @@ class Wheel {
   void brake();
   void coast();
 
+  // For a robot whose sides are wired to each other's pins.
+  void exchange_motors(Wheel& other);
+  void exchange_encoders(Wheel& other) { total_.exchange_registers(other.total_); }
+
   int32_t ticks() const { return total_.ticks(); }
   int32_t velocity_umps() const { return velocity_umps_; }
   int32_t duty_q15() const { return duty_q15_; }
@@ -46,7 +50,7 @@ class Wheel {
   void output(int32_t duty_q15, bool motor_inverted);
   void rest();
 
-  MotorPort& motor_;
+  MotorPort* motor_;
   TickTotal total_;
   VelocityEstimator estimator_;
   Controller controller_;

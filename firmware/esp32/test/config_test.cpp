@@ -60,6 +60,9 @@ TEST(switches_arrive_each_at_its_place) {
   CHECK(with(kLeftEncoderInverted, 1).left_encoder_inverted);
   CHECK(!with(kLeftEncoderInverted, 1).right_encoder_inverted);
   CHECK(with(kRightEncoderInverted, 1).right_encoder_inverted);
+  CHECK(with(kMotorsSwapped, 1).motors_swapped);
+  CHECK(!with(kMotorsSwapped, 1).encoders_swapped);
+  CHECK(with(kEncodersSwapped, 1).encoders_swapped);
   CHECK(with(kEstopInputEnabled, 1).estop_input_enabled);
   CHECK(!with(kEstopInputEnabled, 0).estop_input_enabled);
   CHECK(with(kStopMode, 1).stop_mode == StopMode::kCoast);

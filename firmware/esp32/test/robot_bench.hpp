@@ -87,6 +87,15 @@ class RobotBench {
   static constexpr uint64_t kPeriodUs = 1000;
   static constexpr uint32_t kNonce = 0x1234;
   static constexpr uint32_t kBootId = 0xab00;
+  static constexpr Identity kIdentity{.boot_id = kBootId,
+                                      .reset_reason = ResetReason::kPowerOn,
+                                      .board = Board::kSimulated,
+                                      .board_id = 7,
+                                      .capabilities = 0,
+                                      .version_major = 0,
+                                      .version_minor = 1,
+                                      .version_patch = 0,
+                                      .git_hash = 0};
 
   /// `start_us`: the device's clock at the start.
   explicit RobotBench(uint64_t start_us = 1'000'000) : now_us(start_us) {}
@@ -200,16 +209,7 @@ class RobotBench {
   BenchBattery battery;
   L298n left_motor{left};
   L298n right_motor{right};
-  Device device{{left_motor, right_motor, encoders, line, store, contact, battery},
-                {.boot_id = kBootId,
-                 .reset_reason = ResetReason::kPowerOn,
-                 .board = Board::kSimulated,
-                 .board_id = 7,
-                 .capabilities = 0,
-                 .version_major = 0,
-                 .version_minor = 1,
-                 .version_patch = 0,
-                 .git_hash = 0}};
+  Device device{{left_motor, right_motor, encoders, line, store, contact, battery}, kIdentity};
   std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
   uint16_t request_id = 0;
   uint32_t command_seq = 0;
