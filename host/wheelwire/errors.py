@@ -226,6 +226,12 @@ class ImportFailed(WheelwireError):  # noqa: N818
     exit_code = 23
 
 
+class CommissioningFailed(WheelwireError):  # noqa: N818
+    """A measurement on the robot cannot be made or makes no sense. The wheels were stopped."""
+
+    exit_code = 24
+
+
 def _unpickle(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:

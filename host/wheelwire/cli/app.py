@@ -23,6 +23,7 @@ from .mcu import mcu
 from .output import UsageError, print_error, show_help_alone
 from .parameter_files import app as parameters_app
 from .robot import clear, drive, estop, info, monitor
+from .setup import setup
 from .teleop import teleop
 
 USAGE = 2
@@ -33,7 +34,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (sim, ports, info, drive, teleop, monitor, estop, clear, flash, demo, mcu):
+for command in (sim, ports, setup, info, drive, teleop, monitor, estop, clear, flash, demo, mcu):
     app.command()(command)
 app.add_typer(parameters_app, name="params")
 

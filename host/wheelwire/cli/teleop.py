@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import logging
-import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -21,6 +17,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import console
+from .signals import ended_by_signals
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
@@ -50,7 +47,7 @@ def teleop(
     address = resolve(robot, moves=True, yes=yes)
     # Warnings of the link would be printed into the line; it shows what they say.
     logging.getLogger("wheelwire").addHandler(logging.NullHandler())
-    with _ended_by_signals(), address.open(baud) as driver:
+    with ended_by_signals(), address.open(baud) as driver:
         device = driver.info.device if isinstance(driver, DeviceDriver) else None
         identity = f" ({device.board.name} {device.board_id})" if device else ""
         console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
@@ -69,19 +66,3 @@ def _say_what_remains(driver: BaseDriver, address: str) -> None:
         console.print(
             f"{state.name} remains latched; `wheelwire clear {address}` ends it", soft_wrap=True
         )
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """SIGTERM and SIGHUP leave the block as Ctrl-C does: robot stopped, terminal restored."""
-    signals = (signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, _exit) for number in signals}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _exit(number: int, _frame: FrameType | None) -> None:
-    sys.exit(128 + number)

@@ -1,0 +1,242 @@
+"""`wheelwire setup`: find a robot's wiring and numbers, by measuring and by asking."""
+
+from __future__ import annotations
+
+import os
+import random
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import CommissioningFailed, InvalidArgument, OutputFailed
+
+from .address import MOCK, Address, BaudOption, RobotArgument, YesFlag, resolve
+from .output import JsonFlag, console, print_json
+from .signals import ended_by_signals
+
+if TYPE_CHECKING:
+    from wheelwire.commissioning.questions import Person, Question
+    from wheelwire.commissioning.setup import Findings, Options
+    from wheelwire.drivers.mock import MockDriver
+
+WIRING_VARIABLES = (
+    "motors_swapped",
+    "encoders_swapped",
+    "left.motor_reversed",
+    "right.motor_reversed",
+    "left.encoder_reversed",
+    "right.encoder_reversed",
+)
+"""Of the simulated robot."""
+
+
+def setup(
+    robot: RobotArgument = None,
+    answers: Annotated[
+        Path | None, typer.Option(help="YAML file of answers, to run without a person.")
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="Write the values to this file, as `params export` does; save nothing."),
+    ] = None,
+    resume: Annotated[
+        bool | None,
+        typer.Option(
+            "--resume/--anew",
+            help="Go on where the last set-up of this robot was interrupted, or begin anew; "
+            "default: ask, and with --answers begin anew.",
+            show_default=False,
+        ),
+    ] = None,
+    simulated: Annotated[
+        bool,
+        typer.Option("--simulated", help="Set up a simulated robot, which answers by itself."),
+    ] = False,
+    plant: Annotated[
+        str | None, typer.Option(help="With --simulated: a built-in plant's name or a YAML file.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="With --simulated: of the wiring, which is random.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="With --simulated: a variable of docs/simulator.md. If the wiring is among "
+            "them, it is not random.",
+        ),
+    ] = None,
+    yes: YesFlag = False,
+    baud: BaudOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Set up a new robot: find its wiring, count its encoders, save what was found.
+
+    Raise the robot so that its wheels hang free. It takes some minutes and two questions.
+    However the motors and encoders are wired, parameters correct it; what they cannot correct is
+    said. Until you save, the robot keeps its former parameters.
+    """
+    from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
+
+    if not simulated and (plant, seed, settings) != (None, None, None):
+        raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
+    _check_writable(keep)
+    person: Person
+    if simulated:
+        if robot is not None:
+            raise InvalidArgument(f"give {robot} or --simulated, not both")
+        with _simulated_robot(plant, seed, settings or ()) as mock:
+            person = SimulatedPerson(mock)
+            if answers is not None:
+                person = AnswersFile(answers, person)
+            _run(mock, person, _options(keep), as_json=as_json)
+        return
+    if answers is None and not sys.stdin.isatty():
+        raise InvalidArgument(
+            "setup asks questions: run it in a terminal, or answer them by --answers FILE"
+        )
+    person = AnswersFile(answers) if answers is not None else _Terminal(as_json=as_json)
+    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    _check_lasting(address, keep)
+    with ended_by_signals(), address.open(baud) as driver:
+        board_id = driver.info.device.board_id if isinstance(driver, DeviceDriver) else None
+        _run(driver, person, _options(keep, board_id, resume=resume), as_json=as_json)
+
+
+def _options(
+    keep: Path | None, board_id: str | None = None, *, resume: bool | None = None
+) -> Options:
+    from wheelwire.commissioning.progress import Progress
+    from wheelwire.commissioning.setup import Options
+
+    return Options(keep, resume, None if board_id is None else Progress(board_id))
+
+
+def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> None:
+    from wheelwire.commissioning.setup import set_up
+
+    def say(text: str) -> None:
+        _say(text, as_json=as_json)
+
+    findings = set_up(robot, _Shown(person, say), say, options)
+    if as_json:
+        print_json(_as_json(findings))
+    elif findings.is_complete and findings.problems:
+        console.print(f"{len(findings.problems)} problems remain, see above")
+    elif not findings.is_complete:
+        console.print("the set-up cannot go on: mend it, then run the command again")
+    if not findings.is_complete:
+        raise typer.Exit(CommissioningFailed.exit_code)
+
+
+def _as_json(findings: Findings) -> Mapping[str, object]:
+    return {
+        "wiring": None if findings.wiring is None else asdict(findings.wiring),
+        "counts_per_revolution": findings.counts_per_revolution,
+        "velocity_feedforward": findings.velocity_feedforward,
+        "static_feedforward": findings.static_feedforward,
+        "rms_before_mps": findings.rms_before_mps,
+        "rms_after_mps": findings.rms_after_mps,
+        "problems": findings.problems,
+        "saved": findings.saved,
+    }
+
+
+def _say(text: str, *, as_json: bool) -> None:
+    if as_json:
+        typer.echo(text, err=True)
+    else:
+        console.print(text, soft_wrap=True)
+
+
+class _Shown:
+    """Shows the questions and answers of one who is not asked at a terminal."""
+
+    def __init__(self, person: Person, say: Callable[[str], None]) -> None:
+        self._person = person
+        self._say = say
+
+    def answer(self, question: Question) -> str:
+        """As the other one does."""
+        answer = self._person.answer(question)
+        if not isinstance(self._person, _Terminal):
+            self._say(f"{question.text} {answer}")
+        return answer
+
+
+class _Terminal:
+    """The person at this terminal."""
+
+    def __init__(self, *, as_json: bool) -> None:
+        self._err = as_json
+
+    def answer(self, question: Question) -> str:
+        """Ask until the answer can be understood."""
+        choices = f" ({', '.join(question.choices)})" if question.choices else ""
+        while True:
+            given = typer.prompt(
+                f"{question.text}{choices}", default=question.default, err=self._err
+            )
+            try:
+                return question.parse(given)
+            except InvalidArgument as error:
+                typer.echo(str(error), err=self._err)
+
+
+def _check_writable(file: Path | None) -> None:
+    """Find out before anything moves; raises `OutputFailed`."""
+    if file is not None and (
+        file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
+    ):
+        raise OutputFailed(f"cannot write {file}: choose a file in a folder that can be written")
+
+
+def _check_lasting(address: Address, keep: Path | None) -> None:
+    """Check that what is found can be kept; raises `InvalidArgument`."""
+    if keep is not None:
+        return
+    if address.text == MOCK:
+        raise InvalidArgument(
+            "mock exists only while this command runs: use `wheelwire setup --simulated`"
+        )
+    from wheelwire.commissioning.setup import CHANGED
+
+    address.check_parameters(CHANGED, save=True)
+
+
+def _simulated_robot(plant: str | None, seed: int | None, settings: Sequence[str]) -> MockDriver:
+    from wheelwire.drivers.mock import MockDriver
+    from wheelwire.simulation.library import FwSimError
+    from wheelwire.simulation.plant import load_plant
+
+    given = dict(map(_setting, settings))
+    values = load_plant(plant).settings if plant is not None else {}
+    values |= {"wheels_free": 1.0}
+    if seed is not None or not given.keys() & set(WIRING_VARIABLES):
+        drawn = random.Random(seed)
+        values |= {name: float(drawn.randrange(2)) for name in WIRING_VARIABLES}
+    robot = MockDriver(realtime=False)
+    try:
+        for name, value in {**values, **given}.items():
+            robot.simulator.set(name, value)
+    except FwSimError as error:
+        robot.close()
+        raise InvalidArgument(
+            f"the simulated robot refused {error}; docs/simulator.md has all variables"
+        ) from error
+    return robot
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError as error:
+        raise InvalidArgument(f"--set {text}: give NAME=VALUE, with a number") from error

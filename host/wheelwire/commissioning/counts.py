@@ -1,0 +1,116 @@
+"""Ticks per wheel turn, from turns by hand."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..drivers.base import BaseDriver
+from ..simulation.plant import load_plant, shipped_plants
+from .inspection import Say, Unfit
+from .problems import WRONG_WHEEL, Problem
+from .pulses import COUNTED_TICKS, fresh, ticks_since
+from .questions import HAND, SIDES, SKIP, TURNED, HandTurn, Person, Question
+
+COUNTS = "counts_per_revolution"
+TURNS = 10
+
+_USUAL = (360, 1440)
+"""Beside the motors that are known: an encoder of 360 lines read on one edge, or on all four."""
+_SMALLEST_DOUBT = 0.0005
+_LARGEST_DOUBT = 0.005
+
+
+class Counted(NamedTuple):
+    """Counts per turn.
+
+    Attributes:
+        value: The one to set.
+        doubt: What is uncertain about it; empty if nothing is.
+    """
+
+    value: int
+    doubt: str = ""
+
+
+def known_motors() -> dict[str, int]:
+    """Counts per wheel turn of the motors that are known by name; none without PyYAML."""
+    try:
+        plants = {name: load_plant(name) for name in shipped_plants()}
+    except ImportError:
+        return {}
+    return {name: round(plant.values[COUNTS].value) for name, plant in plants.items()}
+
+
+def ask_counts(robot: BaseDriver, person: Person, say: Say) -> Counted:
+    """A number, a known motor, or ten turns of each wheel by hand.
+
+    Raises:
+        Unfit: A wheel that was turned forward did not count up.
+    """
+    motors = known_motors()
+    answer = person.answer(
+        Question(
+            COUNTS,
+            "Ticks per wheel turn: count them by hand, or give the number or a known motor.",
+            (HAND, *motors),
+            HAND,
+            COUNTS,
+        )
+    )
+    if answer in motors:
+        return Counted(motors[answer])
+    if answer != HAND:
+        return Counted(round(float(answer)))
+    counted = [_by_hand(robot, person, wheel) for wheel in (0, 1)]
+    if None in counted:
+        value = round(robot.parameters[COUNTS])
+        return Counted(value, f"not counted: {value} is what the robot has")
+    result = plausible(*[ticks for ticks in counted if ticks is not None])
+    say(
+        f"{TURNS} turns: {counted[0]} ticks on the left, {counted[1]} on the right: "
+        f"{result.value} a turn{f' ({result.doubt})' if result.doubt else ''}"
+    )
+    return result
+
+
+def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
+    """The counts per turn that two wheels, turned by hand, most likely have.
+
+    The two agree as well as the person stops at the mark, so their difference is the doubt: within
+    it a usual value is taken, else a multiple of four, since each line of a disc makes four edges.
+    """
+    mean = (left + right) / 2 / turns
+    difference = abs(left - right) / (left + right) * 2
+    doubt = min(max(2 * difference, _SMALLEST_DOUBT), _LARGEST_DOUBT) * mean
+    usual = {*_USUAL, *known_motors().values()}
+    nearest = min(usual, key=lambda value: abs(value - mean))
+    if abs(nearest - mean) > doubt:
+        four = 4 * round(mean / 4)
+        nearest = four if abs(four - mean) <= max(doubt, 1 / turns) else round(mean)
+    text = ""
+    if difference > _LARGEST_DOUBT:
+        text = f"the wheels differ by {difference:.1%}: count again, or give the number"
+    elif abs(nearest - mean) > max(doubt, 0.5):
+        text = f"{mean:.1f} were counted"
+    return Counted(nearest, text)
+
+
+def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> int | None:
+    """Ticks of ten turns, or None if nobody turned it."""
+    name = SIDES[wheel]
+    question = Question(
+        f"counts_{name}",
+        f"Mark the {name} wheel and turn it {TURNS} times forward by hand, then press Enter.",
+        (TURNED, SKIP),
+        TURNED,
+        turn=HandTurn(wheel, TURNS),
+    )
+    before = fresh(robot)
+    if person.answer(question) != TURNED:
+        return None
+    ticks = ticks_since(fresh(robot), before)
+    own, other = ticks[wheel], ticks[1 - wheel]
+    if own < COUNTED_TICKS * TURNS or abs(other) > own / TURNS:
+        detail = f"the left counter counted {ticks[0]} and the right one {ticks[1]}"
+        raise Unfit([Problem(WRONG_WHEEL, wheel, detail)])
+    return own

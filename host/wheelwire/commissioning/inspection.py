@@ -1,0 +1,317 @@
+"""A raised robot's contact, supply, wiring and wheels, examined step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from statistics import median
+
+from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+
+from ..drivers.base import BaseDriver
+from ..errors import CommissioningFailed, DeviceRefused
+from ..samples import WheelSample
+from .problems import (
+    BLOCKED,
+    CONTACT_OPEN,
+    MAGNET_MISSING,
+    NO_ENCODER,
+    NO_MOTOR,
+    NO_SUPPLY,
+    NOT_CONFIRMED,
+    ON_THE_FLOOR,
+    SAGS,
+    WEAK,
+    Problem,
+)
+from .pulses import COUNTED_TICKS, BoardReset, Pulsed, Run, fresh, pulse, run, show, ticks_since
+from .questions import (
+    AGAIN,
+    BOTH,
+    HELD,
+    NO,
+    NONE,
+    SIDES,
+    SKIP,
+    TURNED,
+    WHEEL_AND_WAY,
+    YES,
+    HandTurn,
+    Person,
+    Question,
+)
+from .wiring import Seen, Wiring, deduce, find_problems
+
+Say = Callable[[str], None]
+
+RAISED = Question(
+    "raised",
+    "Do both wheels hang free, with nothing in their way? They will turn; an e-stop or fault that "
+    "is latched will be cleared.",
+    (YES, NO),
+    NO,
+)
+
+_LOWEST_SUPPLY_V = 2.0
+_STILL_S = 0.5
+_REPEATS = 3
+_HARDER = (0.75, 0.9, 1.0)
+_HARDER_S = 0.15
+_CONFIRM_S = 0.3
+_BURST_S = 0.12
+_SAG = 0.1
+"""Of the supply at rest; a battery in good order gives way by half of that."""
+_STEADY_S = 2.0
+_STARTED_S = 0.4
+_STEADY_DUTY = (0.25, 0.6)
+_UNEQUAL = 0.7
+_UNEQUAL_START = 1.9
+_BUNCH_TICKS = 5
+"""Fewer than that could be an uneven encoder."""
+
+
+class Unfit(CommissioningFailed):
+    """The robot has defects that no parameter mends.
+
+    Args:
+        problems: What was found.
+    """
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        super().__init__("; ".join(map(str, problems)))
+        self.problems = tuple(problems)
+
+
+def check_ready(robot: BaseDriver, person: Person) -> None:
+    """Ask for free wheels; check the supply and the e-stop contact, and that nothing moves.
+
+    Raises:
+        Unfit: The wheels are not free, the contact is open, or there is no supply.
+        CommissioningFailed: A fault cannot be cleared, or a wheel turns.
+    """
+    if person.answer(RAISED) != YES:
+        raise Unfit([Problem(ON_THE_FLOOR)])
+    clear(robot)
+    sample = fresh(robot)
+    if sample.battery_v is not None and sample.battery_v < _LOWEST_SUPPLY_V:
+        raise Unfit([Problem(NO_SUPPLY)])
+    start = sample
+    while sample.since(start).dt_s < _STILL_S:
+        sample = robot.read()
+    if max(map(abs, ticks_since(sample, start))) > 1:
+        raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
+
+
+def clear(robot: BaseDriver) -> None:
+    """Clear whatever is latched.
+
+    Raises:
+        Unfit: The e-stop's contact is open.
+        CommissioningFailed: A fault lasts.
+    """
+    sample = fresh(robot)
+    try:
+        if sample.state is SupervisorState.ESTOPPED:
+            robot.clear_estop()
+            sample = fresh(robot)
+        if sample.state is SupervisorState.FAULT:
+            robot.clear_fault()
+    except DeviceRefused as error:
+        if error.code != RefusalCode.CAUSE_PRESENT:
+            raise
+        if sample.state is SupervisorState.ESTOPPED:
+            raise Unfit([Problem(CONTACT_OPEN)]) from error
+        texts = " ".join(fault.doc for fault in Fault if fault in sample.faults)
+        raise CommissioningFailed(f"a fault lasts: {texts}") from error
+
+
+def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Sequence[Pulsed]]:
+    """The wiring, by two pulses and two answers. No correction may be in force.
+
+    Returns:
+        The wiring, and what the pulses of both bridges did.
+
+    Raises:
+        Unfit: No wiring explains what was seen.
+        CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
+    """
+    say("One motor is pulsed, gently at first. Watch which wheel turns.")
+    first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
+    other = None if first.wheel is None else 1 - first.wheel
+    say("Now the other motor.")
+    choices = WHEEL_AND_WAY if other is None else ("forward", "backward")
+    second = _ask(robot, person, "second", 1, (*choices, NONE, BOTH))
+    if other is not None and second.answer in choices:
+        second = Seen(second.pulsed, f"{SIDES[other]} {second.answer}")
+    problems = find_problems(first, second)
+    if not problems or any(one.answer == NONE for one in (first, second)):
+        problems += _motionless(robot, person, first, second)
+    if problems:
+        raise Unfit(problems)
+    return deduce(first, second), (first.pulsed, second.pulsed)
+
+
+def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[str, ...]) -> Seen:
+    text = "Which wheel turned, seen from behind, and which way?"
+    if WHEEL_AND_WAY[0] not in choices:
+        text = "Which way did the other wheel turn?"
+    question = Question(key, text, (*choices, AGAIN), AGAIN)
+    pulsed = pulse(robot, side)
+    for _ in range(_REPEATS if pulsed.was_noticed else 1):
+        if (answer := person.answer(question)) != AGAIN:
+            return Seen(pulsed, answer)
+        shown = show(robot, side, pulsed)
+        pulsed = pulsed if pulsed.was_noticed else shown
+    last = Question(key, text, choices, NONE)  # more turns would be too many for a wheel unknown
+    return Seen(pulsed, person.answer(last))
+
+
+def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) -> list[Problem]:
+    """What is wrong with wheels that no pulse turned, found with a hand on them."""
+    bridges = [side for side, seen in enumerate((first, second)) if seen.answer == NONE]
+    if not bridges or any(one.pulsed.was_noticed for one in (first, second) if one.answer == NONE):
+        return []
+    moved = [one.wheel for one in (first, second) if one.wheel is not None]
+    wheels = [side for side in (0, 1) if side not in moved]
+    hands = {wheel: _by_hand(robot, person, wheel) for wheel in wheels}
+    works = [wheel for wheel, (answer, counted) in hands.items() if counted and answer != HELD]
+    if works:  # at least these count, so that a harder pulse ends before a wheel has turned far
+        found = [
+            Problem(WEAK, wheels[0], f" needs a duty of {duty:g} to turn at all")
+            for bridge in bridges
+            for duty in _harder(robot, bridge)
+        ]
+        if found:
+            return found[:1]
+    if len(works) == 2 or (
+        all(answer == SKIP for answer, _ in hands.values()) and len(wheels) == 2
+    ):
+        return [Problem(NO_SUPPLY)]
+    return [_problem_of(wheel, *hands[wheel]) for wheel in wheels]
+
+
+def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> tuple[str, bool]:
+    """The answer, and whether a counter counted."""
+    before = fresh(robot)
+    answer = person.answer(
+        Question(
+            f"hand_{SIDES[wheel]}",
+            f"The {SIDES[wheel]} wheel did not turn. Turn it by hand, about half a turn. "
+            "Could it be turned?",
+            (TURNED, HELD, SKIP),
+            TURNED,
+            turn=HandTurn(wheel, 0.5),
+        )
+    )
+    return answer, max(map(abs, ticks_since(fresh(robot), before))) >= COUNTED_TICKS
+
+
+def _problem_of(wheel: int, answer: str, counted: bool) -> Problem:
+    if answer == HELD:
+        return Problem(BLOCKED, wheel)
+    if counted or answer == SKIP:
+        return Problem(NO_MOTOR, wheel)
+    return Problem(NO_ENCODER, wheel)
+
+
+def _harder(robot: BaseDriver, bridge: int) -> list[float]:
+    """The duty that turns a wheel at last, whose encoder is known to count; empty if none does."""
+    for duty in _HARDER:
+        duties = (duty, 0.0) if bridge == 0 else (0.0, duty)
+        if max(map(abs, run(robot, duties, _HARDER_S).ticks)) >= COUNTED_TICKS:
+            return [duty]
+    return []
+
+
+def confirm(robot: BaseDriver, duty: float) -> None:
+    """Drive both wheels forward for a moment, with the corrections in force.
+
+    Raises:
+        Unfit: A counter did not count up.
+        CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
+    """
+    driven = run(robot, (duty, duty), _CONFIRM_S)
+    wrong = [side for side in (0, 1) if driven.ticks[side] < COUNTED_TICKS]
+    if wrong:
+        detail = " and ".join(f"the {SIDES[w]} wheel counted {driven.ticks[w]}" for w in wrong)
+        raise Unfit([Problem(NOT_CONFIRMED, detail=detail)])
+
+
+def check_supply(robot: BaseDriver) -> list[Problem]:
+    """Start both motors at once with full duty, and watch the supply.
+
+    Raises:
+        Unfit: The board was reset by it.
+    """
+    try:
+        burst = run(robot, (1.0, 1.0), _BURST_S)
+    except BoardReset as error:
+        raise Unfit([Problem(SAGS, detail=" so far that the board is reset")]) from error
+    rest_v, low_v = burst.samples[0].battery_v, burst.lowest_v
+    if rest_v is None or low_v is None or low_v > (1 - _SAG) * rest_v:
+        return []
+    return [Problem(SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
+
+
+def check_wheels(robot: BaseDriver, pulsed: Sequence[float]) -> list[Problem]:
+    """Turn both wheels for two seconds, and compare them.
+
+    Args:
+        robot: The robot, with corrected wiring.
+        pulsed: The duty that set each wheel in motion.
+
+    Raises:
+        CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
+    """
+    low, high = _STEADY_DUTY
+    duty = min(max(3 * max(pulsed), low), high)
+    driven = run(robot, (duty, duty), _STEADY_S)
+    bunched = [side for side in (0, 1) if _is_bunched(driven, side, duty)]
+    # Where no edge comes, a wheel seems to start late.
+    unequal = _unequal(driven, (1.0, 1.0) if bunched else pulsed)
+    return unequal + [Problem(MAGNET_MISSING, side) for side in bunched]
+
+
+def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
+    left, right = driven.ticks
+    slow = 0 if left < right else 1
+    ratio = driven.ticks[slow] / max(driven.ticks)
+    if ratio < _UNEQUAL:
+        detail = f" has {ratio:.0%} of the other one's speed at the same duty"
+        return [Problem(WEAK, slow, detail)]
+    stiff = 0 if pulsed[0] > pulsed[1] else 1
+    ratio = pulsed[stiff] / min(pulsed)
+    if ratio > _UNEQUAL_START:
+        return [Problem(WEAK, stiff, f" starts at {ratio:.1f} times the other one's duty")]
+    return []
+
+
+def _is_bunched(driven: Run, side: int, duty: float) -> bool:
+    """Whether counts stop for a while at speed, and what was missed comes at once."""
+    samples = [
+        sample
+        for sample in driven.samples
+        if sample.since(driven.samples[0]).dt_s > _STARTED_S and _duty(sample, side) > 0.9 * duty
+    ]
+    steps = [
+        (later.since(earlier)[side], later.since(earlier).dt_s)
+        for earlier, later in pairwise(samples)
+    ]
+    if not steps:
+        return False
+    rate = sum(ticks for ticks, _ in steps) / sum(seconds for _, seconds in steps)
+    typical = median(ticks for ticks, _ in steps)
+    still_s, is_still = 0.0, 0
+    for ticks, seconds in steps:
+        if ticks == 0:
+            still_s, is_still = still_s + seconds, is_still + 1
+            continue
+        missed = rate * still_s
+        if is_still > 1 and missed >= _BUNCH_TICKS and ticks > typical + missed / 2:
+            return True
+        still_s, is_still = 0.0, 0
+    return False
+
+
+def _duty(sample: WheelSample, side: int) -> float:
+    return sample.left_duty if side == 0 else sample.right_duty

@@ -1,0 +1,207 @@
+"""The questions of a set-up, and who answers them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from ..config import check_names, load_yaml, mapping
+from ..drivers.mock import MockDriver
+from ..errors import ConfigurationError, InvalidArgument
+from ..parameters import checked_value
+
+YES, NO = "yes", "no"
+AGAIN = "again"
+SIDES = ("left", "right")
+WHEEL_AND_WAY = tuple(f"{side} {way}" for side in SIDES for way in ("forward", "backward"))
+NONE, BOTH = "none", "both"
+HAND = "hand"
+TURNED, HELD, SKIP = "turned", "held", "skip"
+
+ANSWER_KEYS = (
+    "raised",
+    "first",
+    "second",
+    "counts_per_revolution",
+    "wheel_radius",
+    "wheel_separation",
+    "save",
+)
+"""What a file of answers may hold."""
+
+_SEEN_TURNS = 0.005
+"""Less than that a person does not see."""
+_HAND_LIMIT_S = 1.5
+"""Of a wheel that does not give way."""
+
+
+class HandTurn(NamedTuple):
+    """A wheel to be turned by hand, forward positive."""
+
+    side: int
+    turns: float
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question.
+
+    Attributes:
+        key: Its name.
+        text: As a person is asked.
+        choices: The answers that are words.
+        default: What Enter means; empty if a script has to give it.
+        parameter: An answer may also be a value of this parameter.
+        turn: What to do by hand before the answer.
+    """
+
+    key: str
+    text: str
+    choices: tuple[str, ...]
+    default: str
+    parameter: str = ""
+    turn: HandTurn | None = None
+
+    def parse(self, answer: object) -> str:
+        """The answer as one of `choices`, or as a number's text.
+
+        Raises:
+            InvalidArgument: It is neither. The message has what may be given.
+        """
+        words = {True: YES, False: NO}.get(answer, answer) if isinstance(answer, bool) else answer
+        text = " ".join(str(words).lower().replace("_", " ").replace("-", " ").split())
+        for choice in self.choices:
+            plain = choice.replace("-", " ")
+            initials = "".join(word[0] for word in plain.split())
+            if text in (plain, initials):
+                return choice
+        if self.parameter:
+            try:
+                return repr(checked_value(self.parameter, float(str(words))))
+            except ValueError as error:
+                if math.isfinite(_number(words)):
+                    raise InvalidArgument(str(error)) from error
+        expected = [*self.choices, *(["a number"] if self.parameter else [])]
+        raise InvalidArgument(f"{self.key} = {answer!r}: answer with {', '.join(expected)}")
+
+
+class Person(Protocol):
+    """Who answers."""
+
+    def answer(self, question: Question) -> str:
+        """One of the question's choices, or a number's text; see `Question.parse`."""
+
+
+class AnswersFile:
+    """Answers from a YAML file; another one answers what the file does not.
+
+    Args:
+        file: With some of `ANSWER_KEYS`.
+        otherwise: Answers the rest. None: the defaults are taken.
+
+    Raises:
+        ConfigurationError: The file is invalid.
+    """
+
+    def __init__(self, file: Path, otherwise: Person | None = None) -> None:
+        self._file = file
+        self._otherwise = otherwise
+        try:
+            self._answers = dict(mapping("the file", load_yaml(file) or {}))
+            check_names(self._answers, list(ANSWER_KEYS), "")
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{file}: {error}") from error
+
+    def answer(self, question: Question) -> str:
+        """As the file says.
+
+        Raises:
+            ConfigurationError: The answer is not one of the choices, or is missing and has no
+                default.
+        """
+        if question.key in self._answers:
+            try:
+                return question.parse(self._answers[question.key])
+            except InvalidArgument as error:
+                raise ConfigurationError(f"{self._file}: {error}") from error
+        if self._otherwise is not None:
+            return self._otherwise.answer(question)
+        if question.key in ANSWER_KEYS[:3]:
+            raise ConfigurationError(
+                f"{self._file} has no answer `{question.key}`: add it; it is one of "
+                f"{', '.join(choice for choice in question.choices if choice != AGAIN)}"
+            )
+        if question.turn is not None:
+            return SKIP
+        # A script says all that it wants; what another run has found is not among it.
+        return NO if question.key == "resume" else question.default
+
+
+class SimulatedPerson:
+    """Answers by the truth of a simulated robot, and turns its wheels.
+
+    Args:
+        robot: In virtual time, which passes while a wheel is turned.
+        answers: Given as they are, by the question's key.
+    """
+
+    def __init__(self, robot: MockDriver, answers: Mapping[str, str] | None = None) -> None:
+        self._robot = robot
+        self._answers = dict(answers or {})
+        self._turns = self._true_turns()
+
+    def answer(self, question: Question) -> str:
+        """As the simulated robot is."""
+        before, self._turns = self._turns, self._true_turns()
+        if question.key in self._answers:
+            return question.parse(self._answers[question.key])
+        if question.turn is not None:
+            return self._turn(question.turn)
+        if question.key == "raised":
+            return YES if self._get("wheels_free") else NO
+        if question.key in ("first", "second"):
+            return _seen(before, self._turns, question)
+        if question.key in ("wheel_radius", "wheel_separation"):
+            return repr(self._get(f"{question.key}_m"))
+        return YES if question.key == "save" else question.default
+
+    def _turn(self, turn: HandTurn) -> str:
+        name = f"{SIDES[turn.side]}.hand_turns"
+        sim = self._robot.simulator
+        sim.set(name, turn.turns)
+        left = abs(turn.turns)
+        patience_s = _HAND_LIMIT_S
+        while left > 0.0 and patience_s > 0.0:
+            self._robot.advance(0.1)
+            now = abs(self._get(name))
+            patience_s = _HAND_LIMIT_S if now < left else patience_s - 0.1
+            left = now
+        sim.set(name, 0.0)
+        self._turns = self._true_turns()
+        return TURNED if left == 0.0 else HELD
+
+    def _true_turns(self) -> tuple[float, float]:
+        return self._get("true.left_turns"), self._get("true.right_turns")
+
+    def _get(self, name: str) -> float:
+        return self._robot.simulator.get(name)
+
+
+def _seen(before: tuple[float, float], after: tuple[float, float], question: Question) -> str:
+    moved = [b - a for a, b in zip(before, after, strict=True)]
+    seen = [side for side in (0, 1) if abs(moved[side]) > _SEEN_TURNS]
+    if len(seen) != 1:
+        return question.parse(BOTH if seen else NONE)
+    way = "forward" if moved[seen[0]] > 0 else "backward"
+    both_words = f"{SIDES[seen[0]]} {way}"
+    return both_words if both_words in question.choices else way
+
+
+def _number(value: object) -> float:
+    try:
+        return float(str(value))
+    except ValueError:
+        return math.nan

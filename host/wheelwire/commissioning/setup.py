@@ -1,0 +1,271 @@
+"""The set-up of a robot, from its wiring to its gains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from wheelwire_protocol.codes import ResetReason
+
+from ..drivers.base import BaseDriver
+from ..drivers.transport_driver import DeviceDriver
+from ..errors import OutputFailed
+from ..parameter_file import ParameterFile, number_text
+from ..parameters import definition_of
+from .counts import COUNTS, ask_counts
+from .inspection import (
+    Say,
+    Unfit,
+    check_ready,
+    check_supply,
+    check_wheels,
+    confirm,
+    find_wiring,
+)
+from .problems import SAGS, Problem
+from .progress import Progress
+from .pulses import BoardReset
+from .questions import NO, YES, Person, Question
+from .wiring import Wiring
+
+SIZES = ("wheel_radius", "wheel_separation")
+CHANGED = (*Wiring().corrections, COUNTS, *SIZES)
+"""The parameters that a set-up may change."""
+
+_CONFIRM_DUTY = (0.25, 0.6)
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a set-up has found; None where it did not get to it.
+
+    Attributes:
+        wiring: Of motors and encoders.
+        counts_per_revolution: Of both wheels.
+        velocity_feedforward: In duty per m/s.
+        static_feedforward: In duty.
+        rms_before_mps: Tracking error of a fixed test drive with the former values. [m/s]
+        rms_after_mps: The same with the new ones. [m/s]
+        problems: In words, each with what to do.
+        is_complete: The set-up came to its end.
+        saved: The robot has saved the new values.
+    """
+
+    wiring: Wiring | None = None
+    counts_per_revolution: int | None = None
+    velocity_feedforward: float | None = None
+    static_feedforward: float | None = None
+    rms_before_mps: float | None = None
+    rms_after_mps: float | None = None
+    problems: tuple[str, ...] = ()
+    is_complete: bool = False
+    saved: bool = False
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to set up.
+
+    Attributes:
+        keep: File for the new values, in place of the robot's own memory.
+        resume: Go on where the last set-up was interrupted; None asks.
+        progress: Where an unfinished one is kept; None keeps none.
+    """
+
+    keep: Path | None = None
+    resume: bool | None = None
+    progress: Progress | None = None
+
+
+def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
+    """Find wiring, counts and sizes, and save them after a yes.
+
+    Unless they are saved, the robot has its former parameters again afterwards.
+
+    Args:
+        robot: The robot.
+        person: Answers the questions.
+        say: Called with a line on what is done and found.
+        options: What differs from the ordinary.
+
+    Raises:
+        CommissioningFailed: A measurement cannot be made; not for a defect of the robot, which is
+            in the findings.
+        OutputFailed: The file cannot be written.
+        WheelwireError: As the driver.
+    """
+    return _SetUp(robot, person, say, options or Options()).run()
+
+
+@dataclass
+class _SetUp:
+    robot: BaseDriver
+    person: Person
+    say: Say
+    options: Options
+    findings: Findings = field(default_factory=Findings)
+    former: dict[str, float] = field(default_factory=dict)
+    """Of the parameters that were changed."""
+    found: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Values by step."""
+    pulsed: Sequence[float] = ()
+    """The duty that set each wheel in motion, of a wiring found in this run."""
+
+    def run(self) -> Findings:
+        try:
+            with _restored(self.robot, self.former):
+                self._find()
+                self._finish()
+        except Unfit as error:
+            self._note(error.problems)
+        except BoardReset as error:
+            if not _was_brownout(self.robot):
+                raise
+            self._note([Problem(SAGS, detail=f" so far that the board is reset ({error})")])
+        return self.findings
+
+    # --- steps ---------------------------------------------------------------------------------
+
+    def _find(self) -> None:
+        self.say("1/3 Robot, supply and contact. Left and right are as seen from behind.")
+        check_ready(self.robot, self.person)
+        resumed = self._resumed()
+        self.say("2/3 Wiring")
+        if "wiring" in resumed:
+            self._set("wiring", resumed["wiring"])
+        else:
+            self._find_wiring()
+        self._check_wiring()
+        self.say("3/3 Counts and sizes")
+        if COUNTS in resumed:
+            self._set(COUNTS, resumed[COUNTS])
+        else:
+            counted = ask_counts(self.robot, self.person, self.say)
+            if counted.doubt:
+                self._note([f"{COUNTS} is doubtful: {counted.doubt}"])
+            self._set(COUNTS, {COUNTS: counted.value})
+        self.findings = replace(
+            self.findings, counts_per_revolution=round(self.robot.parameters[COUNTS])
+        )
+        self._set("sizes", resumed.get("sizes") or self._ask_sizes())
+
+    def _find_wiring(self) -> None:
+        self._try(Wiring().corrections)
+        wiring, pulsed = find_wiring(self.robot, self.person, self.say)
+        self.findings = replace(self.findings, wiring=wiring)
+        duties = [one.duty for one in pulsed]
+        self.pulsed = duties[::-1] if wiring.motors_swapped else duties
+        self._set("wiring", wiring.corrections)
+        wrong = [name for name, value in wiring.corrections.items() if value]
+        self.say(f"found: {', '.join(wrong) or 'wired as expected'}")
+
+    def _check_wiring(self) -> None:
+        values = self.found["wiring"]
+        self.findings = replace(self.findings, wiring=Wiring.of_corrections(values))
+        low, high = _CONFIRM_DUTY
+        self.say("Both wheels turn forward now, for some seconds.")
+        confirm(self.robot, min(max(1.5 * max(self.pulsed, default=high), low), high))
+        self._note(check_supply(self.robot))
+        self._note(check_wheels(self.robot, self.pulsed or (high, high)))
+
+    def _ask_sizes(self) -> dict[str, float]:
+        texts = (
+            "Radius of the driven wheels, in metres?",
+            "From the middle of one tyre to the middle of the other, in metres?",
+        )
+        sizes = {}
+        for name, text in zip(SIZES, texts, strict=True):
+            now = number_text(self.robot.parameters[name])
+            sizes[name] = float(self.person.answer(Question(name, text, (), now, name)))
+        return sizes
+
+    def _finish(self) -> None:
+        values = {name: value for step in self.found.values() for name, value in step.items()}
+        changed = {n: v for n, v in values.items() if v != self.former[n]}
+        for name, value in changed.items():
+            unit = definition_of(name).unit.value
+            former, new = number_text(self.former[name]), number_text(value)
+            self.say(f"  {name}: {former} -> {new} {unit}".rstrip())
+        self.findings = replace(self.findings, is_complete=True)
+        if self.options.keep is not None:
+            _write(self.options.keep, _file_of(self.robot, values))
+            self.say(f"written to {self.options.keep}; the robot has its former values again")
+        elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
+            self.former.clear()
+            for name in values:
+                self.robot.parameters.save(name)
+            self.findings = replace(self.findings, saved=True)
+            self.say("saved")
+        else:
+            self.say("not saved; the robot has its former values again")
+        if self.options.progress is not None:
+            self.options.progress.forget()
+
+    # --- values --------------------------------------------------------------------------------
+
+    def _resumed(self) -> Mapping[str, dict[str, float]]:
+        if self.options.progress is None or self.options.resume is False:
+            return {}
+        found = self.options.progress.load()
+        if not found or self.options.resume:
+            return found
+        done = ", ".join(found)
+        text = f"The last set-up of this robot was interrupted. Go on after {done}?"
+        answer = self.person.answer(Question("resume", text, (YES, NO), YES))
+        return found if answer == YES else {}
+
+    def _set(self, step: str, values: Mapping[str, float]) -> None:
+        self._try(values)
+        self.found[step] = dict(values)
+        if self.options.progress is None:
+            return
+        try:
+            self.options.progress.save(self.found)
+        except OutputFailed as error:
+            self.say(f"this run cannot be resumed: {error}")
+
+    def _try(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            self.former.setdefault(name, self.robot.parameters[name])
+            if self.robot.parameters[name] != value:
+                self.robot.parameters.set(name, value)
+
+    def _note(self, problems: Sequence[Problem | str]) -> None:
+        texts = tuple(map(str, problems))
+        for text in texts:
+            self.say(f"problem: {text}")
+        self.findings = replace(self.findings, problems=(*self.findings.problems, *texts))
+
+
+@contextmanager
+def _restored(robot: BaseDriver, former: Mapping[str, float]) -> Iterator[None]:
+    """Whatever happens in the block, the robot is stopped, and has `former` again."""
+    try:
+        yield
+    finally:
+        robot.stop()
+        for name, value in former.items():
+            robot.parameters.set(name, value)
+
+
+def _was_brownout(robot: BaseDriver) -> bool:
+    robot.read(timeout=3.0)
+    return (
+        isinstance(robot, DeviceDriver) and robot.info.device.reset_reason is ResetReason.BROWNOUT
+    )
+
+
+def _file_of(robot: BaseDriver, values: dict[str, float]) -> ParameterFile:
+    if not isinstance(robot, DeviceDriver):
+        return ParameterFile(values)
+    device = robot.info.device
+    return ParameterFile(values, device.board.name, device.board_id, device.release.release)
+
+
+def _write(path: Path, file: ParameterFile) -> None:
+    try:
+        path.write_text(file.text(), "utf-8")
+    except OSError as error:
+        raise OutputFailed(f"cannot write {path}: {error.strerror}") from error

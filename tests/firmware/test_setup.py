@@ -1,0 +1,158 @@
+"""The set-up of a robot over the firmware's core, in virtual time."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from support.defects import DEFECTS, DefectiveRobot, named
+from support.wiring_runs import Case, Watched, cases, check, raised_robot, set_up_raised
+from wheelwire.commissioning import problems
+from wheelwire.commissioning.progress import Progress
+from wheelwire.commissioning.pulses import pulse
+from wheelwire.commissioning.questions import Question, SimulatedPerson
+from wheelwire.commissioning.setup import CHANGED, Options, set_up
+from wheelwire.commissioning.wiring import Wiring
+from wheelwire.errors import DeviceRefused, LinkLost
+from wheelwire.parameter_file import load_parameter_file
+from wheelwire.simulation.plant import load_plant, shipped_plants
+
+WRONG = {"motors_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
+WIRING = Wiring(motors_swapped=True, left_motor_reversed=True, right_encoder_reversed=True)
+SAMPLE = random.Random(7).sample(list(cases()), 12)
+
+
+@pytest.mark.parametrize("case", SAMPLE, ids=str)
+def test_any_wiring_is_named_and_mended(case: Case) -> None:
+    assert check(case) == []
+
+
+def test_every_case_is_there() -> None:
+    assert len(set(cases())) == 64 * 3 * 3
+
+
+@pytest.mark.parametrize("robot", DEFECTS, ids=lambda robot: str(dict(robot.settings)))
+def test_a_defect_is_named_in_words(robot: DefectiveRobot) -> None:
+    assert named(robot).startswith(robot.name)
+
+
+def test_every_defect_is_tried() -> None:
+    assert {robot.defect for robot in DEFECTS} == set(problems.DEFECTS)
+    assert len(problems.DEFECTS) >= 12
+
+
+@pytest.mark.parametrize("plant", shipped_plants())
+@pytest.mark.parametrize("volts", [6.5, 12.6])
+def test_a_wheel_whose_encoder_is_dead_turns_little(plant: str, volts: float) -> None:
+    settings = {**load_plant(plant).settings, "supply_v": volts, "left.encoder_dead": 1}
+    with raised_robot(settings) as robot:
+        pulse(robot, 0)
+        assert 0.1 < robot.simulator.get("true.left_turns") < 1.5
+
+
+def test_all_of_a_robot_is_found_by_hand_and_saved() -> None:
+    plant = load_plant("tt-1-48").settings
+    with raised_robot({**plant, **WRONG}) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        robot.simulator.reset()
+        robot.advance(1.0)
+        robot.parameters.refresh()
+        values = {name: robot.parameters[name] for name in CHANGED}
+    assert findings.wiring == WIRING
+    assert findings.counts_per_revolution == 2496
+    assert findings.problems == ()
+    assert findings.saved
+    assert values == {
+        **WIRING.corrections,
+        "counts_per_revolution": 2496,
+        "wheel_radius": 0.0325,
+        "wheel_separation": 0.14,
+    }
+
+
+@pytest.mark.parametrize("raised", [1, 0])
+def test_without_a_yes_the_robot_keeps_its_values(raised: int) -> None:
+    with raised_robot({**WRONG, "wheels_free": raised}) as robot:
+        before = {name: robot.parameters[name] for name in CHANGED}
+        findings = set_up(robot, SimulatedPerson(robot, {"save": "no"}), lambda _: None)
+        robot.parameters.refresh()
+        assert {name: robot.parameters[name] for name in CHANGED} == before
+    assert not findings.saved
+    assert findings.is_complete == bool(raised)
+
+
+def test_a_file_takes_the_values_in_place_of_the_robot(tmp_path: Path) -> None:
+    kept = tmp_path / "kept.yaml"
+    with raised_robot({**WRONG, "counts_per_revolution": 1440}) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, Options(keep=kept))
+        assert robot.parameters["counts_per_revolution"] == 360
+        assert robot.parameters["motors_swapped"] == 0
+    assert not findings.saved
+    file = load_parameter_file(kept)
+    assert file.board == "SIMULATED"
+    assert file.values["counts_per_revolution"] == 1440
+    assert file.values["motors_swapped"] == 1
+
+
+class PullsTheCable(Watched):
+    """A person who pulls the cable when asked for a size."""
+
+    def answer(self, question: Question) -> str:
+        if question.key == "wheel_radius":
+            self.robot.unplug()
+        return super().answer(question)
+
+
+@pytest.mark.parametrize("resume", [True, False])
+def test_an_interrupted_one_is_resumed_with_what_it_had_found(
+    tmp_path: Path, *, resume: bool
+) -> None:
+    options = Options(progress=Progress("board", tmp_path))
+    with raised_robot({**WRONG, "counts_per_revolution": 1440}) as robot:
+        with pytest.raises(LinkLost):
+            set_up(robot, PullsTheCable(robot), lambda _: None, options)
+        robot.plug()
+        robot.simulator.reset()
+        robot.advance(1.0)
+        assert robot.parameters["motors_swapped"] == 0
+        person = Watched(robot)
+        findings = set_up(robot, person, lambda _: None, replace(options, resume=resume))
+    assert ("first" in person.asked) == (not resume)
+    assert ("counts_left" in person.asked) == (not resume)
+    assert findings.wiring == WIRING
+    assert findings.counts_per_revolution == 1440
+    assert findings.saved
+    assert Progress("board", tmp_path).load() == {}
+
+
+def test_a_wrong_answer_is_found_out() -> None:
+    swapped = set_up_raised({}, {"first": "right forward", "second": "forward"})
+    assert "answers and hand disagree: the left counter counted 0" in swapped.problems[0]
+    backward = set_up_raised({}, {"first": "left backward", "second": "backward"})
+    assert "answers and hand disagree: the left counter counted -3600" in backward.problems[0]
+    assert not backward.saved
+
+
+def test_looking_again_and_again_turns_no_wheel_far() -> None:
+    for answers in ({"first": "again"}, {"first": "again", "second": "again"}):
+        with raised_robot({**load_plant("tt-1-48").settings, "supply_v": 12.6}) as robot:
+            person = Watched(robot, answers)
+            with pytest.raises(ValueError, match="answer with"):  # it is no answer any more
+                set_up(robot, person, lambda _: None)
+            assert abs(robot.simulator.get("true.left_turns")) < 1.5
+
+
+def test_an_estop_ends_it() -> None:
+    class PressesIt(Watched):
+        def answer(self, question: Question) -> str:
+            if question.key == "second":
+                self.robot.estop()
+            return super().answer(question)
+
+    with raised_robot(WRONG) as robot:
+        with pytest.raises(DeviceRefused, match="Emergency stop is latched"):
+            set_up(robot, PressesIt(robot), lambda _: None)
+        assert not robot.simulator.get("drive_on")

@@ -1,0 +1,215 @@
+"""`wheelwire setup` in real time, on a pseudo-terminal, and of a robot of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from support.command import check_error, run, run_json
+from support.typing_terminal import TypingTerminal
+from support.waiting import wait_until
+from wheelwire import errors, open_driver
+from wheelwire.commissioning.problems import DEFECTS
+from wheelwire.commissioning.setup import CHANGED
+from wheelwire.simulation.plant import load_plant
+from wheelwire.simulation.simulator import Simulator
+
+WRONG = {"encoders_swapped": 1, "right.motor_reversed": 1, "left.encoder_reversed": 1}
+SETTINGS = {**load_plant("tt-1-48").settings, "wheels_free": 1, **WRONG}
+ANSWERS = """
+raised: yes
+first: left forward
+second: backward
+counts_per_revolution: tt-1-48
+wheel_radius: 0.0325
+wheel_separation: 0.14
+save: yes
+"""
+FOUND = {
+    "motors_swapped": 0,
+    "encoders_swapped": 1,
+    "left_motor_inverted": 0,
+    "right_motor_inverted": 1,
+    "left_encoder_inverted": 1,
+    "right_encoder_inverted": 0,
+    "counts_per_revolution": 2496,
+    "wheel_radius": 0.0325,
+    "wheel_separation": 0.14,
+}
+
+
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    with Simulator(settings=SETTINGS) as simulator:
+        yield simulator
+
+
+def values(simulator: Simulator) -> dict[str, float]:
+    """As the robot has them after a reset."""
+    simulator.reset()
+    with open_driver("serial", port=simulator.port) as robot:
+        return {name: robot.parameters[name] for name in CHANGED}
+
+
+def test_a_script_sets_up_a_robot(simulator: Simulator, tmp_path: Path) -> None:
+    (tmp_path / "answers.yaml").write_text(ANSWERS)
+    result = run("setup", simulator.port, "--answers", str(tmp_path / "answers.yaml"), "--json")
+    assert result.returncode == 0, result.stderr
+    (line,) = result.stdout.splitlines()
+    findings = json.loads(line)
+    assert findings["wiring"] == {
+        "motors_swapped": False,
+        "encoders_swapped": True,
+        "left_motor_reversed": False,
+        "right_motor_reversed": True,
+        "left_encoder_reversed": True,
+        "right_encoder_reversed": False,
+    }
+    assert findings["counts_per_revolution"] == 2496
+    assert findings["problems"] == []
+    assert findings["saved"] is True
+    assert values(simulator) == FOUND
+
+
+def hand_is_off(simulator: Simulator, side: str) -> bool:
+    return simulator.get(f"{side}.hand_turns") == 0.0
+
+
+@contextmanager
+def person(simulator: Simulator, tmp_path: Path) -> Iterator[TypingTerminal]:
+    """A person at a terminal, who was asked for the first time."""
+    environment = {"XDG_STATE_HOME": str(tmp_path)}
+    with TypingTerminal("setup", simulator.port, environment=environment) as terminal:
+        terminal.wait_for("hang free")
+        terminal.press(b"y\n")
+        yield terminal
+
+
+def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
+    with person(simulator, tmp_path) as terminal:
+        terminal.wait_for("Which wheel turned")
+        terminal.press(b"up\n")
+        terminal.wait_for("answer with left forward")
+        terminal.press(b"\n")  # once more
+        terminal.wait_for("Which wheel turned", 3)
+        terminal.press(b"lf\n")
+        terminal.wait_for("the other wheel turn?")
+        terminal.press(b"backward\n")
+        terminal.wait_for("Ticks per wheel turn")
+        terminal.press(b"\n")
+        for side in ("left", "right"):
+            terminal.wait_for(f"Mark the {side} wheel")
+            simulator.set(f"{side}.hand_turns", 10.0)
+            turned = partial(hand_is_off, simulator, side)
+            wait_until(turned, 20.0)
+            terminal.press(b"\n")
+        terminal.wait_for("Radius")
+        terminal.press(b"0.0325\n")
+        terminal.wait_for("middle of one tyre")
+        terminal.press(b"0.14\n")
+        terminal.wait_for("Save them")
+        terminal.press(b"yes\n")
+        assert terminal.wait() == 0, terminal.output
+    assert values(simulator) == FOUND
+
+
+def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
+    simulator: Simulator, tmp_path: Path
+) -> None:
+    with person(simulator, tmp_path) as terminal:
+        terminal.wait_for("Which wheel turned")
+        terminal.press(b"lf\n")
+        terminal.wait_for("the other wheel turn?")
+        terminal.press(b"b\n")
+        terminal.wait_for("Ticks per wheel turn")
+        terminal.press(b"\x03")
+        assert terminal.wait() == 130
+    with open_driver("serial", port=simulator.port) as robot:
+        assert robot.parameters["encoders_swapped"] == 0
+    assert simulator.get("stands_still")
+    with person(simulator, tmp_path) as terminal:
+        terminal.wait_for("Go on after wiring?")
+        terminal.press(b"\n")
+        terminal.wait_for("Ticks per wheel turn")
+        terminal.process.send_signal(signal.SIGTERM)
+        assert terminal.wait() == 143
+
+
+def test_a_simulated_robot_answers_by_itself() -> None:
+    findings = run_json("setup", "--simulated", "--seed", "5", "--set", "motors_swapped=1")
+    assert findings["wiring"]["motors_swapped"] is True
+    assert findings["saved"] is True
+    again = run_json("setup", "--simulated", "--seed", "5", "--set", "motors_swapped=1")
+    assert again == findings
+    named = run_json("setup", "--simulated", "--set", "left.motor_reversed=1")["wiring"]
+    assert [name for name, wired in named.items() if wired] == ["left_motor_reversed"]
+
+
+def test_a_defect_ends_it_with_a_code_and_findings() -> None:
+    result = run("setup", "--simulated", "--set", "left.blocked=1", "--json")
+    assert result.returncode == errors.CommissioningFailed.exit_code
+    findings = json.loads(result.stdout.splitlines()[-1])
+    assert findings["problems"][0].startswith("left wheel blocked: ")
+    assert findings["saved"] is False
+    text = run("setup", "--simulated", "--set", "estop_open=1")
+    assert "problem: e-stop contact open: " in text.stdout
+
+
+def test_the_values_may_go_to_a_file(tmp_path: Path) -> None:
+    kept = tmp_path / "robot.yaml"
+    assert run_json("setup", "--simulated", "--keep", str(kept))["saved"] is False
+    assert "counts_per_revolution: 360 tick" in kept.read_text()
+    line = check_error(
+        run("setup", "--simulated", "--keep", str(tmp_path / "no" / "file")), errors.OutputFailed
+    )
+    assert "choose a file" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("mock",), "in a terminal, or answer them by --answers FILE"),
+        (("mock", "--simulated"), "not both"),
+        (("mock", "--seed", "1"), "add --simulated"),
+        (("--simulated", "--set", "left.bloked=1"), "refused left.bloked"),
+        (("--simulated", "--set", "left.blocked"), "give NAME=VALUE"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: tuple[str, ...], message: str) -> None:
+    assert message in check_error(run("setup", *arguments), errors.InvalidArgument)
+
+
+def test_values_that_nothing_keeps_are_refused_first(tmp_path: Path) -> None:
+    (tmp_path / "answers.yaml").write_text(ANSWERS)
+    answers = ("--answers", str(tmp_path / "answers.yaml"))
+    line = check_error(run("setup", "mock", *answers), errors.InvalidArgument)
+    assert "wheelwire setup --simulated" in line
+    (tmp_path / "robot.yaml").write_text(
+        "driver: serial\nserial:\n  port: /dev/none\nparameters:\n  wheel_radius: 0.03\n"
+    )
+    line = check_error(run("setup", str(tmp_path / "robot.yaml"), *answers), errors.InvalidArgument)
+    assert "sets wheel_radius each time" in line
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "first-hour.md"
+
+
+def test_the_page_shows_what_the_screen_shows() -> None:
+    (session,) = re.findall(r"^```console\n\$ (.*?)^```$", PAGE.read_text(), re.M | re.S)
+    command, _, output = session.partition("\n")
+    assert run(*command.split()[1:]).stdout == output
+
+
+def test_the_page_names_every_defect() -> None:
+    rows = re.findall(r"^\| (.*?) \| (`.*?`) \|$", PAGE.read_text(), re.M)
+    assert rows == [
+        (defect.name.format(side="left"), f"`{defect.variables}`".replace(", ", "`, `"))
+        for defect in DEFECTS
+    ]

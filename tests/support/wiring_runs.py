@@ -1,0 +1,131 @@
+"""Set-ups of simulated robots in virtual time, judged by the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+from wheelwire.commissioning.questions import Question, SimulatedPerson
+from wheelwire.commissioning.setup import Findings, set_up
+from wheelwire.commissioning.wiring import Wiring
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.simulation.plant import load_plant, shipped_plants
+from wheelwire_protocol.codes import SupervisorState
+
+MOST_TURNS = 1.5
+"""Of a wheel before its direction is known."""
+RESOLUTIONS = (360, 1440, 2496)
+_DRIVEN_MPS = 0.2
+_DRIVEN_S = 1.0
+VARIABLES = {
+    "motors_swapped": "motors_swapped",
+    "encoders_swapped": "encoders_swapped",
+    "left.motor_reversed": "left_motor_reversed",
+    "right.motor_reversed": "right_motor_reversed",
+    "left.encoder_reversed": "left_encoder_reversed",
+    "right.encoder_reversed": "right_encoder_reversed",
+}
+"""Of the simulator, with the field of `Wiring`."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot."""
+
+    wired: tuple[int, ...]
+    """In the order of `VARIABLES`."""
+    plant: str
+    counts: int
+
+    @property
+    def settings(self) -> dict[str, float]:
+        wired = dict(zip(VARIABLES, map(float, self.wired), strict=True))
+        return {**load_plant(self.plant).settings, **wired, "counts_per_revolution": self.counts}
+
+    @property
+    def wiring(self) -> Wiring:
+        return Wiring(*map(bool, self.wired))
+
+
+class Watched(SimulatedPerson):
+    """Answers by the truth, and notes how far the wheels had turned by then."""
+
+    def __init__(self, robot: MockDriver, answers: Mapping[str, str] | None = None) -> None:
+        super().__init__(robot, answers)
+        self.robot = robot
+        self.most_turns = 0.0
+        self.asked: list[str] = []
+        self._known = (False, False)
+
+    def answer(self, question: Question) -> str:
+        self.asked.append(question.key)
+        if question.key in ("first", "second"):
+            sim = self.robot.simulator
+            turns = (sim.get("true.left_turns"), sim.get("true.right_turns"))
+            # The first question is about one wheel; that of the second one is not known till then.
+            known = self._known if question.key == "second" else (False, False)
+            unknown = [abs(t) for t, known_now in zip(turns, known, strict=True) if not known_now]
+            self.most_turns = max([self.most_turns, *unknown])
+            self._known = (abs(turns[0]) > 0, abs(turns[1]) > 0)
+        return super().answer(question)
+
+
+def cases() -> Iterator[Case]:
+    """All of them: 64 wirings, three plants, three resolutions."""
+    for wired, plant, counts in product(
+        product((0, 1), repeat=len(VARIABLES)), shipped_plants(), RESOLUTIONS
+    ):
+        yield Case(wired, plant, counts)
+
+
+def raised_robot(settings: Mapping[str, float]) -> MockDriver:
+    """A simulated robot in virtual time whose wheels hang free."""
+    robot = MockDriver(realtime=False)
+    for name, value in {"wheels_free": 1.0, **settings}.items():
+        robot.simulator.set(name, value)
+    return robot
+
+
+def set_up_raised(
+    settings: Mapping[str, float], answers: Mapping[str, str] | None = None
+) -> Findings:
+    """The findings of one robot."""
+    with raised_robot(settings) as robot:
+        return set_up(robot, SimulatedPerson(robot, answers), lambda _: None)
+
+
+def check(case: Case) -> list[str]:
+    """What was wrong with one set-up: nothing."""
+    with raised_robot(case.settings) as robot:
+        person = Watched(robot, {"counts_per_revolution": str(case.counts)})
+        findings = set_up(robot, person, lambda _: None)
+        wrong = []
+        if findings.wiring != case.wiring:
+            wrong.append(f"named {findings.wiring}")
+        if findings.problems or not findings.saved:
+            wrong.append(f"problems {findings.problems}")
+        if person.asked.count("first") != 1 or person.asked.count("second") != 1:
+            wrong.append(f"asked {person.asked}")
+        if person.most_turns > MOST_TURNS:
+            wrong.append(f"a wheel turned {person.most_turns:.2f} times")
+        return wrong + _not_mended(robot)
+
+
+def _not_mended(robot: MockDriver) -> list[str]:
+    """Drive forward with the velocity loop: each wheel turns forward as fast as it says."""
+    sim = robot.simulator
+    before = [sim.get(f"true.{side}_turns") for side in ("left", "right")]
+    first = robot.read()
+    while (sample := robot.read()).since(first).dt_s < _DRIVEN_S:
+        robot.set_velocity(_DRIVEN_MPS, 0.0, ttl=0.1)
+        if sample.state is SupervisorState.FAULT:
+            return [f"not mended: {sample.faults!r}"]
+    travel = sample.since(first)
+    counts = robot.parameters["counts_per_revolution"]
+    wrong = []
+    for index, side in enumerate(("left", "right")):
+        turned = sim.get(f"true.{side}_turns") - before[index]
+        if turned < 0.2 or abs(travel[index] / counts - turned) > 0.1 * turned:
+            wrong.append(f"not mended: {side} turned {turned:.2f}, counted {travel[index]}")
+    return wrong
