@@ -132,6 +132,7 @@ reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, c
 	$(BIN)/python bench/wiring.py
 	$(BIN)/python bench/reconnect.py
 	$(BIN)/python bench/interrupts.py
+	$(BIN)/python bench/commissioning.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
 
 mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]

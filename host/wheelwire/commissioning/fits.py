@@ -1,0 +1,104 @@
+"""The two models that measurements are fitted to: a line, and a first-order lag with a delay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Values = npt.NDArray[np.float64]
+
+_DELAYS_S = (0.0, 0.08)
+_LOGS = (math.log(0.003), math.log(1.0))
+"""Of the time constants [s], which are searched on a logarithmic scale."""
+_GRID = 13
+_ZOOMS = 5
+
+
+class Line(NamedTuple):
+    """Speed over duty: `speed = slope * (duty - offset)`."""
+
+    slope: float
+    """[m/s per duty]"""
+    offset: float
+    """Duty at which the line says that the wheel stands."""
+    deviation: float
+    """The greatest distance of a point from the line, as a fraction of the greatest speed."""
+
+
+def fit_line(curve: Sequence[tuple[float, float]]) -> Line:
+    """The least-squares line of speed over duty, through at least two points of them."""
+    x, y = np.asarray(curve, float).T
+    slope, intercept = np.polyfit(x, y, 1)
+    deviation = np.abs(y - (slope * x + intercept)).max() / y.max()
+    return Line(float(slope), float(-intercept / slope), float(deviation))
+
+
+class Edge(NamedTuple):
+    """The measured answer to one step of the duty.
+
+    The step itself is a ramp, as the slew limit of the duty makes it.
+    """
+
+    points: Sequence[tuple[float, float]]
+    """Time from the beginning of the ramp [s], and speed [m/s]."""
+    ramp_s: float
+    """The ramp's length."""
+
+
+class FirstOrder(NamedTuple):
+    """A first-order lag with a delay, `exp(-delay s) / (time_constant s + 1)`."""
+
+    delay_s: float
+    time_constant_s: float
+
+
+def fit_first_order(edges: Sequence[Edge]) -> FirstOrder:
+    """The lag that fits all of the edges best, by least squares.
+
+    The speeds before and after each edge are fitted, too. What remains are two unknowns, searched
+    on a grid that is refined several times.
+    """
+    delays = _DELAYS_S
+    logs = _LOGS
+    for _ in range(_ZOOMS):
+        grid = [(d, t) for d in np.linspace(*delays, _GRID) for t in np.linspace(*logs, _GRID)]
+        errors = [_residual(edges, d, float(np.exp(t))) for d, t in grid]
+        delay, log = grid[int(np.argmin(errors))]
+        delays = _zoomed(delays, delay, _DELAYS_S)
+        logs = _zoomed(logs, log, _LOGS)
+    return FirstOrder(float(delay), float(np.exp(log)))
+
+
+def _zoomed(
+    window: tuple[float, float], centre: float, bounds: tuple[float, float]
+) -> tuple[float, float]:
+    half = 1.5 * (window[1] - window[0]) / (_GRID - 1)
+    return max(bounds[0], centre - half), min(bounds[1], centre + half)
+
+
+def _residual(edges: Sequence[Edge], delay_s: float, time_constant_s: float) -> float:
+    """The sum of squares that the best speeds before and after each edge leave."""
+    total = 0.0
+    for edge in edges:
+        times, speeds = np.asarray(edge.points, float).T
+        shape = _ramp_response(times - delay_s, time_constant_s, edge.ramp_s)
+        shape = shape - shape.mean()
+        speeds = speeds - speeds.mean()
+        power = float(shape @ shape)
+        total += float(speeds @ speeds) - (float(shape @ speeds) ** 2 / power if power else 0.0)
+    return total
+
+
+def _ramp_response(times: Values, time_constant_s: float, ramp_s: float) -> Values:
+    """Of a lag to an input that rises from 0 to 1 within `ramp_s`."""
+    ramp_s = max(ramp_s, 1e-4)
+
+    def integral(elapsed: Values) -> Values:
+        elapsed = np.maximum(elapsed, 0.0)
+        return elapsed + time_constant_s * np.expm1(-elapsed / time_constant_s)
+
+    return (integral(times) - integral(times - ramp_s)) / ramp_s

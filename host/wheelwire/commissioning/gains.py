@@ -1,0 +1,93 @@
+"""The parameters of the velocity loop, from what was identified.
+
+The gains follow the SIMC rules of S. Skogestad, "Simple analytic rules for model reduction and PID
+controller tuning", Journal of Process Control 13 (2003) 291-309. For a process
+`k exp(-delay s) / (lag s + 1)` and a closed loop of the time constant `closed_s`:
+
+    proportional gain = lag / (k (closed_s + delay))
+    integral time     = min(lag, 4 (closed_s + delay))
+
+The process is speed over duty, so `k` is 1 / velocity_feedforward.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from ..drivers.base import BaseDriver
+from .identification import Identification
+
+CLOSED_LOOP_DELAYS = 2.0
+"""Time constant of the closed loop, in delays of the process. SIMC's fastest recommended one is 1;
+twice that leaves room for what the model lacks, such as play in the gearbox."""
+
+FLOOR_INERTIA = 3.0
+"""Taken for the robot's inertia, relative to that of its raised wheels, until it is measured on the
+floor. The rotor of a gear motor counts by the square of the gear ratio, so the robot's mass adds
+only some times as much: the plants of the simulator have 3.1 to 6.4. The least of them is taken:
+too much feed-forward is a jerk, what is missing is left to the loop."""
+
+
+class Pi(NamedTuple):
+    """A PI controller, `gain (1 + 1 / (integral_s s))`."""
+
+    gain: float
+    """In the reciprocal of the process gain's unit."""
+    integral_s: float
+    """The integral time."""
+
+
+def simc_pi(k: float, lag_s: float, delay_s: float, closed_s: float) -> Pi:
+    """The PI controller for a first-order process with delay: Skogestad 2003, table 1.
+
+    Args:
+        k: The process's steady gain.
+        lag_s: Its time constant.
+        delay_s: Its delay.
+        closed_s: The time constant wanted of the closed loop.
+    """
+    return Pi(lag_s / (k * (closed_s + delay_s)), min(lag_s, 4 * (closed_s + delay_s)))
+
+
+def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]:
+    """The parameters that fit what was found, by name, for the loop as it is.
+
+    acceleration_feedforward is velocity_feedforward times the time constant. A wheel's velocity
+    error is the growth of its following error, and path_gain adds a part of the following error
+    itself to the command: that acts as integral gain, and is taken off it.
+
+    What could not be measured is left out: nominal_supply_v without a measured battery, and the
+    gains without a time constant, or where speed over duty is no line.
+
+    Raises:
+        LinkLost: The robot is out of reach.
+    """
+    feedforward = identification.velocity_feedforward
+    values = {
+        "velocity_feedforward": feedforward,
+        "static_feedforward": identification.static_feedforward,
+    }
+    if identification.supply_v is not None:
+        values["nominal_supply_v"] = identification.supply_v
+    lag_s, delay_s = identification.time_constant_s, identification.delay_s
+    bent = identification.left.nonlinearity or identification.right.nonlinearity
+    if lag_s is not None and delay_s is not None and not bent:
+        if not identification.on_the_floor:
+            lag_s *= FLOOR_INERTIA
+        delay_s = max(delay_s, 1 / robot.parameters["control_rate_hz"])
+        pi = simc_pi(1 / feedforward, lag_s, delay_s, CLOSED_LOOP_DELAYS * delay_s)
+        path_gain = robot.parameters["path_gain"]
+        values |= {
+            "acceleration_feedforward": feedforward * lag_s,
+            "proportional_gain": pi.gain,
+            "integral_gain": pi.gain * max(0.0, 1 / pi.integral_s - path_gain),
+        }
+    return {name: _allowed(name, value) for name, value in values.items()}
+
+
+def _allowed(name: str, value: float) -> float:
+    """Four digits of it, within the parameter's bounds."""
+    parameter = PARAMETER_BY_NAME[name]
+    return float(f"{min(max(value, parameter.minimum), parameter.maximum):.4g}")

@@ -1,0 +1,540 @@
+"""What duty a robot's wheels need: breakaway, speed over duty, and how fast they follow.
+
+Open loop, by duty setpoints alone, so it needs no gains. The wheels must count in the direction in
+which they are driven. Three measurements, in both directions, both wheels at a time:
+
+1. Breakaway: the duty rises slowly until a wheel starts to turn.
+2. Steps between two duties at which the wheels turn, so that friction does not change on the way:
+   delay and time constant of speed over duty.
+3. A staircase: the speed at each duty, counted over whole turns where there is time for them. It
+   goes up and down if the robot is raised; on the floor it drives forward and back at each duty.
+
+The staircase's least-squares line gives the feed-forwards of the velocity loop, `duty = static +
+velocity_feedforward * speed`. Breakaway is no part of it: a turning wheel needs less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import mean, median
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from ..drivers.base import BaseDriver
+from ..errors import CommissioningFailed
+from ..samples import WheelSample
+from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
+from .motion import (
+    WHEELS,
+    Pair,
+    Record,
+    come_to_rest,
+    follow_duty,
+    hold_duty,
+    require_one_session,
+    require_ready,
+)
+
+STAIRS = (0.15, 0.60)
+"""The staircase's lowest and highest duty."""
+STAIR = 0.05
+
+_RAMP_PER_S = 0.06
+"""How fast the duty rises until a wheel breaks away."""
+_BREAKAWAY_RAD = math.radians(5)
+"""A wheel that turns as far as this has broken away: play of a gearbox is less."""
+_BREAKAWAY_ROUNDS = 2
+_MOST_BREAKAWAY = 0.44
+
+_EDGE_S = 0.6
+"""Each duty of the step response."""
+_SETTLED = 5.5
+"""Time constants until a speed is steady: 0.4 % are left."""
+_MEASURED_S = 0.6
+_LONGEST_TURN_S = 2.0
+"""A turn that takes longer is not waited for."""
+_LONGEST_WAY_M = 0.75
+"""Of one run on the floor."""
+_FEWEST_STAIRS = 4
+
+_BENT = 0.05
+"""A line further off than this fraction of the greatest speed does not describe the curve."""
+_HEADROOM = 0.9
+"""Of full duty: the rest is for the loop."""
+_UNEQUAL = 0.15
+"""Difference between wheels or directions, as a fraction, that is worth a word."""
+
+
+@dataclass(frozen=True)
+class WheelIdentification:
+    """What was found of one wheel, both directions together.
+
+    Attributes:
+        static_feedforward: Where the line of speed over duty meets standstill. [duty]
+        velocity_feedforward: The line's rise. [duty per m/s]
+        breakaway: Duty that starts the wheel from rest.
+        curve: The staircase, as pairs of duty and speed [m/s].
+        nonlinearity: Why no line describes the curve; empty if one does.
+        delay_s: From a change of duty to the measured velocity, its own lag included. None: the
+            steps could not be measured.
+        time_constant_s: Of the speed; on the floor with the robot's mass, raised without it.
+    """
+
+    static_feedforward: float
+    velocity_feedforward: float
+    breakaway: float
+    curve: tuple[tuple[float, float], ...]
+    nonlinearity: str
+    delay_s: float | None
+    time_constant_s: float | None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What was found of a robot.
+
+    Attributes:
+        left: The left wheel.
+        right: The right wheel.
+        on_the_floor: The time constants are those of the whole robot.
+        supply_v: The battery while the wheels turned; None if it is not measured. [V]
+        problems: In words, each with what to do.
+    """
+
+    left: WheelIdentification
+    right: WheelIdentification
+    on_the_floor: bool
+    supply_v: float | None
+    problems: tuple[str, ...]
+
+    @property
+    def static_feedforward(self) -> float:
+        """Of both wheels, which share the parameter."""
+        return mean((self.left.static_feedforward, self.right.static_feedforward))
+
+    @property
+    def velocity_feedforward(self) -> float:
+        """Of both wheels, which share the parameter, in duty per m/s."""
+        return mean((self.left.velocity_feedforward, self.right.velocity_feedforward))
+
+    @property
+    def delay_s(self) -> float | None:
+        """The longer one of both wheels."""
+        return _both(max, self.left.delay_s, self.right.delay_s)
+
+    @property
+    def time_constant_s(self) -> float | None:
+        """The mean of both wheels."""
+        return _both(mean, self.left.time_constant_s, self.right.time_constant_s)
+
+
+def identify(
+    robot: BaseDriver, report: Callable[[str], None], *, on_the_floor: bool
+) -> Identification:
+    """Measure what duty the wheels need. The robot is stopped at the end, whatever happens.
+
+    It takes about a minute. Raised, the wheels turn at up to 0.6 of duty for some seconds at a
+    time; on the floor the robot drives to and fro, and needs a metre ahead of it.
+
+    Args:
+        robot: Its wheels turn and count in the direction in which they are driven, and
+            `counts_per_revolution` and `wheel_radius` are its own.
+        report: Called with a sentence on what is done now.
+        on_the_floor: Whether it stands on its wheels.
+
+    Raises:
+        CommissioningFailed: A wheel does not turn, or counts backward; an e-stop or a fault is
+            latched; the board was reset, or the link was lost for a while.
+        DeviceRefused: An e-stop or a fault was latched meanwhile.
+        LinkLost: The robot is out of reach.
+        RequestTimeout: It is in reach, but does not answer.
+    """
+    require_ready(robot)
+    sessions = robot.sessions
+    bench = _Bench(robot, report, on_the_floor)
+    try:
+        found = bench.identify()
+    finally:
+        robot.stop()
+    require_one_session(robot, sessions)
+    return found
+
+
+class _Stairs:
+    """The steady speeds of one wheel, each with its duty and their signs."""
+
+    def __init__(self) -> None:
+        self._points: list[tuple[float, float]] = []
+
+    def add(self, duty: float, speed_mps: float) -> None:
+        """Take in a point; a wheel that stands still is no part of the curve."""
+        if speed_mps * duty > 0:
+            self._points.append((duty, speed_mps))
+
+    def curve(self, *signs: int) -> tuple[tuple[float, float], ...]:
+        """Each duty once, without its sign, in these directions."""
+        speeds: dict[float, list[float]] = {}
+        for duty, speed in self._points:
+            if math.copysign(1, duty) in signs:
+                speeds.setdefault(round(abs(duty), 6), []).append(abs(speed))
+        return tuple((duty, mean(found)) for duty, found in sorted(speeds.items()))
+
+
+class _Bench:
+    """One run of the measurements."""
+
+    def __init__(
+        self, robot: BaseDriver, report: Callable[[str], None], on_the_floor: bool
+    ) -> None:
+        self._robot = robot
+        self._report = report
+        self._on_the_floor = on_the_floor
+        values = robot.parameters
+        self._counts = values["counts_per_revolution"]
+        self._m_per_tick = 2 * math.pi * values["wheel_radius"] / self._counts
+        self._rate_per_s = values["max_duty_rate_per_s"]
+        self._most_duty = values["max_duty"]
+        # Below the duty at which a wheel that stands trips a fault.
+        self._most_breakaway = min(_MOST_BREAKAWAY, 0.98 * values["stall_duty"], self._most_duty)
+        self._supply: list[float] = []
+        self._time_constant_s = 0.15
+
+    def identify(self) -> Identification:
+        self._report("breakaway: the duty rises slowly until the wheels start to turn")
+        breakaway = self._breakaway()
+        self._report("step response: how fast the wheels follow a change of duty")
+        lags = self._step_response(max(breakaway))
+        known = [lag.time_constant_s for lag in lags if lag]
+        if known:
+            self._time_constant_s = max(known)
+        self._report("staircase: the speed at each duty, in both directions")
+        stairs = self._staircase(breakaway)
+        wheels = tuple(
+            self._wheel(*found) for found in zip(WHEELS, breakaway, stairs, lags, strict=True)
+        )
+        supply_v = median(self._supply) if self._supply else None
+        return Identification(
+            left=wheels[0],
+            right=wheels[1],
+            on_the_floor=self._on_the_floor,
+            supply_v=supply_v,
+            problems=(*_problems(wheels, stairs), *self._too_fast(wheels)),
+        )
+
+    # --- breakaway -----------------------------------------------------------------------------
+
+    def _breakaway(self) -> Pair:
+        found: list[Pair] = []
+        for _ in range(_BREAKAWAY_ROUNDS):
+            for sign in (1, -1):
+                come_to_rest(self._robot)
+                found.append(self._breakaway_towards(sign))
+        return Pair(*(median(side) for side in zip(*found, strict=True)))
+
+    def _breakaway_towards(self, sign: int) -> Pair:
+        """Both wheels at once; one that has started is let go."""
+        ramps = _Ramps(sign, max(4.0, _BREAKAWAY_RAD / (2 * math.pi) * self._counts))
+        follow_duty(
+            self._robot,
+            ramps.duty,
+            lambda _: None not in ramps.broken,
+            lambda record: record.seconds * _RAMP_PER_S > self._most_breakaway,
+        )
+        for wheel, duty in zip(WHEELS, ramps.broken, strict=True):
+            if duty is None:
+                raise CommissioningFailed(
+                    f"the {wheel} wheel does not start to turn up to duty "
+                    f"{self._most_breakaway:.2f}: check that it is free, its supply and its motor"
+                )
+            if duty < 0:
+                raise CommissioningFailed(
+                    f"the {wheel} wheel counts backward when it is driven forward: correct the "
+                    "wiring first, with `wheelwire setup`"
+                )
+        return Pair(*(duty or 0.0 for duty in ramps.broken))
+
+    # --- step response -------------------------------------------------------------------------
+
+    def _step_response(self, breakaway: float) -> list[FirstOrder | None]:
+        low, high = self._step_duties(breakaway)
+        edges: tuple[list[Edge], list[Edge]] = [], []
+        for sign in (1, -1):
+            come_to_rest(self._robot)
+            record = self._steps([sign * low, sign * high, sign * low])
+            for wheel, found in enumerate(edges):
+                found += self._edges(record, wheel, sign * low, sign * high)
+        come_to_rest(self._robot)
+        return [fit_first_order(found) if len(found) == 4 else None for found in edges]
+
+    def _step_duties(self, breakaway: float) -> tuple[float, float]:
+        low = 1.3 * breakaway
+        return low, min(self._most_duty, max(STAIRS[1], low + 0.2))
+
+    def _steps(self, duties: Sequence[float]) -> Record:
+        """All of them in one record, each for the same time."""
+
+        def duty(record: Record) -> Pair:
+            index = min(int(record.seconds / _EDGE_S), len(duties) - 1)
+            return Pair(duties[index], duties[index])
+
+        end_s = _EDGE_S * len(duties)
+        return follow_duty(self._robot, duty, lambda record: record.seconds >= end_s)
+
+    def _edges(self, record: Record, wheel: int, low: float, high: float) -> list[Edge]:
+        """The parts of the record around the two changes of duty."""
+        times = record.times_s()
+        duties = [_duty(sample, wheel) for sample in record.samples]
+        speeds = [_speed(sample, wheel) for sample in record.samples]
+        found = []
+        for number, (start, end) in enumerate(((low, high), (high, low)), 1):
+            begin = self._ramp_begin(times, duties, start, end, number * _EDGE_S)
+            if begin is None:
+                continue
+            chosen = [
+                (time - begin, speed)
+                for time, speed in zip(times, speeds, strict=True)
+                if begin - 0.15 <= time <= begin + _EDGE_S - 0.03
+            ]
+            ramp_s = abs(end - start) / self._rate_per_s
+            found.append(Edge(chosen, ramp_s))
+        return found
+
+    def _ramp_begin(
+        self,
+        times: Sequence[float],
+        duties: Sequence[float],
+        start: float,
+        end: float,
+        about_s: float,
+    ) -> float | None:
+        """When the output left `start`: the slew limit says so from any sample on the ramp."""
+        for before, time, duty in zip(times, times[1:], duties[1:], strict=False):
+            if before < about_s - 0.05 or abs(duty - start) < 0.01:
+                continue
+            ramp_s = abs(duty - start) / self._rate_per_s
+            # A sample at the end may be late by all of the time since the one before.
+            late_s = 0.0 if abs(duty - end) > 0.01 else max(0.0, time - before - ramp_s) / 2
+            return time - ramp_s - late_s
+        return None
+
+    # --- staircase -----------------------------------------------------------------------------
+
+    def _staircase(self, breakaway: Pair) -> tuple[_Stairs, _Stairs]:
+        stairs = _Stairs(), _Stairs()
+        lowest, highest = STAIRS
+        highest = min(self._most_duty, max(highest, max(breakaway) + 0.3))
+        count = round((highest - lowest) / STAIR)
+        duties = [lowest + STAIR * step for step in range(count + 1)]
+        if self._on_the_floor:
+            self._to_and_fro(duties, 1.2 * max(breakaway), stairs)
+        else:
+            self._up_and_down(duties, 1.05 * max(breakaway), stairs)
+        for wheel, found in zip(WHEELS, stairs, strict=True):
+            turned = min(len(found.curve(sign)) for sign in (1, -1))
+            if turned < _FEWEST_STAIRS:
+                raise CommissioningFailed(
+                    f"the {wheel} wheel turns at {turned} of {len(duties)} duties up to "
+                    f"{highest:.2f}: check its motor, what rubs, and the supply"
+                )
+        return stairs
+
+    def _up_and_down(
+        self, duties: Sequence[float], start: float, stairs: tuple[_Stairs, _Stairs]
+    ) -> None:
+        """Up from where the wheels start to turn, down to the lowest."""
+        up = [duty for duty in duties if duty >= start]
+        for sign in (1, -1):
+            come_to_rest(self._robot)
+            for duty in (*up, *reversed(duties[:-1])):
+                self._stair(sign * duty, stairs)
+        come_to_rest(self._robot)
+
+    def _to_and_fro(
+        self, duties: Sequence[float], kick: float, stairs: tuple[_Stairs, _Stairs]
+    ) -> None:
+        """Each duty forward and back, so that the robot stays where it is."""
+        for duty in reversed(duties):
+            for sign in (1, -1):
+                come_to_rest(self._robot)
+                if duty < kick:
+                    hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
+                self._stair(sign * duty, stairs)
+        come_to_rest(self._robot)
+
+    def _stair(self, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
+        """The steady speed at one duty."""
+        settle_s = _SETTLED * self._time_constant_s + 0.1
+        both = Pair(duty, duty)
+        hold_duty(self._robot, both, settle_s)
+        record = follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
+        self._supply += [sample.battery_v for sample in record.samples if sample.battery_v]
+        times = record.times_s()
+        for wheel, found in enumerate(stairs):
+            travel = record.travel(wheel)
+            rate = steady_rate(times, travel, round(self._counts))
+            found.add(duty, rate * self._m_per_tick if abs(travel[-1]) >= 4 else 0.0)
+
+    def _is_enough(self, settle_s: float) -> Callable[[Record], bool]:
+        """Long enough for whole turns if raised, no further than there is floor."""
+
+        def enough(record: Record) -> bool:
+            turned = min(map(abs, record.ticks)) / self._counts
+            if self._on_the_floor:
+                way_m = max(map(abs, record.ticks)) * self._m_per_tick
+                whole_way_m = way_m * (1 + settle_s / max(record.seconds, 1e-3))
+                return record.seconds >= _MEASURED_S or whole_way_m > _LONGEST_WAY_M
+            if record.seconds < _MEASURED_S:
+                return False
+            # At this rate, would the turn take too long?
+            slow = turned / record.seconds < 1 / _LONGEST_TURN_S
+            return slow or turned >= 1.02
+
+        return enough
+
+    # --- the result ----------------------------------------------------------------------------
+
+    def _wheel(
+        self, name: str, breakaway: float, stairs: _Stairs, lag: FirstOrder | None
+    ) -> WheelIdentification:
+        curve = stairs.curve(1, -1)
+        line = fit_line(curve)
+        if not line.slope > 0:
+            raise CommissioningFailed(
+                f"the {name} wheel does not turn faster at a higher duty: check its motor and the "
+                "supply"
+            )
+        return WheelIdentification(
+            static_feedforward=_within("static_feedforward", line.offset),
+            velocity_feedforward=_within("velocity_feedforward", 1 / line.slope),
+            breakaway=breakaway,
+            curve=curve,
+            nonlinearity=_nonlinearity(curve, line),
+            delay_s=lag.delay_s if lag else None,
+            time_constant_s=lag.time_constant_s if lag else None,
+        )
+
+    def _too_fast(self, wheels: Sequence[WheelIdentification]) -> list[str]:
+        """Whether the robot's own limit leaves the loop nothing to correct with."""
+        most_duty = _HEADROOM * self._most_duty
+        reached = min(
+            (most_duty - wheel.static_feedforward) / wheel.velocity_feedforward for wheel in wheels
+        )
+        limit = self._robot.parameters["max_velocity_mps"]
+        if limit <= reached:
+            return []
+        return [
+            f"max_velocity_mps is {limit:.2f}, but at {most_duty:.2f} of duty the wheels turn at "
+            f"{reached:.2f} m/s: set it to that or less, or the loop has nothing to correct with"
+        ]
+
+
+class _Ramps:
+    """The duties of two wheels that rise until each of them turns."""
+
+    def __init__(self, sign: int, far_ticks: float) -> None:
+        self.broken: list[float | None] = [None, None]
+        """Duty at which each wheel started; negative if it started in the wrong direction."""
+        self._sign = sign
+        self._far_ticks = far_ticks
+        self._first_move: list[float | None] = [None, None]
+
+    def duty(self, record: Record) -> Pair:
+        """The duties now."""
+        duty = _RAMP_PER_S * record.seconds
+        for wheel, ticks in enumerate(record.ticks):
+            self._look(wheel, ticks * self._sign, duty)
+        left, right = (0.0 if broken is not None else self._sign * duty for broken in self.broken)
+        return Pair(left, right)
+
+    def _look(self, wheel: int, ticks: int, duty: float) -> None:
+        if self.broken[wheel] is not None:
+            return
+        if abs(ticks) < 2:
+            self._first_move[wheel] = None
+        elif self._first_move[wheel] is None:
+            self._first_move[wheel] = duty
+        first = self._first_move[wheel]
+        if first is not None and abs(ticks) >= self._far_ticks:
+            self.broken[wheel] = first if ticks > 0 else -first
+
+
+def steady_rate(times_s: Sequence[float], ticks: Sequence[int], counts: int) -> float:
+    """Ticks per second of a wheel that turns steadily.
+
+    Over whole turns if there is one: what repeats each turn, such as an eccentric disc, drops out.
+
+    Args:
+        times_s: Of the samples.
+        ticks: Travelled at each sample, 0 at the first one.
+        counts: Ticks per turn.
+    """
+    turns = abs(ticks[-1]) // counts
+    if turns == 0:
+        return ticks[-1] / times_s[-1]
+    goal = turns * counts
+    index = next(number for number, travelled in enumerate(ticks) if abs(travelled) >= goal)
+    before, after = abs(ticks[index - 1]), abs(ticks[index])
+    share = (goal - before) / (after - before)
+    seconds = times_s[index - 1] + share * (times_s[index] - times_s[index - 1])
+    return math.copysign(goal / seconds, ticks[-1])
+
+
+def _nonlinearity(curve: Sequence[tuple[float, float]], line: Line) -> str:
+    if line.deviation <= _BENT and line.offset >= 0:
+        return ""
+    middle = len(curve) // 2
+    lower = fit_line(curve[: middle + 1]).slope
+    upper = fit_line(curve[middle:]).slope
+    return (
+        f"speed over duty is no line: it rises by {lower:.2f} m/s per duty below duty "
+        f"{curve[middle][0]:.2f} and by {upper:.2f} above; the line is off by up to "
+        f"{line.deviation:.0%} of the greatest speed"
+    )
+
+
+def _problems(wheels: Sequence[WheelIdentification], stairs: Sequence[_Stairs]) -> tuple[str, ...]:
+    found = []
+    for name, wheel, points in zip(WHEELS, wheels, stairs, strict=True):
+        if wheel.nonlinearity:
+            found.append(
+                f"{name} wheel: {wheel.nonlinearity}. A higher pwm_frequency_hz makes it straighter"
+            )
+        forward, backward = (fit_line(points.curve(sign)).slope for sign in (1, -1))
+        if _differ(forward, backward):
+            found.append(
+                f"{name} wheel: {forward:.2f} m/s per duty forward, {backward:.2f} backward: "
+                "check its bridge and what rubs"
+            )
+    left, right = (1 / wheel.velocity_feedforward for wheel in wheels)
+    if _differ(left, right):
+        found.append(
+            f"the wheels are unequal: left {left:.2f}, right {right:.2f} m/s per duty. The "
+            "feed-forward is their mean, the loop makes up for the rest"
+        )
+    return tuple(found)
+
+
+def _differ(a: float, b: float) -> bool:
+    return abs(a - b) > _UNEQUAL * max(a, b)
+
+
+def _within(name: str, value: float) -> float:
+    """As the parameter can have it."""
+    parameter = PARAMETER_BY_NAME[name]
+    return min(max(value, parameter.minimum), parameter.maximum)
+
+
+def _both(
+    combine: Callable[[tuple[float, float]], float], left: float | None, right: float | None
+) -> float | None:
+    return None if left is None or right is None else combine((left, right))
+
+
+def _duty(sample: WheelSample, wheel: int) -> float:
+    return (sample.left_duty, sample.right_duty)[wheel]
+
+
+def _speed(sample: WheelSample, wheel: int) -> float:
+    return (sample.left_mps, sample.right_mps)[wheel]

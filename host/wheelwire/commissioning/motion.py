@@ -1,0 +1,161 @@
+"""Driving while measuring: setpoints that are renewed with each sample, and what was sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
+
+from ..drivers.base import BaseDriver
+from ..errors import CommissioningFailed, DeviceRefused
+from ..samples import WheelSample
+
+TTL_S = 0.3
+"""Of each setpoint: a program that hangs or is killed drives no longer."""
+STANDSTILL_S = 0.15
+"""Without a tick."""
+LONGEST_ROLL_S = 5.0
+RESTING_TICKS = 1
+"""An encoder that rests on an edge may toggle by this much."""
+
+WHEELS = ("left", "right")
+
+
+class Pair(NamedTuple):
+    """A value for each wheel."""
+
+    left: float
+    right: float
+
+
+RESET = (
+    "the board was reset while the wheels turned: does the supply sag? Check the battery and its "
+    "leads, then begin again"
+)
+
+
+class Record:
+    """The samples of a motion, counted from its first one.
+
+    Attributes:
+        samples: All of them.
+    """
+
+    def __init__(self, first: WheelSample) -> None:
+        self.samples = [first]
+
+    def add(self, sample: WheelSample) -> None:
+        """Raises `CommissioningFailed` if the board was reset."""
+        if sample.boot_id != self.samples[0].boot_id:
+            raise CommissioningFailed(RESET)
+        self.samples.append(sample)
+
+    @property
+    def seconds(self) -> float:
+        """From the first sample to the last one."""
+        return self.samples[-1].since(self.samples[0]).dt_s
+
+    @property
+    def ticks(self) -> tuple[int, int]:
+        """Travelled in total, in ticks."""
+        travel = self.samples[-1].since(self.samples[0])
+        return travel.left, travel.right
+
+    def times_s(self) -> list[float]:
+        """Of each sample, from the first one."""
+        return [sample.since(self.samples[0]).dt_s for sample in self.samples]
+
+    def travel(self, wheel: int) -> list[int]:
+        """Ticks of a wheel at each sample, from the first one."""
+        travels = [sample.since(self.samples[0]) for sample in self.samples]
+        return [(travel.left, travel.right)[wheel] for travel in travels]
+
+
+def hold_duty(
+    robot: BaseDriver,
+    duty: Pair,
+    seconds: float,
+    until: Callable[[Record], bool] = lambda _: False,
+) -> Record:
+    """Drive at a duty for some time on the robot's clock, or until something is reached."""
+    return follow_duty(robot, lambda _: duty, lambda record: record.seconds >= seconds, until)
+
+
+def follow_duty(
+    robot: BaseDriver, duty: Callable[[Record], Pair], *until: Callable[[Record], bool]
+) -> Record:
+    """Drive at the duty that `duty` says at each sample, until one of the conditions holds.
+
+    Raises:
+        DeviceRefused: An e-stop or a fault is latched.
+        LinkLost: The robot is out of reach.
+        CommissioningFailed: The board was reset.
+    """
+    record = Record(robot.read())
+    while True:
+        send(lambda: robot.set_duty(*duty(record), TTL_S))
+        record.add(robot.read())
+        if any(condition(record) for condition in until):
+            return record
+
+
+def send(setpoint: Callable[[], None]) -> None:
+    """Send a setpoint, also if the one before came too late because the computer was busy."""
+    try:
+        setpoint()
+    except DeviceRefused as error:
+        if error.code != RefusalCode.EXPIRED:
+            raise
+        setpoint()
+
+
+def come_to_rest(robot: BaseDriver) -> Record:
+    """Stop, and wait until no wheel turns; the samples until then.
+
+    Raises:
+        CommissioningFailed: A wheel turns though it is not driven.
+    """
+    robot.stop()
+    record = Record(robot.read())
+    anchor, last_move_s = record.ticks, 0.0
+    while record.seconds - last_move_s < STANDSTILL_S:
+        record.add(robot.read())
+        moved = max(abs(now - then) for now, then in zip(record.ticks, anchor, strict=True))
+        if moved > RESTING_TICKS:
+            anchor, last_move_s = record.ticks, record.seconds
+        if record.seconds > LONGEST_ROLL_S:
+            raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
+    return record
+
+
+def require_one_session(robot: BaseDriver, sessions: int) -> None:
+    """Refuse what was measured partly after a reset or with the link lost for a while.
+
+    Args:
+        robot: As it is now.
+        sessions: How many there had been at the beginning.
+
+    Raises:
+        CommissioningFailed: There is a new one: parameters that were not saved are lost, too.
+    """
+    if robot.statistics.sessions == sessions:
+        return
+    if robot.statistics.device_resets:
+        raise CommissioningFailed(RESET)
+    raise CommissioningFailed("the link was lost for a while: check the cable, then begin again")
+
+
+def require_ready(robot: BaseDriver) -> None:
+    """Refuse what would be refused later, before anything moves.
+
+    Raises:
+        CommissioningFailed: An e-stop or a fault is latched.
+    """
+    robot.read()  # it may be older than the last request
+    sample = robot.read()
+    if sample.state is SupervisorState.ESTOPPED:
+        raise CommissioningFailed("the e-stop is latched: release it, then `wheelwire clear ROBOT`")
+    if sample.state is SupervisorState.FAULT:
+        reasons = " ".join(fault.doc for fault in type(sample.faults) if fault in sample.faults)
+        raise CommissioningFailed(f"a fault is latched: {reasons} Then `wheelwire clear ROBOT`")
