@@ -1,0 +1,87 @@
+"""The set-up by each driver of pins, and by the simulated one in real time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from support.gpio_chip_process import GpioChip
+from support.pigpio_process import PigpioProcess
+from wheelwire.commissioning.questions import SKIP, Question
+from wheelwire.commissioning.setup import set_up
+from wheelwire.commissioning.wiring import Wiring
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.l298n import L298NDriver
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.pigpio import PigpioDriver
+from wheelwire.linux_mcu.pins import Pins
+
+PATIENT = {"overrun_limit_us": 1e6}
+"""A busy test machine is no fault of the robot's."""
+WIRING = Wiring(encoders_swapped=True, left_motor_reversed=True, right_encoder_reversed=True)
+FIRST, SECOND = "left backward", "forward"
+
+
+def wired_wrongly() -> Pins:
+    """The pins to which the driver thinks its robot is wired, which is wired to others."""
+    pins = Pins()
+    return replace(
+        pins,
+        left_dir1=pins.left_dir2,
+        left_dir2=pins.left_dir1,
+        left_enc_a=pins.right_enc_b,
+        left_enc_b=pins.right_enc_a,
+        right_enc_a=pins.left_enc_a,
+        right_enc_b=pins.left_enc_b,
+    )
+
+
+class Person:
+    def answer(self, question: Question) -> str:
+        answers = {"raised": "yes", "first": FIRST, "second": SECOND}
+        default = SKIP if question.turn else question.default
+        return question.parse(answers.get(question.key, default))
+
+
+def check(robot: BaseDriver) -> None:
+    lines: list[str] = []
+    findings = set_up(robot, Person(), lines.append)
+    assert findings.wiring == WIRING, lines
+    assert findings.is_complete, lines
+
+
+def test_pigpio() -> None:
+    with (
+        PigpioProcess() as daemon,
+        PigpioDriver(
+            "127.0.0.1",
+            daemon.port,
+            pins=wired_wrongly(),
+            parameters=PATIENT,
+            core_timeout_ms=5000,
+        ) as robot,
+    ):
+        check(robot)
+
+
+def test_l298n(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with GpioChip(tmp_path) as chip:
+        for name, value in chip.environment.items():
+            monkeypatch.setenv(name, value)
+        with L298NDriver(
+            pins=wired_wrongly(),
+            parameters=PATIENT,
+            pwm_directory=chip.pwm_directory,
+            core_timeout_ms=5000,
+        ) as robot:
+            check(robot)
+
+
+def test_mock() -> None:
+    wired = {"encoders_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
+    with MockDriver() as robot:
+        for name, value in {"wheels_free": 1, **wired}.items():
+            robot.simulator.set(name, value)
+        check(robot)
