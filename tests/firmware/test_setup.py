@@ -9,14 +9,22 @@ from pathlib import Path
 import pytest
 
 from support.defects import DEFECTS, DefectiveRobot, named
-from support.wiring_runs import Case, Watched, cases, check, raised_robot, set_up_raised
-from wheelwire.commissioning import problems
+from support.wiring_runs import (
+    UNTUNED,
+    Case,
+    Watched,
+    cases,
+    check,
+    raised_robot,
+    set_up_raised,
+)
+from wheelwire.commissioning import problems, proof, setup
 from wheelwire.commissioning.progress import Progress
 from wheelwire.commissioning.pulses import pulse
 from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import CHANGED, Options, set_up
+from wheelwire.commissioning.setup import CHANGED, TUNED, Options, set_up
 from wheelwire.commissioning.wiring import Wiring
-from wheelwire.errors import DeviceRefused, LinkLost
+from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost
 from wheelwire.parameter_file import load_parameter_file
 from wheelwire.simulation.plant import load_plant, shipped_plants
 
@@ -65,19 +73,63 @@ def test_all_of_a_robot_is_found_by_hand_and_saved() -> None:
     assert findings.counts_per_revolution == 2496
     assert findings.problems == ()
     assert findings.saved
-    assert values == {
+    assert findings.rms_before_mps is not None
+    assert findings.rms_after_mps is not None
+    assert findings.rms_after_mps < 0.5 * findings.rms_before_mps
+    expected = {
         **WIRING.corrections,
         "counts_per_revolution": 2496,
         "wheel_radius": 0.0325,
         "wheel_separation": 0.14,
+        "velocity_feedforward": findings.velocity_feedforward,
+        "static_feedforward": findings.static_feedforward,
     }
+    assert {name: values[name] for name in expected} == expected
+    assert values["proportional_gain"] != 1.2
+
+
+def test_gains_that_are_no_better_are_not_saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(proof.Proof, "better", False)
+    with raised_robot({}) as robot:
+        before = {name: robot.parameters[name] for name in TUNED}
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        assert {name: robot.parameters[name] for name in TUNED} == before
+    assert findings.saved  # the wiring
+    assert findings.rms_after_mps is not None
+
+
+def test_wheels_that_cannot_be_tuned_keep_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def identify(*_: object, **__: object) -> None:
+        raise CommissioningFailed("no line fits")
+
+    monkeypatch.setattr(setup, "identify", identify)
+    with raised_robot(WRONG) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+    assert findings.wiring == WIRING
+    assert findings.problems == ("no line fits",)
+    assert findings.saved
+
+
+def test_on_the_floor_only_the_gains_change() -> None:
+    with raised_robot({"wheels_free": 0}) as robot:
+        person = Watched(robot)
+        options = Options(on_the_floor=True)
+        findings = set_up(robot, person, lambda _: None, options)
+        assert robot.simulator.get("true.distance_m") < 30
+    assert person.asked == ["floor", "tune", "save"]
+    assert findings.wiring is None
+    assert findings.velocity_feedforward == pytest.approx(1.365, rel=0.02)
+    assert findings.saved
+    with raised_robot({}) as robot:
+        refused = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+        assert refused.problems == ("make room for the robot, then begin again",)
 
 
 @pytest.mark.parametrize("raised", [1, 0])
 def test_without_a_yes_the_robot_keeps_its_values(raised: int) -> None:
     with raised_robot({**WRONG, "wheels_free": raised}) as robot:
         before = {name: robot.parameters[name] for name in CHANGED}
-        findings = set_up(robot, SimulatedPerson(robot, {"save": "no"}), lambda _: None)
+        findings = set_up(robot, SimulatedPerson(robot, {**UNTUNED, "save": "no"}), lambda _: None)
         robot.parameters.refresh()
         assert {name: robot.parameters[name] for name in CHANGED} == before
     assert not findings.saved
@@ -87,7 +139,8 @@ def test_without_a_yes_the_robot_keeps_its_values(raised: int) -> None:
 def test_a_file_takes_the_values_in_place_of_the_robot(tmp_path: Path) -> None:
     kept = tmp_path / "kept.yaml"
     with raised_robot({**WRONG, "counts_per_revolution": 1440}) as robot:
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, Options(keep=kept))
+        person = SimulatedPerson(robot, UNTUNED)
+        findings = set_up(robot, person, lambda _: None, Options(keep=kept))
         assert robot.parameters["counts_per_revolution"] == 360
         assert robot.parameters["motors_swapped"] == 0
     assert not findings.saved
@@ -118,7 +171,7 @@ def test_an_interrupted_one_is_resumed_with_what_it_had_found(
         robot.simulator.reset()
         robot.advance(1.0)
         assert robot.parameters["motors_swapped"] == 0
-        person = Watched(robot)
+        person = Watched(robot, UNTUNED)
         findings = set_up(robot, person, lambda _: None, replace(options, resume=resume))
     assert ("first" in person.asked) == (not resume)
     assert ("counts_left" in person.asked) == (not resume)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import check_error, run, run_json
+from support.command import check_error, run, run_json, run_within
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors, open_driver
@@ -32,6 +32,8 @@ wheel_radius: 0.0325
 wheel_separation: 0.14
 save: yes
 """
+SETUP_S = 280.0
+"""Of a whole set-up in real time; it takes some 90 s."""
 FOUND = {
     "motors_swapped": 0,
     "encoders_swapped": 1,
@@ -60,7 +62,9 @@ def values(simulator: Simulator) -> dict[str, float]:
 
 def test_a_script_sets_up_a_robot(simulator: Simulator, tmp_path: Path) -> None:
     (tmp_path / "answers.yaml").write_text(ANSWERS)
-    result = run("setup", simulator.port, "--answers", str(tmp_path / "answers.yaml"), "--json")
+    answers, plot = tmp_path / "answers.yaml", tmp_path / "drives.png"
+    arguments = ("--answers", str(answers), "--plot", str(plot), "--json")
+    result = run_within(SETUP_S, "setup", simulator.port, *arguments)
     assert result.returncode == 0, result.stderr
     (line,) = result.stdout.splitlines()
     findings = json.loads(line)
@@ -75,7 +79,11 @@ def test_a_script_sets_up_a_robot(simulator: Simulator, tmp_path: Path) -> None:
     assert findings["counts_per_revolution"] == 2496
     assert findings["problems"] == []
     assert findings["saved"] is True
-    assert values(simulator) == FOUND
+    assert findings["rms_after_mps"] < 0.7 * findings["rms_before_mps"]
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    saved = values(simulator)
+    assert {name: saved[name] for name in FOUND} == FOUND
+    assert saved["velocity_feedforward"] == findings["velocity_feedforward"]
 
 
 def hand_is_off(simulator: Simulator, side: str) -> bool:
@@ -114,10 +122,13 @@ def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
         terminal.press(b"0.0325\n")
         terminal.wait_for("middle of one tyre")
         terminal.press(b"0.14\n")
+        terminal.wait_for("tune the velocity loop?")
+        terminal.press(b"no\n")
         terminal.wait_for("Save them")
         terminal.press(b"yes\n")
         assert terminal.wait() == 0, terminal.output
-    assert values(simulator) == FOUND
+    saved = values(simulator)
+    assert {name: saved[name] for name in FOUND} == FOUND
 
 
 def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
@@ -160,6 +171,13 @@ def test_a_defect_ends_it_with_a_code_and_findings() -> None:
     assert findings["saved"] is False
     text = run("setup", "--simulated", "--set", "estop_open=1")
     assert "problem: e-stop contact open: " in text.stdout
+
+
+def test_on_the_floor_it_tunes_only() -> None:
+    findings = run_json("setup", "--simulated", "--on-the-floor", "--plant", "25ga-1440")
+    assert findings["wiring"] is None
+    assert findings["problems"] == []
+    assert findings["rms_after_mps"] < findings["rms_before_mps"]
 
 
 def test_the_values_may_go_to_a_file(tmp_path: Path) -> None:

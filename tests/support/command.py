@@ -16,11 +16,18 @@ TIMEOUT_S = 60.0
 
 def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
+    return run_within(TIMEOUT_S, *arguments, **environment)
+
+
+def run_within(
+    timeout_s: float, *arguments: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command that takes its time."""
     return subprocess.run(
         [*PROGRAM, *arguments],
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=timeout_s,
         check=False,
         env={**os.environ, "COLUMNS": "100", **environment},
     )

@@ -16,6 +16,7 @@ from wheelwire_protocol.codes import SupervisorState
 MOST_TURNS = 1.5
 """Of a wheel before its direction is known."""
 RESOLUTIONS = (360, 1440, 2496)
+UNTUNED = {"tune": "no"}
 _DRIVEN_MPS = 0.2
 _DRIVEN_S = 1.0
 VARIABLES = {
@@ -92,13 +93,14 @@ def set_up_raised(
 ) -> Findings:
     """The findings of one robot."""
     with raised_robot(settings) as robot:
-        return set_up(robot, SimulatedPerson(robot, answers), lambda _: None)
+        person = SimulatedPerson(robot, {**UNTUNED, **(answers or {})})
+        return set_up(robot, person, lambda _: None)
 
 
 def check(case: Case) -> list[str]:
     """What was wrong with one set-up: nothing."""
     with raised_robot(case.settings) as robot:
-        person = Watched(robot, {"counts_per_revolution": str(case.counts)})
+        person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
         findings = set_up(robot, person, lambda _: None)
         wrong = []
         if findings.wiring != case.wiring:

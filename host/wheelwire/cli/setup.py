@@ -6,7 +6,7 @@ import os
 import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,6 +35,13 @@ WIRING_VARIABLES = (
 )
 """Of the simulated robot."""
 
+SIZES = {
+    "counts_per_revolution": "counts_per_revolution",
+    "wheel_radius": "wheel_radius_m",
+    "wheel_separation": "wheel_separation_m",
+}
+"""Parameters, and the variables of the simulated robot that they describe."""
+
 
 def setup(
     robot: RobotArgument = None,
@@ -45,6 +52,16 @@ def setup(
         Path | None,
         typer.Option(help="Write the values to this file, as `params export` does; save nothing."),
     ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the test drives before and after to this file.")
+    ] = None,
+    on_the_floor: Annotated[
+        bool,
+        typer.Option(
+            "--on-the-floor",
+            help="Only tune, with the robot on the floor and a metre free ahead of it.",
+        ),
+    ] = False,
     resume: Annotated[
         bool | None,
         typer.Option(
@@ -77,26 +94,31 @@ def setup(
     baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Set up a new robot: find its wiring, count its encoders, save what was found.
+    """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
 
     Raise the robot so that its wheels hang free. It takes some minutes and two questions.
     However the motors and encoders are wired, parameters correct it; what they cannot correct is
-    said. Until you save, the robot keeps its former parameters.
+    said. A test drive before and after shows what the new gains are worth. Until you save, the
+    robot keeps its former parameters.
     """
+    from wheelwire.commissioning.progress import Progress
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
+    from wheelwire.commissioning.setup import Options
 
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
     _check_writable(keep)
+    _check_writable(plot)
+    options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
     person: Person
     if simulated:
         if robot is not None:
             raise InvalidArgument(f"give {robot} or --simulated, not both")
-        with _simulated_robot(plant, seed, settings or ()) as mock:
+        with _simulated_robot(plant, seed, settings or (), on_the_floor=on_the_floor) as mock:
             person = SimulatedPerson(mock)
             if answers is not None:
                 person = AnswersFile(answers, person)
-            _run(mock, person, _options(keep), as_json=as_json)
+            _run(mock, person, options, as_json=as_json)
         return
     if answers is None and not sys.stdin.isatty():
         raise InvalidArgument(
@@ -106,17 +128,9 @@ def setup(
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     _check_lasting(address, keep)
     with ended_by_signals(), address.open(baud) as driver:
-        board_id = driver.info.device.board_id if isinstance(driver, DeviceDriver) else None
-        _run(driver, person, _options(keep, board_id, resume=resume), as_json=as_json)
-
-
-def _options(
-    keep: Path | None, board_id: str | None = None, *, resume: bool | None = None
-) -> Options:
-    from wheelwire.commissioning.progress import Progress
-    from wheelwire.commissioning.setup import Options
-
-    return Options(keep, resume, None if board_id is None else Progress(board_id))
+        if isinstance(driver, DeviceDriver) and not on_the_floor:
+            options = replace(options, progress=Progress(driver.info.device.board_id))
+        _run(driver, person, options, as_json=as_json)
 
 
 def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) -> None:
@@ -211,15 +225,18 @@ def _check_lasting(address: Address, keep: Path | None) -> None:
     address.check_parameters(CHANGED, save=True)
 
 
-def _simulated_robot(plant: str | None, seed: int | None, settings: Sequence[str]) -> MockDriver:
+def _simulated_robot(
+    plant: str | None, seed: int | None, settings: Sequence[str], *, on_the_floor: bool
+) -> MockDriver:
+    """Raised and wired at random, or on the floor and set up but for its gains."""
     from wheelwire.drivers.mock import MockDriver
     from wheelwire.simulation.library import FwSimError
     from wheelwire.simulation.plant import load_plant
 
     given = dict(map(_setting, settings))
     values = load_plant(plant).settings if plant is not None else {}
-    values |= {"wheels_free": 1.0}
-    if seed is not None or not given.keys() & set(WIRING_VARIABLES):
+    values |= {"wheels_free": float(not on_the_floor)}
+    if not on_the_floor and (seed is not None or not given.keys() & set(WIRING_VARIABLES)):
         drawn = random.Random(seed)
         values |= {name: float(drawn.randrange(2)) for name in WIRING_VARIABLES}
     robot = MockDriver(realtime=False)
@@ -231,6 +248,9 @@ def _simulated_robot(plant: str | None, seed: int | None, settings: Sequence[str
         raise InvalidArgument(
             f"the simulated robot refused {error}; docs/simulator.md has all variables"
         ) from error
+    if on_the_floor:
+        for name, variable in SIZES.items():
+            robot.parameters.set(name, robot.simulator.get(variable))
     return robot
 
 

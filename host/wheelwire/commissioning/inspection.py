@@ -52,6 +52,14 @@ RAISED = Question(
     NO,
 )
 
+FLOOR = Question(
+    "floor",
+    "Does the robot stand on the floor, with a metre free ahead of it? It will drive to and fro; "
+    "an e-stop or fault that is latched will be cleared.",
+    (YES, NO),
+    NO,
+)
+
 _LOWEST_SUPPLY_V = 2.0
 _STILL_S = 0.5
 _REPEATS = 3
@@ -91,6 +99,22 @@ def check_ready(robot: BaseDriver, person: Person) -> None:
     """
     if person.answer(RAISED) != YES:
         raise Unfit([Problem(ON_THE_FLOOR)])
+    _check_still(robot)
+
+
+def check_floor(robot: BaseDriver, person: Person) -> None:
+    """Ask for a free metre; otherwise as `check_ready`.
+
+    Raises:
+        Unfit: The contact is open, or there is no supply.
+        CommissioningFailed: There is no room, a fault cannot be cleared, or a wheel turns.
+    """
+    if person.answer(FLOOR) != YES:
+        raise CommissioningFailed("make room for the robot, then begin again")
+    _check_still(robot)
+
+
+def _check_still(robot: BaseDriver) -> None:
     clear(robot)
     sample = fresh(robot)
     if sample.battery_v is not None and sample.battery_v < _LOWEST_SUPPLY_V:

@@ -28,6 +28,7 @@ ANSWER_KEYS = (
     "counts_per_revolution",
     "wheel_radius",
     "wheel_separation",
+    "tune",
     "save",
 )
 """What a file of answers may hold."""
@@ -136,6 +137,8 @@ class AnswersFile:
             )
         if question.turn is not None:
             return SKIP
+        if question.key == "floor":
+            return YES  # the option says so
         # A script says all that it wants; what another run has found is not among it.
         return NO if question.key == "resume" else question.default
 
@@ -162,6 +165,8 @@ class SimulatedPerson:
             return self._turn(question.turn)
         if question.key == "raised":
             return YES if self._get("wheels_free") else NO
+        if question.key == "floor":
+            return NO if self._get("wheels_free") else YES
         if question.key in ("first", "second"):
             return _seen(before, self._turns, question)
         if question.key in ("wheel_radius", "wheel_separation"):

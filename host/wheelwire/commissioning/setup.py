@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,13 +11,16 @@ from wheelwire_protocol.codes import ResetReason
 
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import OutputFailed
+from ..errors import CommissioningFailed, OutputFailed
 from ..parameter_file import ParameterFile, number_text
 from ..parameters import definition_of
 from .counts import COUNTS, ask_counts
+from .gains import tuned
+from .identification import identify
 from .inspection import (
     Say,
     Unfit,
+    check_floor,
     check_ready,
     check_supply,
     check_wheels,
@@ -26,13 +29,29 @@ from .inspection import (
 )
 from .problems import SAGS, Problem
 from .progress import Progress
+from .proof import prove
 from .pulses import BoardReset
 from .questions import NO, YES, Person, Question
 from .wiring import Wiring
 
 SIZES = ("wheel_radius", "wheel_separation")
-CHANGED = (*Wiring().corrections, COUNTS, *SIZES)
+TUNED = (
+    "velocity_feedforward",
+    "static_feedforward",
+    "nominal_supply_v",
+    "acceleration_feedforward",
+    "proportional_gain",
+    "integral_gain",
+)
+CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
+
+TUNE = Question(
+    "tune",
+    "Measure the motors and tune the velocity loop? The wheels turn for about two minutes.",
+    (YES, NO),
+    YES,
+)
 
 _CONFIRM_DUTY = (0.25, 0.6)
 
@@ -72,17 +91,22 @@ class Options:
         keep: File for the new values, in place of the robot's own memory.
         resume: Go on where the last set-up was interrupted; None asks.
         progress: Where an unfinished one is kept; None keeps none.
+        on_the_floor: Only tune, on the floor: wiring, counts and sizes are right already.
+        plot: File for the picture of the test drives.
     """
 
     keep: Path | None = None
     resume: bool | None = None
     progress: Progress | None = None
+    on_the_floor: bool = False
+    plot: Path | None = None
 
 
 def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
-    """Find wiring, counts and sizes, and save them after a yes.
+    """Find wiring, counts, sizes, feed-forward and gains, and save them after a yes.
 
-    Unless they are saved, the robot has its former parameters again afterwards.
+    Unless they are saved, the robot has its former parameters again afterwards. What ends it early
+    is among the problems of the findings, unless the robot is out of reach.
 
     Args:
         robot: The robot.
@@ -91,9 +115,7 @@ def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None 
         options: What differs from the ordinary.
 
     Raises:
-        CommissioningFailed: A measurement cannot be made; not for a defect of the robot, which is
-            in the findings.
-        OutputFailed: The file cannot be written.
+        OutputFailed: A file cannot be written.
         WheelwireError: As the driver.
     """
     return _SetUp(robot, person, say, options or Options()).run()
@@ -110,35 +132,42 @@ class _SetUp:
     """Of the parameters that were changed."""
     found: dict[str, dict[str, float]] = field(default_factory=dict)
     """Values by step."""
+    resumed: Mapping[str, dict[str, float]] = field(default_factory=dict)
+    """Those of the run before."""
     pulsed: Sequence[float] = ()
     """The duty that set each wheel in motion, of a wiring found in this run."""
 
     def run(self) -> Findings:
         try:
             with _restored(self.robot, self.former):
-                self._find()
+                if self.options.on_the_floor:
+                    check_floor(self.robot, self.person)
+                else:
+                    self._find()
+                self._tune()
                 self._finish()
         except Unfit as error:
             self._note(error.problems)
         except BoardReset as error:
-            if not _was_brownout(self.robot):
-                raise
-            self._note([Problem(SAGS, detail=f" so far that the board is reset ({error})")])
+            sags = Problem(SAGS, detail=" so far that the board is reset")
+            self._note([sags if _was_brownout(self.robot) else str(error)])
+        except CommissioningFailed as error:
+            self._note([str(error)])
         return self.findings
 
     # --- steps ---------------------------------------------------------------------------------
 
     def _find(self) -> None:
-        self.say("1/3 Robot, supply and contact. Left and right are as seen from behind.")
+        self.say("1/4 Robot, supply and contact. Left and right are as seen from behind.")
         check_ready(self.robot, self.person)
-        resumed = self._resumed()
-        self.say("2/3 Wiring")
+        resumed = self.resumed = self._ask_resume()
+        self.say("2/4 Wiring")
         if "wiring" in resumed:
             self._set("wiring", resumed["wiring"])
         else:
             self._find_wiring()
         self._check_wiring()
-        self.say("3/3 Counts and sizes")
+        self.say("3/4 Counts and sizes")
         if COUNTS in resumed:
             self._set(COUNTS, resumed[COUNTS])
         else:
@@ -181,6 +210,40 @@ class _SetUp:
             sizes[name] = float(self.person.answer(Question(name, text, (), now, name)))
         return sizes
 
+    def _tune(self) -> None:
+        if "gains" in self.resumed:
+            self._set("gains", self.resumed["gains"])
+            return
+        self.say("4/4 Motors")
+        if self.person.answer(TUNE) != YES:
+            return
+        try:
+            found = identify(self.robot, self.say, on_the_floor=self.options.on_the_floor)
+            after = tuned(found, self.robot)
+            before = self._remember(after)
+            proof = prove(self.robot, before, after)
+        except BoardReset:
+            raise
+        except CommissioningFailed as error:  # what was found before is good all the same
+            self._note([str(error)])
+            return
+        self._note(found.problems)
+        self.findings = replace(
+            self.findings,
+            velocity_feedforward=after["velocity_feedforward"],
+            static_feedforward=after["static_feedforward"],
+            rms_before_mps=proof.rms_before_mps,
+            rms_after_mps=proof.rms_after_mps,
+        )
+        self.say(proof.table())
+        if self.options.plot is not None:
+            proof.plot(self.options.plot)
+            self.say(f"the test drives are drawn in {self.options.plot}")
+        if proof.better:
+            self._set("gains", after)
+        else:
+            self.say("the former values track as well; they are left as they are")
+
     def _finish(self) -> None:
         values = {name: value for step in self.found.values() for name, value in step.items()}
         changed = {n: v for n, v in values.items() if v != self.former[n]}
@@ -205,7 +268,7 @@ class _SetUp:
 
     # --- values --------------------------------------------------------------------------------
 
-    def _resumed(self) -> Mapping[str, dict[str, float]]:
+    def _ask_resume(self) -> Mapping[str, dict[str, float]]:
         if self.options.progress is None or self.options.resume is False:
             return {}
         found = self.options.progress.load()
@@ -227,10 +290,16 @@ class _SetUp:
             self.say(f"this run cannot be resumed: {error}")
 
     def _try(self, values: Mapping[str, float]) -> None:
+        self._remember(values)
         for name, value in values.items():
-            self.former.setdefault(name, self.robot.parameters[name])
             if self.robot.parameters[name] != value:
                 self.robot.parameters.set(name, value)
+
+    def _remember(self, names: Iterable[str]) -> dict[str, float]:
+        now = {name: self.robot.parameters[name] for name in names}
+        for name, value in now.items():
+            self.former.setdefault(name, value)
+        return now
 
     def _note(self, problems: Sequence[Problem | str]) -> None:
         texts = tuple(map(str, problems))
