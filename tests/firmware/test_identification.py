@@ -190,6 +190,45 @@ def test_a_link_lost_between_two_measurements_is_noticed() -> None:
             identify(robot, report, on_the_floor=False)
 
 
+def busy(robot: MockDriver, monkeypatch: pytest.MonkeyPatch, name: str, every: int) -> None:
+    """Each so many setpoints of a kind come half a second late: the computer was busy."""
+    original = getattr(robot, name)
+    sent = [0]
+
+    def late(*arguments: float) -> None:
+        sent[0] += 1
+        if sent[0] % every == 0:
+            robot.advance(0.5)
+        original(*arguments)
+
+    monkeypatch.setattr(robot, name, late)
+
+
+@pytest.mark.parametrize("raised", [True, False])
+def test_what_was_measured_while_a_setpoint_ran_out_is_measured_again(
+    monkeypatch: pytest.MonkeyPatch, raised: bool
+) -> None:
+    with plant_robot("25ga-1440", raised=True) as ideal:
+        truth = true_line(ideal)
+    with plant_robot("25ga-1440", raised=raised) as robot:
+        busy(robot, monkeypatch, "set_duty", 400)
+        found = identify(robot, quiet, on_the_floor=not raised)
+        busy(robot, monkeypatch, "set_wheel_velocity", 1600)  # a drive takes 1100
+        values = tuned(found, robot)
+        proof = prove(robot, {name: robot.parameters[name] for name in values}, values)
+    assert found.velocity_feedforward == pytest.approx(truth.velocity_feedforward, rel=0.005)
+    assert found.static_feedforward == pytest.approx(truth.static_feedforward, rel=0.02)
+    assert proof.rms_after_mps is not None
+    assert proof.rms_after_mps < 0.007
+
+
+def test_a_computer_that_is_always_busy_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    with plant_robot("25ga-1440", raised=True) as robot:
+        busy(robot, monkeypatch, "set_duty", 40)
+        with pytest.raises(CommissioningFailed, match="setpoints reach the robot too late"):
+            identify(robot, quiet, on_the_floor=False)
+
+
 # --- safety --------------------------------------------------------------------------------------
 
 

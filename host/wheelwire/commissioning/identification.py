@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import mean, median
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -35,6 +36,7 @@ from .motion import (
     hold_duty,
     require_one_session,
     require_ready,
+    uninterrupted,
 )
 
 STAIRS = (0.15, 0.60)
@@ -58,6 +60,8 @@ _LONGEST_TURN_S = 2.0
 _LONGEST_WAY_M = 0.75
 """Of one run on the floor."""
 _FEWEST_STAIRS = 4
+_FEWEST_TICKS = 4
+"""With less than that at a duty, a wheel stands."""
 
 _BENT = 0.05
 """A line further off than this fraction of the greatest speed does not describe the curve."""
@@ -259,18 +263,25 @@ class _Bench:
 
     def _step_response(self, breakaway: float) -> list[FirstOrder | None]:
         low, high = self._step_duties(breakaway)
+        records = uninterrupted(lambda: self._steps_both_ways(low, high))
         edges: tuple[list[Edge], list[Edge]] = [], []
-        for sign in (1, -1):
-            come_to_rest(self._robot)
-            record = self._steps([sign * low, sign * high, sign * low])
+        for sign, record in records.items():
             for wheel, found in enumerate(edges):
                 found += self._edges(record, wheel, sign * low, sign * high)
-        come_to_rest(self._robot)
         return [fit_first_order(found) if len(found) == 4 else None for found in edges]
 
     def _step_duties(self, breakaway: float) -> tuple[float, float]:
         low = 1.3 * breakaway
         return low, min(self._most_duty, max(STAIRS[1], low + 0.2))
+
+    def _steps_both_ways(self, low: float, high: float) -> dict[int, Record] | None:
+        """Up and down again, forward and then back."""
+        records = {}
+        for sign in (1, -1):
+            come_to_rest(self._robot)
+            records[sign] = self._steps([sign * low, sign * high, sign * low])
+        come_to_rest(self._robot)
+        return None if any(record.lapsed for record in records.values()) else records
 
     def _steps(self, duties: Sequence[float]) -> Record:
         """All of them in one record, each for the same time."""
@@ -348,7 +359,8 @@ class _Bench:
         for sign in (1, -1):
             come_to_rest(self._robot)
             for duty in (*up, *reversed(duties[:-1])):
-                self._stair(sign * duty, stairs)
+                points = uninterrupted(partial(self._stair, sign * duty))
+                self._add(points, sign * duty, stairs)
         come_to_rest(self._robot)
 
     def _to_and_fro(
@@ -356,25 +368,41 @@ class _Bench:
     ) -> None:
         """Each duty forward and back, so that the robot stays where it is."""
         for duty in reversed(duties):
-            for sign in (1, -1):
-                come_to_rest(self._robot)
-                if duty < kick:
-                    hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
-                self._stair(sign * duty, stairs)
+            forward, backward = uninterrupted(partial(self._there_and_back, duty, kick))
+            self._add(forward, duty, stairs)
+            self._add(backward, -duty, stairs)
         come_to_rest(self._robot)
 
-    def _stair(self, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
-        """The steady speed at one duty."""
+    def _there_and_back(self, duty: float, kick: float) -> tuple[Pair, Pair] | None:
+        speeds = []
+        for sign in (1, -1):
+            come_to_rest(self._robot)
+            if duty < kick:
+                hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
+            speeds.append(self._stair(sign * duty))
+        forward, backward = speeds
+        return None if forward is None or backward is None else (forward, backward)
+
+    def _add(self, speeds: Pair, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
+        for found, speed in zip(stairs, speeds, strict=True):
+            found.add(duty, speed)
+
+    def _stair(self, duty: float) -> Pair | None:
+        """The steady speeds in m/s at one duty; None if a setpoint ran out meanwhile."""
         settle_s = _SETTLED * self._time_constant_s + 0.1
         both = Pair(duty, duty)
-        hold_duty(self._robot, both, settle_s)
+        settling = hold_duty(self._robot, both, settle_s)
         record = follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
+        if settling.lapsed or record.lapsed:
+            return None
         self._supply += [sample.battery_v for sample in record.samples if sample.battery_v]
-        times = record.times_s()
-        for wheel, found in enumerate(stairs):
-            travel = record.travel(wheel)
-            rate = steady_rate(times, travel, round(self._counts))
-            found.add(duty, rate * self._m_per_tick if abs(travel[-1]) >= 4 else 0.0)
+        return Pair(self._speed_mps(record, 0), self._speed_mps(record, 1))
+
+    def _speed_mps(self, record: Record, wheel: int) -> float:
+        travel = record.travel(wheel)
+        if abs(travel[-1]) < _FEWEST_TICKS:
+            return 0.0
+        return self._m_per_tick * steady_rate(record.times_s(), travel, round(self._counts))
 
     def _is_enough(self, settle_s: float) -> Callable[[Record], bool]:
         """Long enough for whole turns if raised, no further than there is floor."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
@@ -13,6 +13,10 @@ from ..samples import WheelSample
 
 TTL_S = 0.3
 """Of each setpoint: a program that hangs or is killed drives no longer."""
+LAPSE_S = 0.25
+"""Between two samples: a setpoint that was sent at the first may have run out."""
+ATTEMPTS = 4
+"""At a motion during which a setpoint ran out."""
 STANDSTILL_S = 0.15
 """Without a tick."""
 LONGEST_ROLL_S = 5.0
@@ -20,6 +24,8 @@ RESTING_TICKS = 1
 """An encoder that rests on an edge may toggle by this much."""
 
 WHEELS = ("left", "right")
+
+Motion = TypeVar("Motion")
 
 
 class Pair(NamedTuple):
@@ -50,6 +56,18 @@ class Record:
         if sample.boot_id != self.samples[0].boot_id:
             raise CommissioningFailed(RESET)
         self.samples.append(sample)
+
+    @property
+    def lapsed(self) -> bool:
+        """A setpoint came too late to continue the one before, so the wheels were stopped."""
+        states = [sample.state for sample in self.samples]
+        first = states.index(SupervisorState.DRIVING) if SupervisorState.DRIVING in states else 0
+        if SupervisorState.TIMED_OUT in states[first:]:
+            return True
+        return any(
+            later.since(earlier).dt_s > LAPSE_S
+            for earlier, later in zip(self.samples, self.samples[1:], strict=False)
+        )
 
     @property
     def seconds(self) -> float:
@@ -108,6 +126,22 @@ def send(setpoint: Callable[[], None]) -> None:
         if error.code != RefusalCode.EXPIRED:
             raise
         setpoint()
+
+
+def uninterrupted(motion: Callable[[], Motion | None]) -> Motion:
+    """Repeat a motion that is None because a setpoint ran out meanwhile.
+
+    Raises:
+        CommissioningFailed: They run out again and again.
+    """
+    for _ in range(ATTEMPTS):
+        result = motion()
+        if result is not None:
+            return result
+    raise CommissioningFailed(
+        "setpoints reach the robot too late again and again: this computer or the line is too "
+        "busy; end other programs, then begin again"
+    )
 
 
 def come_to_rest(robot: BaseDriver) -> Record:

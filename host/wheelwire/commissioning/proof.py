@@ -28,6 +28,7 @@ from .motion import (
     require_one_session,
     require_ready,
     send,
+    uninterrupted,
 )
 
 TOP_MPS = 0.35
@@ -303,18 +304,19 @@ def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) 
     robot.stop()
     _set(robot, values)
     try:
-        trace = _drive(robot, course)
-    except DeviceRefused as error:
-        if not error.faults:
-            raise
-        trace = None
-    if trace is None:
+        return uninterrupted(partial(_drive, robot, course))
+    except _Faulted:
         come_to_rest(robot)
         robot.clear_fault()
-    return trace
+        return None
+
+
+class _Faulted(Exception):  # noqa: N818
+    """A fault ended the drive."""
 
 
 def _drive(robot: BaseDriver, course: Course) -> Trace | None:
+    """None if a setpoint ran out meanwhile."""
     resting = come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
     # round trip later, and is in force until the next one: its middle has to be on the course.
@@ -324,10 +326,17 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
     record = Record(robot.read())
     while record.seconds < course.seconds:
         left, right = course.at(record.seconds + ahead_s)
-        send(partial(robot.set_wheel_velocity, left, right, TTL_S))
+        try:
+            send(partial(robot.set_wheel_velocity, left, right, TTL_S))
+        except DeviceRefused as error:
+            if error.faults:
+                raise _Faulted from error
+            raise
         record.add(robot.read())
         if record.samples[-1].state is SupervisorState.FAULT:
-            return None
+            raise _Faulted
+    if record.lapsed:
+        return None
     lag_s = _MEASUREMENT_LAG * robot.parameters["velocity_window_us"] / 1e6
     times_s = record.times_s()
     return Trace(
