@@ -26,6 +26,8 @@ from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import ResetReason
 
+ATTEMPTS = 5
+
 
 @pytest.fixture(scope="module", params=[GOOD, "noisy"])
 def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
@@ -450,7 +452,12 @@ runpy.run_module("wheelwire", run_name="__main__")
 
 
 def test_demo_measures_what_it_claims(tmp_path: Path) -> None:
-    report = run_json("demo", "--output", str(tmp_path))
+    for _ in range(ATTEMPTS):
+        result = run("demo", "--output", str(tmp_path), "--json")
+        if "expired on arrival" not in result.stderr:  # else the computer was busy for too long
+            break
+    assert result.returncode == 0, result.stderr
+    report = json.loads(result.stdout)
     assert (tmp_path / "trajectory.png").stat().st_size > 10_000
     assert report["distance_m"] == pytest.approx(5.3, abs=0.3)
     assert report["position_error_m"] < 0.02
