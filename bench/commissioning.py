@@ -55,7 +55,10 @@ def targets(outcomes: Sequence[Outcome]) -> list[Target]:
         ),
         *(
             Target(f"{name} after to before, {what}", f"{value:.2f}", f"{limit:g}", value <= limit)
-            for name, ratios in (("RMS as measured", proved), ("RMS of the true speed", true))
+            for name, ratios in (
+                ("RMS as measured", proved),
+                ("RMS of the true speed on the floor", true),
+            )
             for what, value, limit in (
                 ("median", median(ratios), MEDIAN),
                 ("worst", max(ratios), WORST),

@@ -60,7 +60,7 @@ def test_the_feedforward_is_the_line_of_the_true_curve(
 
 
 @pytest.mark.parametrize(("plant", "battery_v", "raised"), ROBOTS)
-def test_the_wheels_track_better_as_proved_and_in_truth(
+def test_the_wheels_track_better_as_proved_and_on_the_floor_in_truth(
     plant: str, battery_v: float, raised: bool
 ) -> None:
     found = outcome(plant, battery_v, raised)

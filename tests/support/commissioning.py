@@ -138,6 +138,7 @@ class Outcome(NamedTuple):
     values: dict[str, float]
     proof: Proof
     true_before_mps: float
+    """On the floor, also of a robot that was identified raised."""
     true_after_mps: float
 
     @property
@@ -160,7 +161,7 @@ class Outcome(NamedTuple):
 
     @property
     def true_ratio(self) -> float:
-        """The same of the wheels' true speeds."""
+        """The same of the wheels' true speeds, on the floor."""
         return self.true_after_mps / self.true_before_mps
 
 
@@ -174,5 +175,6 @@ def commission(plant: str, battery_v: float, *, raised: bool, counts: int = 0) -
         values = tuned(found, robot)
         before = {name: robot.parameters[name] for name in values}
         proof = prove(robot, before, values)
+        robot.simulator.set("wheels_free", 0)
         true_mps = [true_rms_mps(robot, chosen) for chosen in (before, values)]
     return Outcome(truth, found, values, proof, *true_mps)
