@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Mapping
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import replace
 from importlib import import_module
 from types import TracebackType
@@ -32,15 +32,22 @@ from wheelwire_protocol.types import (
 
 from .arguments import timeout_s
 from .drivers.base import FIRST_SAMPLE_S
-from .drivers.device_parameters import ParameterOperations, Steps
+from .drivers.device_parameters import REVERT, ParameterOperations, Steps, checked_timeout
 from .drivers.factory import check_options
 from .drivers.linked import LinkedRobot
-from .errors import DriverUnavailable, InvalidArgument, LinkLost, shown
+from .errors import (
+    DeviceRefused,
+    DriverUnavailable,
+    InvalidArgument,
+    LinkLost,
+    WheelwireError,
+    shown,
+)
 from .link.async_connection import AsyncLink
 from .link.base_link import LinkOptions
 from .link.latest_sample import ITERATOR_WAIT_S, LatestSample
 from .link.sample_iterator import SampleIterator as _SampleQueue
-from .parameters import ParameterInfo, ParameterMapping
+from .parameters import TRIAL_TIMEOUT_S, ParameterInfo, ParameterMapping
 from .samples import WheelSample
 
 if TYPE_CHECKING:
@@ -51,7 +58,15 @@ if TYPE_CHECKING:
     from .linux_mcu.pins import Pins
     from .simulation.simulator import Simulator
 
-__all__ = ["Driver", "MockDriver", "Parameters", "PinDriver", "SampleIterator", "open_driver"]
+__all__ = [
+    "Driver",
+    "MockDriver",
+    "Parameters",
+    "PinDriver",
+    "SampleIterator",
+    "Trial",
+    "open_driver",
+]
 
 Result = TypeVar("Result")
 DriverT = TypeVar("DriverT", bound="Driver")
@@ -260,7 +275,7 @@ class Parameters(ParameterMapping):
 
     def __init__(self, link: AsyncLink) -> None:
         self._operations = ParameterOperations(link)
-        self._request = link.request
+        self._link = link
 
     async def set(self, name: str, value: float) -> float:
         """Change a value until the next reset of the device; returns the value in force.
@@ -286,6 +301,13 @@ class Parameters(ParameterMapping):
         """Go back to the defaults, and forget what was saved. Only while stopped."""
         await self._run(self._operations.reset())
 
+    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+        """Try values: `async with robot.parameters.trial() as trial: ...; await trial.keep()`.
+
+        As `wheelwire.Parameters.trial`.
+        """
+        return Trial(self._operations, self._link, checked_timeout(timeout_s))
+
     def _value(self, definition: Parameter) -> float:
         value = self._operations.newest(definition.id)
         if value is None:  # a new session has just begun
@@ -293,13 +315,71 @@ class Parameters(ParameterMapping):
         return value
 
     async def _run(self, steps: Steps[Result]) -> Result:
-        """Do an operation by requests that are awaited, one after the other."""
+        return await _run(steps, self._link)
+
+
+class Trial(AbstractAsyncContextManager["Trial"]):
+    """A trial of parameters, made by `Parameters.trial`; as `wheelwire.parameters.Trial`."""
+
+    def __init__(self, operations: ParameterOperations, link: AsyncLink, timeout_s: float) -> None:
+        self._operations = operations
+        self._link = link
+        self._timeout_s = timeout_s
+        self._kept = False
+
+    async def keep(self) -> None:
+        """Leave the values in force until the next reset of the device; ends the trial.
+
+        Raises:
+            DeviceRefused: The trial was lost; the former values are in force.
+            RequestTimeout: Whether they were kept is not known.
+        """
+        await _run(self._operations.keep_trial(), self._link)
+        self._kept = True
+
+    async def __aenter__(self) -> Trial:
         try:
-            message = next(steps)
-            while True:
-                message = steps.send(await self._request(message))
-        except StopIteration as end:
-            return cast("Result", end.value)
+            await _run(self._operations.begin_trial(self._timeout_s), self._link)
+        except DeviceRefused:
+            raise  # none was begun; the other one goes on
+        except BaseException:  # it may have been begun, and nobody will be there to end it
+            self._abandon()
+            raise
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._kept:
+            return
+        try:
+            await _run(self._operations.revert_trial(), self._link)
+        except WheelwireError:
+            if error is None:  # else that one says more
+                raise
+        except BaseException:  # cancelled: what was asked for is not repeated any more
+            self._abandon()
+            raise
+        finally:
+            self._link.release_trial()
+
+    def _abandon(self) -> None:
+        with suppress(WheelwireError):
+            self._link.post(REVERT)
+        self._link.release_trial()
+
+
+async def _run(steps: Steps[Result], link: AsyncLink) -> Result:
+    """Do an operation by requests that are awaited, one after the other."""
+    try:
+        message = next(steps)
+        while True:
+            message = steps.send(await link.request(message))
+    except StopIteration as end:
+        return cast("Result", end.value)
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import TracebackType
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
 from wheelwire_protocol.units import Unit
 
 from .arguments import is_number
 from .errors import InvalidArgument, ParameterOutOfRange, UnknownParameter, shown
+
+TRIAL_TIMEOUT_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,58 @@ class Parameters(ParameterMapping):
     @abstractmethod
     def reset(self) -> None:
         """Go back to the defaults, and forget what was saved. Only while stopped."""
+
+    @abstractmethod
+    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+        """Try values: `with robot.parameters.trial() as trial: ...; trial.keep()`.
+
+        What is set in the block is in force at once, and reverted at its end unless `keep` was
+        called. The link renews the trial while the block runs. If the device hears no renewal for
+        `timeout_s`, because the program was killed, the cable pulled, or the computer hangs, or if
+        another session begins, it stops the wheels and has the former values again by itself. A
+        reset of the device leaves its saved values in force, as always.
+
+        `save` and `reset` are refused in the block, and so is a change of `estop_input_enabled`.
+        After the trial was lost, setpoints and changes are refused with `RefusalCode.NO_TRIAL`
+        until the block is left: the program would go on with values that are not in force.
+
+        Args:
+            timeout_s: For how long the link may be silent, 0.2 to 60. [s]
+
+        Raises:
+            InvalidArgument: The time-out is beyond these bounds.
+            DeviceRefused: At the beginning of the block: another trial runs.
+        """
+
+
+class Trial(ABC):
+    """A trial of parameters, made by `Parameters.trial`; a context manager, to be used once.
+
+    Raises, also at the end of the block if nothing else was raised in it: `LinkLost`,
+    `RequestTimeout`, `DeviceRefused`. The device then reverts by itself.
+    """
+
+    @abstractmethod
+    def keep(self) -> None:
+        """Leave the values in force until the next reset of the device; ends the trial.
+
+        Raises:
+            DeviceRefused: The trial was lost; the former values are in force.
+            RequestTimeout: Whether they were kept is not known.
+        """
+
+    @abstractmethod
+    def __enter__(self) -> Trial:
+        """Begin the trial."""
+
+    @abstractmethod
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Stop the wheels and revert, unless the values were kept."""
 
 
 def decimal_of_float32(value: float) -> float:

@@ -88,6 +88,12 @@ class RefusalCode(DocumentedEnum):
     )
     NOT_INTEGRAL = 15, "This parameter takes whole numbers only."
     BOOTING = 16, "The device is still starting; try again in a moment."
+    ON_TRIAL = 17, "Not possible while parameters are on trial; keep or revert them first."
+    NO_TRIAL = (
+        18,
+        "The trial of parameters is over and the former values are in force: "
+        "it was not renewed in time, or its session ended. Revert it, then begin another.",
+    )
 
 
 class StopMode(DocumentedEnum):
@@ -96,6 +102,15 @@ class StopMode(DocumentedEnum):
     CONFIGURED = 0, "As the parameter stop_mode says."
     COAST = 1, "Outputs off."
     BRAKE = 2, "Windings shorted for brake_time_s, then outputs off."
+
+
+class TrialAction(DocumentedEnum):
+    """What becomes of a trial of parameters."""
+
+    BEGIN = 1, "Values that are set from now on are on trial, for timeout_s."
+    RENEW = 2, "The trial goes on, for timeout_s from now."
+    KEEP = 3, "Ends the trial; the values in force stay."
+    REVERT = 4, "Ends the trial: stops the wheels and has the former values again."
 
 
 class ResetReason(DocumentedEnum):
@@ -117,6 +132,7 @@ class EventCode(DocumentedEnum):
     SUPERVISOR = 0, "The supervisor changed its state."
     STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; defaults are in force."
     STORE_EMPTY = 2, "No parameters were saved yet; defaults are in force."
+    TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, the former parameters in force."
 
 
 class Board(DocumentedEnum):
@@ -201,6 +217,7 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     SupervisorEvent,
     RefusalCode,
     StopMode,
+    TrialAction,
     ResetReason,
     EventCode,
     Board,

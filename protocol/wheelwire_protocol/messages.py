@@ -23,6 +23,7 @@ from .codes import (
     StopMode,
     SupervisorEvent,
     SupervisorState,
+    TrialAction,
 )
 from .message import Field, Message, field
 from .units import Unit
@@ -203,6 +204,18 @@ CONTROL_COUNTERS_GET = Message(
     name="ControlCountersGet",
     doc="Asks for the control loop's counters; the answer is ControlCounters.",
     body=Struct(_session(), _request()),
+)
+
+PARAMETER_TRIAL = Message(
+    id=0x11,
+    name="ParameterTrial",
+    doc="Begins, renews or ends a trial of parameters, which the session's end reverts.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("action", Int8ul, Unit.NONE, "What to do.", TrialAction),
+        field("timeout_s", Float32l, Unit.SECOND, "Of BEGIN and RENEW: 0.2 to 60."),
+    ),
 )
 
 # --- from the device ---------------------------------------------------------------------------
@@ -402,6 +415,7 @@ MESSAGES: tuple[Message, ...] = (
     PARAMETER_LIST,
     LINK_COUNTERS_GET,
     CONTROL_COUNTERS_GET,
+    PARAMETER_TRIAL,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,

@@ -184,6 +184,19 @@ class ControlCountersGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
+class ParameterTrial(NamedTuple):
+    """Begins, renews or ends a trial of parameters, which the session's end reverts."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    action: int
+    """What to do. See `codes.TrialAction`."""
+    timeout_s: float
+    """Of BEGIN and RENEW: 0.2 to 60. [s]"""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -407,6 +420,7 @@ AnyMessage = (
     | ParameterList
     | LinkCountersGet
     | ControlCountersGet
+    | ParameterTrial
     | DeviceHello
     | WheelState
     | Refuse
@@ -436,6 +450,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x0E, ParameterList, "LHB"),
     (0x0F, LinkCountersGet, "LH"),
     (0x10, ControlCountersGet, "LH"),
+    (0x11, ParameterTrial, "LHBf"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -449,4 +464,4 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
 )
 """Id, class, and the body in the format characters of `struct`, one per field."""
 
-SCHEMA_HASH = 0x5C49DD37
+SCHEMA_HASH = 0x250AECEA

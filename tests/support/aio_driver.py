@@ -6,13 +6,14 @@ import asyncio
 import threading
 import weakref
 from collections.abc import Callable, Coroutine
+from types import TracebackType
 from typing import Any, TypeVar
 
 from wheelwire import aio
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.link.info import LinkStatistics
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
-from wheelwire.parameters import ParameterInfo, Parameters
+from wheelwire.parameters import ParameterInfo, Parameters, Trial
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.parameters import Parameter
 
@@ -124,8 +125,32 @@ class _Parameters(Parameters):
     def reset(self) -> None:
         self._run(self._parameters.reset())
 
+    def trial(self, timeout_s: float = 2.0) -> Trial:
+        return _Trial(self._parameters.trial(timeout_s), self._run)
+
     def _value(self, definition: Parameter) -> float:
         return self._parameters[definition.name]
+
+
+class _Trial(Trial):
+    def __init__(self, trial: aio.Trial, run: Callable[..., Any]) -> None:
+        self._trial = trial
+        self._run = run
+
+    def keep(self) -> None:
+        self._run(self._trial.keep())
+
+    def __enter__(self) -> Trial:
+        self._run(self._trial.__aenter__())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._run(self._trial.__aexit__(kind, error, traceback))
 
 
 async def _awaited(opening: aio.Opening[Any]) -> aio.Driver:

@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 from random import Random
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import Board, RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import (
+    Board,
+    RefusalCode,
+    SupervisorEvent,
+    SupervisorState,
+    TrialAction,
+)
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Counters, Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Changes, Kind
@@ -32,6 +38,7 @@ from wheelwire_protocol.types import (
     ParameterReset,
     ParameterSave,
     ParameterSet,
+    ParameterTrial,
     ParameterValue,
     Ping,
     Pong,
@@ -54,6 +61,7 @@ Request = (
     | ParameterSave
     | ParameterReset
     | ParameterList
+    | ParameterTrial
     | LinkCountersGet
     | ControlCountersGet
 )
@@ -104,6 +112,8 @@ class FakeDevice:
         self._synchronised = False
         self._newest_command = self._command_seq = 0
         self._deadline_us = 0
+        self.former: dict[int, float] | None = None
+        """Before the trial that runs."""
 
     def reset(self) -> None:
         """Reset the chip: a new boot id, everything else is lost."""
@@ -209,6 +219,7 @@ class FakeDevice:
             self._nonce = hello.nonce
             self._newest_request = self._newest_command = self._command_seq = 0
             self._cache.clear()
+            self._revert()
             self._synchronised = False
             if self.supervisor in (SupervisorState.DRIVING, SupervisorState.TIMED_OUT):
                 self.supervisor = SupervisorState.IDLE
@@ -280,7 +291,7 @@ class FakeDevice:
         if not 0 < (request.request_id - self._newest_request) % (1 << 16) < 1 << 15:
             return
         self._newest_request = request.request_id
-        answer = self._do(request)
+        answer = self._try(request) if isinstance(request, ParameterTrial) else self._do(request)
         self._cache[request.request_id] = answer
         while len(self._cache) > CACHE:
             self._cache.popitem(last=False)
@@ -320,6 +331,27 @@ class FakeDevice:
         elif isinstance(request, (ClearEstop, ClearFault)):
             self.supervisor = SupervisorState.IDLE
         return Ack(*head, message_id(type(request)))
+
+    def _try(self, request: ParameterTrial) -> AnyMessage:
+        """Trials without a deadline: a test ends them by a new session."""
+        self.done.append(request)
+        head = (request.session_id, request.request_id)
+        begins = request.action == TrialAction.BEGIN
+        if request.action != TrialAction.REVERT and begins is (self.former is not None):
+            code = RefusalCode.ON_TRIAL if begins else RefusalCode.NO_TRIAL
+            return Refuse(head[0], message_id(ParameterTrial), code, head[1])
+        if begins:
+            self.former = dict(self.parameters)
+        elif request.action == TrialAction.KEEP:
+            self.former = None
+        elif request.action == TrialAction.REVERT:
+            self._revert()
+        return Ack(*head, message_id(ParameterTrial))
+
+    def _revert(self) -> None:
+        if self.former is not None:
+            self.parameters = self.former
+        self.former = None
 
     def _parameter_refusal(self, request: ParameterSet) -> RefusalCode | None:
         parameter = PARAMETER_BY_ID.get(request.parameter)

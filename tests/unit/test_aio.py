@@ -373,6 +373,52 @@ def test_a_change_that_is_cancelled_is_still_heard_of(place: Place) -> None:
     asyncio.run(use())
 
 
+def test_a_trial_is_reverted_unless_it_is_kept(place: Place) -> None:
+    async def fail(robot: aio.Driver) -> None:
+        async with robot.parameters.trial():
+            await robot.parameters.set("wheel_radius", 0.06)
+            raise ZeroDivisionError
+
+    async def use() -> None:
+        async with place.opening() as robot:
+            async with robot.parameters.trial():
+                await robot.parameters.set("wheel_radius", 0.05)
+                assert robot.geometry.wheel_radius == 0.05
+            assert robot.parameters["wheel_radius"] == robot.geometry.wheel_radius == 0.033
+            async with robot.parameters.trial() as trial:
+                await robot.parameters.set("wheel_radius", 0.05)
+                await trial.keep()
+            assert robot.geometry.wheel_radius == 0.05
+            assert place.device.former is None
+            with pytest.raises(ZeroDivisionError):
+                await fail(robot)
+            assert robot.geometry.wheel_radius == 0.05
+
+    asyncio.run(use())
+
+
+def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> None:
+    async def attempt(robot: aio.Driver) -> None:
+        async with robot.parameters.trial():
+            await robot.parameters.set("integral_gain", 7.5)
+            await robot.parameters.set("integral_gain", 8.5)
+
+    async def use() -> None:
+        async with place.opening() as robot:
+            await robot.parameters.list()
+            iterations = 0
+            while await cancelled_after(iterations, attempt(robot)):
+                await robot.parameters.refresh("integral_gain")  # comes after what it has sent
+                assert robot.parameters["integral_gain"] == 16.0
+                assert place.device.former is None
+                iterations += 1
+            assert iterations > 3
+            assert robot.sessions == 1
+            await attempt(robot)  # the next one is not refused
+
+    asyncio.run(use())
+
+
 def numbers() -> list[int]:
     """Iterations after which opening is cancelled: it takes some hundreds, and a thread."""
     found = [0]

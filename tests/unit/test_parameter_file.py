@@ -16,6 +16,7 @@ from wheelwire.parameter_file import ParameterFile, apply, differences, load_par
 from wheelwire.parameters import (
     ParameterInfo,
     Parameters,
+    Trial,
     checked_value,
     definition_of,
 )
@@ -57,6 +58,9 @@ class Robot(Parameters):
         self.saved.update({each: self.held[each] for each in names})
 
     def refresh(self, name: str | None = None) -> None:
+        raise NotImplementedError
+
+    def trial(self, timeout_s: float = 2.0) -> Trial:
         raise NotImplementedError
 
     def reset(self) -> None:

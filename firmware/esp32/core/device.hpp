@@ -28,6 +28,7 @@ class Device {
   void report_driver_failure() { robot_.report_driver_failure(); }
 
   uint32_t control_period_us() const { return robot_.control_period_us(); }
+  bool on_trial() const { return robot_.on_trial(); }
   float parameter(ParameterId id) const { return robot_.parameters().get(id); }
   SupervisorState state() const { return robot_.state(); }
   uint32_t faults() const { return robot_.faults(); }

@@ -11,7 +11,7 @@ void MessageServer::service_link(uint64_t now_us) {
 void MessageServer::hang_up(uint64_t now_us) {
   session_.close();
   state_interval_us_ = 0;
-  robot_.void_setpoint(SupervisorEvent::kStop, now_us);
+  robot_.end_session(SupervisorEvent::kStop, now_us);
 }
 
 void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
@@ -48,6 +48,8 @@ void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
       return once(LinkCountersGet::decode(frame.body), now_us);
     case ControlCountersGet::kId:
       return once(ControlCountersGet::decode(frame.body), now_us);
+    case ParameterTrial::kId:
+      return once(ParameterTrial::decode(frame.body), now_us);
   }
 }
 
@@ -64,7 +66,7 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
   if (opens) {
     session_.open(hello.nonce, identity_.boot_id);
     link_.restart_sequence();
-    robot_.void_setpoint(SupervisorEvent::kSession, now_us);
+    robot_.end_session(SupervisorEvent::kSession, now_us);
   }
   link_.send(DeviceHello{
       .nonce = hello.nonce,
@@ -268,6 +270,11 @@ void MessageServer::on(const ControlCountersGet& request, uint64_t) {
          });
 }
 
+void MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
+  conclude(request.kId, request.request_id,
+           robot_.try_parameters(request.action, request.timeout_s, now_us));
+}
+
 // --- answers -------------------------------------------------------------------------------------
 
 /// Answers a request, and keeps the answer for a repeat of it.
@@ -302,6 +309,10 @@ void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t ref
 
 void MessageServer::on_transition(Transition transition, uint64_t now_us) {
   if (session_.is_open()) send_event(EventCode::kSupervisor, transition, now_us);
+}
+
+void MessageServer::on_trial_expired(uint64_t now_us) {
+  send_event(EventCode::kTrialExpired, {{}, robot_.state(), robot_.state()}, now_us);
 }
 
 void MessageServer::send_event(EventCode code, Transition transition, uint64_t t_us) {

@@ -38,6 +38,7 @@ class MessageServer final : public RobotObserver {
   bool has_session() const { return session_.is_open(); }
 
   void on_transition(Transition transition, uint64_t now_us) override;
+  void on_trial_expired(uint64_t now_us) override;
 
  private:
   void dispatch(const Frame& frame, uint64_t now_us);
@@ -62,6 +63,7 @@ class MessageServer final : public RobotObserver {
   void on(const ParameterList& request, uint64_t now_us);
   void on(const LinkCountersGet& request, uint64_t now_us);
   void on(const ControlCountersGet& request, uint64_t now_us);
+  void on(const ParameterTrial& request, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message);

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x5c49dd37;
+constexpr uint32_t kHash = 0x250aecea;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -57,12 +57,22 @@ enum class RefusalCode : uint8_t {
   kRateTooHigh = 14,  ///< Above the control rate or the line's capacity; request a lower rate.
   kNotIntegral = 15,  ///< This parameter takes whole numbers only.
   kBooting = 16,      ///< The device is still starting; try again in a moment.
+  kOnTrial = 17,      ///< Not possible while parameters are on trial; keep or revert them first.
+  kNoTrial = 18,  ///< The trial of parameters is over and the former values are in force: it was
+                  ///< not renewed in time, or its session ended. Revert it, then begin another.
 };
 
 enum class StopMode : uint8_t {
   kConfigured = 0,  ///< As the parameter stop_mode says.
   kCoast = 1,       ///< Outputs off.
   kBrake = 2,       ///< Windings shorted for brake_time_s, then outputs off.
+};
+
+enum class TrialAction : uint8_t {
+  kBegin = 1,   ///< Values that are set from now on are on trial, for timeout_s.
+  kRenew = 2,   ///< The trial goes on, for timeout_s from now.
+  kKeep = 3,    ///< Ends the trial; the values in force stay.
+  kRevert = 4,  ///< Ends the trial: stops the wheels and has the former values again.
 };
 
 enum class ResetReason : uint8_t {
@@ -80,6 +90,7 @@ enum class EventCode : uint8_t {
   kSupervisor = 0,      ///< The supervisor changed its state.
   kStoreDefaulted = 1,  ///< The parameter store was corrupt or foreign; defaults are in force.
   kStoreEmpty = 2,      ///< No parameters were saved yet; defaults are in force.
+  kTrialExpired = 3,  ///< A trial was not renewed in time: stopped, the former parameters in force.
 };
 
 enum class Board : uint8_t {
@@ -582,6 +593,37 @@ struct ControlCountersGet {
   }
 };
 
+/// Begins, renews or ends a trial of parameters, which the session's end reverts.
+struct ParameterTrial {
+  static constexpr uint8_t kId = 0x11;
+  static constexpr size_t kSize = 11;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  TrialAction action{};   ///< What to do.
+  float timeout_s{};      ///< Of BEGIN and RENEW: 0.2 to 60. [s]
+
+  bool operator==(const ParameterTrial&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, action);
+    wire::put(out, timeout_s);
+  }
+
+  /// Reads kSize bytes.
+  static ParameterTrial decode(const uint8_t* in) {
+    ParameterTrial message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.action);
+    wire::get(in, message.timeout_s);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -1043,6 +1085,8 @@ constexpr int body_size(uint8_t id) {
       return LinkCountersGet::kSize;
     case ControlCountersGet::kId:
       return ControlCountersGet::kSize;
+    case ParameterTrial::kId:
+      return ParameterTrial::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:

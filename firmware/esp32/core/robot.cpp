@@ -6,6 +6,7 @@ Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs
     : hal_(hal),
       observer_(observer),
       parameters_(specs),
+      trial_(parameters_),
       config_(make_config(parameters_)),
       drive_(hal.left_motor, hal.right_motor) {}
 
@@ -13,7 +14,8 @@ void Robot::start(uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
   store_faults_ = hal_.store.faults();
   apply_parameters();
-  drive_.start(latch());
+  latch();
+  drive_.start(counts_);
   last_step_us_ = now_us;
   apply(SupervisorEvent::kStarted, now_us);
 }
@@ -21,8 +23,9 @@ void Robot::start(uint64_t now_us) {
 // --- the control step ----------------------------------------------------------------------------
 
 void Robot::begin_step(uint64_t now_us) {
+  check_trial(now_us);
   if (parameters_changed_) apply_parameters();
-  counts_ = latch();
+  latch();
   drive_.note_battery(hal_.battery.millivolts(), config_);
   trip(drive_.latch(counts_, config_) | check_timing(now_us), now_us);
 }
@@ -33,9 +36,9 @@ void Robot::finish_step(uint64_t now_us) {
   actuate(now_us);
 }
 
-EncoderCounts Robot::latch() {
-  const EncoderCounts pins = hal_.encoders.latch();
-  return config_.encoders_swapped ? pins.exchanged() : pins;
+void Robot::latch() {
+  counts_ = hal_.encoders.latch();
+  if (config_.encoders_swapped) counts_ = counts_.exchanged();
 }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
@@ -93,6 +96,7 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
 
 RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if (setpoint.expiry_us <= now_us) return RefusalCode::kExpired;
+  if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
@@ -107,7 +111,13 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-void Robot::void_setpoint(SupervisorEvent cause, uint64_t now_us) {
+/// The former values first: they decide how the robot stops.
+void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
+  if (trial_.runs()) {
+    parameters_ = trial_.former();
+    apply_parameters();
+  }
+  trial_.end();
   setpoint_ = {};
   apply(cause, now_us);
 }
@@ -148,6 +158,9 @@ void Robot::apply_parameters() {
 RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
   RefusalCode refusal = parameters_.check(id, value);
   if (refusal != RefusalCode::kNone || value == parameters_.get(id)) return refusal;
+  refusal = parameters_.spec(id).changes == ParameterChanges::kReleased ? trial_.lasting_refusal()
+                                                                        : trial_.refusal();
+  if (refusal != RefusalCode::kNone) return refusal;
   check_contact(now_us);  // It may have opened since the last control step.
   refusal = change_refusal(supervisor_.state(), parameters_.spec(id).changes);
   if (refusal != RefusalCode::kNone) return refusal;
@@ -172,6 +185,7 @@ RefusalCode Robot::save_all_parameters() {
 
 /// A block that cannot be read is not overwritten: resetting the parameters is the way out.
 RefusalCode Robot::check_save() const {
+  if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
   const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
   if (refusal != RefusalCode::kNone) return refusal;
   return store_faults_ != 0 ? RefusalCode::kStoreFailed : RefusalCode::kNone;
@@ -184,6 +198,7 @@ RefusalCode Robot::conclude_save(bool saved) {
 }
 
 RefusalCode Robot::reset_parameters(uint64_t now_us) {
+  if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
   check_contact(now_us);  // As above: the defaults may switch the contact off.
   const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kReleased);
   if (refusal != RefusalCode::kNone) return refusal;
@@ -193,6 +208,50 @@ RefusalCode Robot::reset_parameters(uint64_t now_us) {
   store_state_ = Parameters::Load::kEmpty;
   store_faults_ = hal_.store.faults();
   return RefusalCode::kNone;
+}
+
+// --- a trial of parameters -----------------------------------------------------------------------
+
+RefusalCode Robot::try_parameters(TrialAction action, float timeout_s, uint64_t now_us) {
+  check_trial(now_us);  // Its deadline may have passed since the last control step.
+  switch (action) {
+    case TrialAction::kBegin:
+      return extend_trial(true, timeout_s, now_us);
+    case TrialAction::kRenew:
+      return extend_trial(false, timeout_s, now_us);
+    case TrialAction::kKeep:
+      if (!trial_.runs()) return RefusalCode::kNoTrial;
+      trial_.end();
+      return RefusalCode::kNone;
+    case TrialAction::kRevert:
+      if (trial_.runs()) end_session(SupervisorEvent::kStop, now_us);
+      trial_.end();
+      return RefusalCode::kNone;
+  }
+  return RefusalCode::kOutOfRange;
+}
+
+RefusalCode Robot::extend_trial(bool begins, float timeout_s, uint64_t now_us) {
+  if (!__builtin_isfinite(timeout_s)) return RefusalCode::kNotFinite;
+  if (timeout_s < kShortestTrialS || timeout_s > kLongestTrialS) return RefusalCode::kOutOfRange;
+  const uint64_t deadline_us = now_us + static_cast<uint32_t>(timeout_s * 1e6f);
+  if (!begins) {
+    if (!trial_.runs()) return RefusalCode::kNoTrial;
+    trial_.renew(deadline_us);
+    return RefusalCode::kNone;
+  }
+  RefusalCode refusal = trial_.lasting_refusal();
+  if (refusal == RefusalCode::kNone)
+    refusal = change_refusal(supervisor_.state(), ParameterChanges::kAlways);
+  if (refusal == RefusalCode::kNone) trial_.begin(parameters_, deadline_us);
+  return refusal;
+}
+
+void Robot::check_trial(uint64_t now_us) {
+  if (!trial_.is_due(now_us)) return;
+  end_session(SupervisorEvent::kStop, now_us);
+  trial_.expire();
+  observer_.on_trial_expired(now_us);
 }
 
 }  // namespace wheelwire

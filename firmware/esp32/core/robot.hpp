@@ -9,6 +9,7 @@
 #include "parameters.hpp"
 #include "protocol.hpp"
 #include "supervisor.hpp"
+#include "trial.hpp"
 
 namespace wheelwire {
 
@@ -31,6 +32,8 @@ struct Transition {
 class RobotObserver {
  public:
   virtual void on_transition(Transition transition, uint64_t now_us) = 0;
+  /// A trial was not renewed in time. The former parameters are in force.
+  virtual void on_trial_expired(uint64_t now_us) = 0;
 
  protected:
   ~RobotObserver() = default;
@@ -52,8 +55,8 @@ class Robot {
 
   /// Drives the wheels by this setpoint, for ttl_max at most. Returns kNone, or why not.
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
-  /// Nothing drives until the next setpoint.
-  void void_setpoint(SupervisorEvent cause, uint64_t now_us);
+  /// Reverts a trial; nothing drives until the next setpoint.
+  void end_session(SupervisorEvent cause, uint64_t now_us);
   void stop(StopMode mode, uint64_t now_us) { apply(SupervisorEvent::kStop, now_us, mode); }
   void estop(uint64_t now_us) { apply(SupervisorEvent::kEstop, now_us); }
 
@@ -64,6 +67,7 @@ class Robot {
   RefusalCode save_parameter(ParameterId id);
   RefusalCode save_all_parameters();
   RefusalCode reset_parameters(uint64_t now_us);
+  RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
   SupervisorState state() const { return supervisor_.state(); }
   /// Latched, as flags of `fault`.
@@ -76,6 +80,7 @@ class Robot {
   uint32_t command_seq() const { return setpoint_.command_seq; }
 
   const Parameters& parameters() const { return parameters_; }
+  bool on_trial() const { return trial_.runs(); }
   /// What became of the saved parameters at the start.
   Parameters::Load store_state() const { return store_state_; }
   /// Why they could not be read, as flags of `fault`.
@@ -95,7 +100,7 @@ class Robot {
   uint32_t longest_interval_us() const { return longest_interval_us_; }
 
  private:
-  EncoderCounts latch();
+  void latch();
   uint32_t check_timing(uint64_t now_us);
   void trip(uint32_t faults, uint64_t now_us);
   bool contact_is_open();
@@ -105,6 +110,8 @@ class Robot {
   void actuate(uint64_t now_us);
   void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
   void apply_parameters();
+  void check_trial(uint64_t now_us);
+  RefusalCode extend_trial(bool begins, float timeout_s, uint64_t now_us);
   WheelPair limited(const Setpoint& setpoint) const;
   RefusalCode check_save() const;
   RefusalCode conclude_save(bool saved);
@@ -112,6 +119,7 @@ class Robot {
   Hal hal_;
   RobotObserver& observer_;
   Parameters parameters_;
+  Trial trial_;
   ControlConfig config_;
   Supervisor supervisor_;
   Drive drive_;

@@ -28,6 +28,14 @@ class DriveOracle {
   uint32_t granted() const { return granted_; }
   /// No deadline lies beyond it, nor that of a setpoint that was voided at once.
   uint64_t furthest_us() const { return furthest_us_; }
+  /// How many requests to keep the values of a trial were read.
+  uint32_t keeps() const { return keeps_; }
+  /// How many requests to begin one were read.
+  uint32_t begins() const { return begins_; }
+  /// How many messages were read that may change or save parameters, or begin a trial of them.
+  uint32_t changes() const { return changes_; }
+  /// No trial of parameters lasts beyond it.
+  uint64_t trial_until_us() const { return trial_until_us_; }
   /// The open session's; 0 while there is none.
   uint32_t session_id() const { return session_id_; }
 
@@ -47,6 +55,13 @@ class DriveOracle {
       case Ping::kId:
         synchronised_ |= ours(Ping::decode(frame.body).session_id);
         return;
+      case ParameterSet::kId:
+      case ParameterSave::kId:
+      case ParameterReset::kId:
+        ++changes_;
+        return;
+      case ParameterTrial::kId:
+        return on(ParameterTrial::decode(frame.body), now_us);
       case SetWheelVelocity::kId: {
         const auto setpoint = SetWheelVelocity::decode(frame.body);
         if (std::isfinite(setpoint.left_mps) && std::isfinite(setpoint.right_mps))
@@ -66,8 +81,19 @@ class DriveOracle {
     nonce_ = hello.nonce;
     session_id_ = hello.nonce ^ boot_id_;
     synchronised_ = false;
+    trial_until_us_ = 0;
     newest_command_ = 0;
     void_all();
+  }
+
+  void on(const ParameterTrial& request, uint64_t now_us) {
+    if (!ours(request.session_id)) return;
+    if (request.action == TrialAction::kKeep) ++keeps_;
+    if (request.action == TrialAction::kBegin) {
+      ++begins_;
+      ++changes_;
+    }
+    trial_until_us_ = std::max(trial_until_us_, now_us + kLongestTrial_us);
   }
 
   void on(const Stop& stop) {
@@ -90,6 +116,7 @@ class DriveOracle {
 
   // The upper bound of ttl_max_s, which a host can set.
   static constexpr uint64_t kLongestLife_us = 5'000'000;
+  static constexpr uint64_t kLongestTrial_us = 60'000'000;
   static_assert(kParameters[static_cast<size_t>(ParameterId::kTtlMaxS) - 1].maximum == 5.0f);
 
   uint32_t boot_id_;
@@ -103,6 +130,10 @@ class DriveOracle {
   uint64_t latest_us_ = 0;
   uint64_t furthest_us_ = 0;
   uint32_t granted_ = 0;
+  uint32_t keeps_ = 0;
+  uint32_t begins_ = 0;
+  uint32_t changes_ = 0;
+  uint64_t trial_until_us_ = 0;
 };
 
 }  // namespace wheelwire::fuzz

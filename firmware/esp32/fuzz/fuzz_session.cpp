@@ -4,7 +4,8 @@
 //   00 n bytes...        n bytes onto the line, as they are
 //   01 id body...        a good frame of the message, with the next seq
 //   02 id body...        as 01, made plausible: Hello's version and hash are right, session_id is
-//                        the open session's, an expiry counts from now and has 3 bytes
+//                        the open session's, an expiry counts from now and has 3 bytes, a trial's
+//                        time-out is 0.25 to 16 s and its action one that there is
 //   03 n                 n control steps
 //   04                   the firmware reads the line between two steps
 //   05 flags left right  from now on: flags 1 e-stop contact open, 2 line full, 4 store failing;
@@ -39,6 +40,8 @@ enum class Operation : uint8_t {
 constexpr size_t kHelloVersionAt = 4;
 constexpr size_t kSessionAt = 0;
 constexpr size_t kExpiryAt = 8;
+constexpr size_t kActionAt = 6;
+constexpr size_t kTimeoutAt = 7;
 
 constexpr uint32_t kLongestLife_us = 0xffffff;
 
@@ -129,6 +132,10 @@ class Run {
       return;
     }
     write(robot_->session_id(), body, kSessionAt);
+    if (id == ParameterTrial::kId) {
+      write(static_cast<uint8_t>(1 + body[kActionAt] % 4), body, kActionAt);
+      write(static_cast<float>(1 + body[kTimeoutAt] % 64) / 4, body, kTimeoutAt);
+    }
     if (id != SetWheelVelocity::kId && id != SetDuty::kId) return;
     const uint32_t life_us = read<uint32_t>(body, kExpiryAt) & kLongestLife_us;
     write(robot_->now_us() + life_us, body, kExpiryAt);

@@ -2,8 +2,13 @@
 //
 // - it drives only by a setpoint of the open session that has not expired, by the firmware's own
 //   account and by that of `DriveOracle`, and only in the state DRIVING without a fault;
-// - its deadline moves only when a setpoint is accepted, or is cleared with its session.
+// - its deadline moves only when a setpoint is accepted, or is cleared with its session;
+// - a trial of parameters changes nothing that is saved, and when it ends without having been kept
+//   the parameters are what they were and nothing is driven.
 #pragma once
+
+#include <array>
+#include <vector>
 
 #include "device.hpp"
 #include "fake_hal.hpp"
@@ -15,6 +20,7 @@ class FuzzedRobot {
  public:
   FuzzedRobot(uint32_t boot_id, MemoryStore& store)
       : oracle_(boot_id),
+        store_(store),
         line_(oracle_),
         device_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
     device_.start(0);
@@ -47,9 +53,17 @@ class FuzzedRobot {
   }
 
  private:
+  using Values = std::array<float, kParameterCount>;
+
   struct Before {
     uint64_t deadline_us;
     uint32_t granted;
+    uint32_t keeps;
+    uint32_t begins;
+    uint32_t changes;
+    bool on_trial;
+    Values values;
+    std::vector<uint8_t> saved;
   };
 
   static Identity identity(uint32_t boot_id) {
@@ -58,10 +72,36 @@ class FuzzedRobot {
     return identity;
   }
 
-  Before now() const { return {device_.deadline_us(), oracle_.granted()}; }
+  Before now() const {
+    return {device_.deadline_us(), oracle_.granted(),  oracle_.keeps(), oracle_.begins(),
+            oracle_.changes(),     device_.on_trial(), values(),        store_.block};
+  }
+  Values values() const {
+    Values all;
+    for (const ParameterSpec& spec : kParameters)
+      all[static_cast<size_t>(spec.id) - 1] = device_.parameter(spec.id);
+    return all;
+  }
   bool driven() const { return left_.driven() || right_.driven(); }
 
-  void check(const Before& before) const {
+  /// One call may read several requests. What is held to is what none of them may break.
+  void check_trial(const Before& before) {
+    const bool on_trial = device_.on_trial();
+    const uint32_t changes = oracle_.changes() - before.changes;
+    REQUIRE(!on_trial || now_us_ < oracle_.trial_until_us());
+    if (before.on_trial && on_trial && changes <= 1) REQUIRE(store_.block == before.saved);
+    if (on_trial && oracle_.begins() != before.begins) {
+      // A trial may also have ended and another begun in one call.
+      former_is_known_ = !before.on_trial && changes == 1;
+      former_ = before.values;
+    }
+    if (!before.on_trial || on_trial || changes != 0 || oracle_.keeps() != before.keeps) return;
+    REQUIRE(!former_is_known_ || values() == former_);
+    REQUIRE(!driven() || oracle_.granted() > before.granted);
+  }
+
+  void check(const Before& before) {
+    check_trial(before);
     REQUIRE(!driven() || device_.state() == SupervisorState::kDriving);
     const uint64_t deadline_us = device_.deadline_us();
     if (deadline_us == before.deadline_us || deadline_us == 0) return;
@@ -70,6 +110,9 @@ class FuzzedRobot {
   }
 
   DriveOracle oracle_;
+  MemoryStore& store_;
+  Values former_{};  // before the trial
+  bool former_is_known_ = false;
   FakeMotor left_;
   FakeMotor right_;
   FakeEncoders encoders_;

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import builtins
 from collections.abc import Callable, Generator
+from contextlib import suppress
+from types import TracebackType
 from typing import Protocol, TypeAlias, TypeVar, cast
 
+from wheelwire_protocol.codes import TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Parameter
 from wheelwire_protocol.types import (
     ParameterEntry,
@@ -18,13 +21,19 @@ from wheelwire_protocol.types import (
     ParameterReset,
     ParameterSave,
     ParameterSet,
+    ParameterTrial,
     ParameterValue,
 )
 
+from ..arguments import number
+from ..errors import DeviceRefused, InvalidArgument, WheelwireError
 from ..link.requests import Answer, RequestMessage
+from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
+    TRIAL_TIMEOUT_S,
     ParameterInfo,
     Parameters,
+    Trial,
     check_value,
     decimal_of_float32,
     definition_of,
@@ -32,6 +41,8 @@ from ..parameters import (
 
 Result = TypeVar("Result")
 Steps: TypeAlias = Generator[RequestMessage, Answer, Result]
+
+REVERT = ParameterTrial(0, 0, TrialAction.REVERT, 0.0)
 
 
 class KnownValues(Protocol):
@@ -47,6 +58,14 @@ class RequestingLink(KnownValues, Protocol):
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer."""
 
+    def post(
+        self, message: RequestMessage, done: Callable[[Answer | WheelwireError], None]
+    ) -> None:
+        """Send a request without waiting for the answer."""
+
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+
 
 class ParameterOperations:
     """What is known of a device's parameters, and the requests that find out or change it."""
@@ -56,6 +75,8 @@ class ParameterOperations:
         self._bounds: dict[int, tuple[float, float]] = {}
         self._unsure: builtins.set[int] = set()
         """Perhaps changed by a request that was never answered: what is known may be wrong."""
+        self._tried: builtins.set[int] = set()
+        """Set since the last trial began."""
 
     def newest(self, parameter: int) -> float | None:
         """The newest value reported in this session, if there is one."""
@@ -79,6 +100,7 @@ class ParameterOperations:
         if definition.id not in self._bounds:
             yield from self.list()
         number = check_value(definition, value, self._bounds[definition.id])
+        self._tried.add(definition.id)
         self._unsure.add(definition.id)  # until it is answered
         answer = cast("ParameterValue", (yield ParameterSet(0, 0, definition.id, number)))
         self._unsure.discard(definition.id)
@@ -111,13 +133,29 @@ class ParameterOperations:
         yield ParameterReset(0, 0)
         yield from self.refresh(None)
 
+    def begin_trial(self, timeout_s: float) -> Steps[None]:
+        """What is set from now on is on trial."""
+        yield ParameterTrial(0, 0, TrialAction.BEGIN, timeout_s)
+        self._tried.clear()
+
+    def keep_trial(self) -> Steps[None]:
+        """End the trial; the values stay."""
+        yield ParameterTrial(0, 0, TrialAction.KEEP, 0.0)
+
+    def revert_trial(self) -> Steps[None]:
+        """End the trial, and ask for the values that are in force again."""
+        self._unsure |= self._tried
+        yield REVERT
+        for parameter in sorted(self._tried):
+            yield from self.get(parameter)
+
 
 class DeviceParameters(Parameters):
     """The parameters that live on a device."""
 
     def __init__(self, link: RequestingLink) -> None:
         self._operations = ParameterOperations(link)
-        self._request = link.request
+        self._link = link
 
     def set(self, name: str, value: float) -> float:
         """Change a value until the next reset of the device; returns the value in force."""
@@ -139,12 +177,63 @@ class DeviceParameters(Parameters):
         """Restore the defaults and empty the device's store."""
         self._run(self._operations.reset())
 
+    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+        """Try values; see `Parameters`."""
+        return _DeviceTrial(self._operations, self._link, checked_timeout(timeout_s))
+
     def _value(self, definition: Parameter) -> float:
         known = self._operations.known(definition.id)
         return self._run(self._operations.get(definition.id)) if known is None else known
 
     def _run(self, steps: Steps[Result]) -> Result:
-        return run(steps, self._request)
+        return run(steps, self._link.request)
+
+
+class _DeviceTrial(Trial):
+    def __init__(
+        self, operations: ParameterOperations, link: RequestingLink, timeout_s: float
+    ) -> None:
+        self._operations = operations
+        self._link = link
+        self._timeout_s = timeout_s
+        self._kept = False
+
+    def keep(self) -> None:
+        run(self._operations.keep_trial(), self._link.request)
+        self._kept = True
+
+    def __enter__(self) -> Trial:
+        try:
+            run(self._operations.begin_trial(self._timeout_s), self._link.request)
+        except DeviceRefused:
+            raise  # none was begun; the other one goes on
+        except BaseException:  # it may have been begun, and nobody will be there to end it
+            with suppress(WheelwireError):
+                self._link.post(REVERT, lambda _: None)
+            self._link.release_trial()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._kept:
+            return
+        try:
+            run(self._operations.revert_trial(), self._link.request)
+        except WheelwireError:
+            if error is None:  # else that one says more
+                raise
+        finally:
+            self._link.release_trial()
+
+
+def checked_timeout(timeout_s: float) -> float:
+    """The time-out of a trial, if a device takes it."""
+    return number("timeout_s", timeout_s, SHORTEST_TRIAL_S, LONGEST_TRIAL_S, InvalidArgument)
 
 
 def run(steps: Steps[Result], request: Callable[[RequestMessage], Answer]) -> Result:

@@ -386,6 +386,13 @@ class AsyncLink(BaseLink):
         answer = await self._call(lambda done, now_us: self._session.request(message, done, now_us))
         return cast("Answer", answer)
 
+    def post(self, message: RequestMessage) -> None:
+        """Send a request without waiting for the answer."""
+        self._check_alive()
+        self._port.call(
+            lambda done, now_us: self._session.request(message, done, now_us), lambda _: None
+        )
+
     async def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.
 

@@ -145,6 +145,10 @@ class BaseLink(ABC):
         self._check_alive()
         self._session.check_open()
 
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+        self._session.release_trial()
+
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
         now_us = host_clock_us()

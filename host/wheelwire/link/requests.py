@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
     Ack,
@@ -25,6 +26,7 @@ from wheelwire_protocol.types import (
     ParameterReset,
     ParameterSave,
     ParameterSet,
+    ParameterTrial,
     ParameterValue,
     Refuse,
     SetStreamRate,
@@ -44,6 +46,7 @@ RequestMessage: TypeAlias = (
     | ParameterSave
     | ParameterReset
     | ParameterList
+    | ParameterTrial
     | LinkCountersGet
     | ControlCountersGet
 )
@@ -70,8 +73,10 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
 }
 
 
-def _subject(message: RequestMessage) -> str:
+def subject(message: RequestMessage) -> str:
     """What a person calls the request."""
+    if isinstance(message, ParameterTrial):
+        return f"to {TrialAction(message.action).name.lower()} a trial of parameters"
     if not isinstance(message, ParameterSet):
         return type(message).__name__
     definition = PARAMETER_BY_ID.get(message.parameter)
@@ -177,21 +182,21 @@ class RequestQueue:
                 )
                 self._finish(key, error, now_us)
 
-    def on_answer(self, answer: Answer, now_us: int) -> bool:
-        """Take an answer of this session; False when no open request expects it."""
+    def on_answer(self, answer: Answer, now_us: int) -> RequestMessage | None:
+        """Take an answer of this session; returns the request, None if no open one expects it."""
         urgent = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
         key = urgent, answer.request_id
         request = self._open.get(key)
         if request is None:
-            return False
+            return None
         # An id alone is not enough: a former host's answer may carry the same one.
         expected = _ANSWER_TYPES.get(type(request.message), Ack)
         if type(answer) is not expected:
-            return False
+            return None
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
-            return False
+            return None
         self._finish(key, answer, now_us)
-        return True
+        return request.message
 
     def on_refuse(self, refuse: Refuse, now_us: int) -> bool:
         """Take a refusal of this session; False when it refuses no open request."""
@@ -199,7 +204,7 @@ class RequestQueue:
         request = self._open.get(key)
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
-        error = DeviceRefused(refuse.code, _subject(request.message))
+        error = DeviceRefused(refuse.code, subject(request.message))
         self._finish(key, error, now_us)
         return True
 

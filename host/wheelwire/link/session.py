@@ -21,7 +21,14 @@ from itertools import count
 from typing import Any, NamedTuple
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.codes import (
+    EventCode,
+    Fault,
+    RefusalCode,
+    StopMode,
+    SupervisorState,
+    TrialAction,
+)
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
@@ -38,7 +45,10 @@ from wheelwire_protocol.types import (
     LinkCounters,
     ParameterEntry,
     ParameterGet,
+    ParameterReset,
+    ParameterSave,
     ParameterSet,
+    ParameterTrial,
     ParameterValue,
     Pong,
     Refuse,
@@ -58,9 +68,10 @@ from ..errors import (
 )
 from .clock import ClockEstimator, Synchroniser
 from .info import BootHistory, DeviceInfo, LinkStatistics, RoundTrips, device_of_session
-from .requests import Answer, Done, RequestMessage, RequestQueue
+from .requests import Answer, Done, RequestMessage, RequestQueue, subject
 from .setpoints import SETPOINT_IDS, SetpointSender
 from .state_stream import DUTY_SCALE, Measurement, StateStream
+from .trial import HeldTrial
 
 HELLO_PERIOD_US = 30_000
 SILENCE_US = 2_000_000
@@ -76,6 +87,8 @@ STREAM_US = 500_000
 QUIET_PERIOD_US = 25_000
 """Between pings until something is received."""
 
+_CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
+"""What an application means for the values that are on trial."""
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 
 
@@ -179,6 +192,7 @@ class Session:
 
         self._requests = RequestQueue(self._send)
         self._setpoints = SetpointSender(self._send)
+        self._trial = HeldTrial()
         self._state_stream = StateStream()
         self._synchroniser = Synchroniser(0, self._send, 0)
         self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
@@ -281,6 +295,10 @@ class Session:
             self._setpoints.advance(now_us)
             if now_us >= self._ping_due_us:
                 self._synchroniser.ping(now_us)
+            renewal = self._trial.renewal(now_us)
+            if renewal is not None:
+                renewal = renewal._replace(session_id=self._id)
+                self._requests.submit(renewal, lambda _: self._trial.renewed(), now_us)
             self._open_when_prepared(now_us)
 
     @property
@@ -290,7 +308,11 @@ class Session:
             return None
         if self.phase is Phase.HELLO:
             return self._hello_due_us
-        others = self._requests.next_deadline_us, self._setpoints.repeat_due_us
+        others = (
+            self._requests.next_deadline_us,
+            self._setpoints.repeat_due_us,
+            self._trial.due_us,
+        )
         due = [deadline for deadline in others if deadline is not None]
         return min([self._heard_us + SILENCE_US, self._ping_due_us, *due])
 
@@ -337,7 +359,8 @@ class Session:
         Raises:
             InvalidCommand: It expires within the error bound of the device's clock.
             LinkLost: The session is not open.
-            DeviceRefused: The last setpoint was refused, or an e-stop or a fault is latched.
+            DeviceRefused: The last setpoint was refused, an e-stop or a fault is latched, or a
+                trial of parameters was lost.
         """
         return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
 
@@ -369,11 +392,21 @@ class Session:
 
         Raises:
             LinkLost: The session is not open.
+            DeviceRefused: It belongs to a trial of parameters that was lost.
         """
         self.check_open()
-        if isinstance(message, (ClearEstop, ClearFault)):
+        reverts = isinstance(message, ParameterTrial) and message.action == TrialAction.REVERT
+        if isinstance(message, _CHANGES) and not reverts:
+            self._trial.check(subject(message))
+        if isinstance(message, ParameterTrial):
+            self._trial.on_request(message)
+        if reverts or isinstance(message, (ClearEstop, ClearFault)):
             self._setpoints.void()  # only what is commanded from now on may move the wheels
         self._requests.submit(message._replace(session_id=self._id), done, now_us)
+
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters; from any thread."""
+        self._trial.release()
 
     def withdraw(self, done: Done) -> None:
         """Whoever waits for `done` has given up: no copy of the request is sent any more."""
@@ -385,6 +418,7 @@ class Session:
         opened = self._opened
         if opened is None:  # asked once: the port's thread may end the session meanwhile
             raise self.error.with_traceback(None)
+        self._trial.check("the setpoint")
         self._setpoints.check()
         # The device's clock is known only within a bound. Subtract the bound from the expiry, or
         # the setpoint could live longer than its ttl.
@@ -442,6 +476,7 @@ class Session:
         self._id, self._boot_id = 0, None
         self.unanswered_since_us = None
         self._setpoints.clear()
+        self._trial.lose()  # first: whoever hears of the end may drive again at once
         self._requests.abort(error)
 
     def _on_hello(self, hello: DeviceHello, now_us: int) -> None:
@@ -569,6 +604,9 @@ class Session:
         """Track the supervisor: without a stream, only events show its state."""
         if not self._is_this_boot(event.boot_id, now_us):
             return
+        if event.code == EventCode.TRIAL_EXPIRED:
+            self._begin_after_trial(now_us)
+            return
         try:
             self._setpoints.supervisor = SupervisorState(event.after)
             self._setpoints.faults = Fault(event.faults)
@@ -582,22 +620,34 @@ class Session:
         if refuse.code == RefusalCode.NO_SESSION:
             error = LinkLost("the device no longer knows this session; opening a new one")
             self._begin_hello(error, now_us)
-        elif refuse.message_id in SETPOINT_IDS:
+            return
+        if refuse.message_id in SETPOINT_IDS:
             self._setpoints.on_refused(refuse)
         elif not self._requests.on_refuse(refuse, now_us):
             self._foreign += 1
+            return
+        if refuse.code == RefusalCode.NO_TRIAL:
+            self._begin_after_trial(now_us)
 
     def _on_answer(self, answer: Answer, now_us: int) -> None:
         if not self._is_ours(answer.session_id, now_us):
             return
-        if not self._requests.on_answer(answer, now_us):
+        request = self._requests.on_answer(answer, now_us)
+        if request is None:
             self._foreign += 1
+        elif isinstance(request, ParameterTrial):
+            self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self.values[answer.parameter] = answer.value
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
             # Until the next state frame tells, assume that the device is no longer latched: else
             # the first setpoint after a clear would be refused here.
             self._setpoints.clear()
+
+    def _begin_after_trial(self, now_us: int) -> None:
+        """The device has reverted a trial by itself: all that is known of its values is void."""
+        expired = LinkLost("a trial of parameters was not renewed in time; a new session is opened")
+        self._begin_hello(expired, now_us)
 
     # --- sending -------------------------------------------------------------------------------
 

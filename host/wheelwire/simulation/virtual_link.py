@@ -107,6 +107,10 @@ class VirtualLink:
         self._check_open()
         self._session.check_open()
 
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+        self._session.release_trial()
+
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
         self.check()

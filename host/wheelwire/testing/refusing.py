@@ -100,6 +100,22 @@ class RefusingTests:
         parameters.set("ttl_max_s", 0.5)
         assert parameters["ttl_max_s"] == 0.5
 
+    def test_a_trial_is_reverted_unless_it_is_kept(self, harness: DriveHarness) -> None:
+        parameters = harness.driver.parameters
+        former = parameters["integral_gain"]
+        with parameters.trial():
+            parameters.set("integral_gain", 12.0)
+            harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
+            with pytest.raises(errors.DeviceRefused, match="on trial"):
+                parameters.save()
+        assert harness.next().state is not SupervisorState.DRIVING
+        assert parameters["integral_gain"] == former
+        with parameters.trial() as trial:
+            parameters.set("integral_gain", 12.0)
+            trial.keep()
+        parameters.refresh("integral_gain")
+        assert parameters["integral_gain"] == 12.0
+
     def test_gains_may_change_while_driving(self, harness: DriveHarness) -> None:
         def change() -> WheelSample:
             harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)

@@ -26,6 +26,7 @@ _MAX_FLOAT = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 _TYPICAL: dict[Unit, int | float] = {
     Unit.TICK: -1440,
     Unit.MICROSECOND: 1_500_000,
+    Unit.SECOND: 1.5,
     Unit.METRE_PER_SECOND: 0.25,
     Unit.DUTY_Q15: -16_384,
     Unit.HERTZ: 100,

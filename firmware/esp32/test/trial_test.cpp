@@ -1,0 +1,226 @@
+// A trial of parameters: what ends it, and what is in force afterwards.
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+constexpr float kTimeoutS = 0.5f;
+constexpr int kTimeoutSteps = 500;
+
+RefusalCode trial(RobotBench& bench, TrialAction action, float timeout_s = kTimeoutS) {
+  return bench.refusal(ParameterTrial{.action = action, .timeout_s = timeout_s});
+}
+
+/// A trial of another gain and of swapped motors.
+RobotBench& begin(RobotBench& bench) {
+  bench.open();
+  CHECK(bench.set(kProportionalGain, 2) == RefusalCode::kNone);
+  CHECK(trial(bench, TrialAction::kBegin) == RefusalCode::kNone);
+  CHECK(bench.set(kProportionalGain, 5) == RefusalCode::kNone);
+  CHECK(bench.set(kMotorsSwapped, 1) == RefusalCode::kNone);
+  return bench;
+}
+
+bool has_former_values(const RobotBench& bench) {
+  return bench.device.parameter(kProportionalGain) == 2 &&
+         bench.device.parameter(kMotorsSwapped) == 0;
+}
+
+bool has_tried_values(const RobotBench& bench) {
+  return bench.device.parameter(kProportionalGain) == 5 &&
+         bench.device.parameter(kMotorsSwapped) == 1;
+}
+
+size_t expiries(const RobotBench& bench) {
+  size_t count = 0;
+  for (const Event& event : bench.of<Event>()) count += event.code == EventCode::kTrialExpired;
+  return count;
+}
+
+}  // namespace
+
+TEST(a_trial_that_is_kept_leaves_its_values) {
+  RobotBench bench;
+  begin(bench);
+  CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNone);
+  bench.run(2 * kTimeoutSteps);
+  CHECK(has_tried_values(bench) && expiries(bench) == 0);
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNone);
+}
+
+TEST(a_trial_that_is_reverted_stops_and_leaves_nothing) {
+  RobotBench bench;
+  begin(bench).drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+  CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
+  CHECK(!bench.driven() && bench.left.enable == 0 && bench.right.enable == 0);
+  CHECK(bench.state() == SupervisorState::kIdle && bench.device.deadline_us() == 0);
+  CHECK(has_former_values(bench));
+  bench.send(bench.duty(8'000, 0));  // by the former wiring
+  bench.run(100);
+  CHECK(bench.left.duty() == 8'000 && bench.right.duty() == 0);
+}
+
+TEST(a_trial_stops_at_its_deadline) {
+  RobotBench bench;
+  begin(bench);
+  bench.send(bench.velocity(0.2f, 0.2f, 900'000));
+  bench.run(kTimeoutSteps - 1);
+  CHECK(bench.driven() && has_tried_values(bench) && expiries(bench) == 0);
+  bench.step();
+  CHECK(!bench.driven() && has_former_values(bench) && expiries(bench) == 1);
+  CHECK(bench.state() == SupervisorState::kIdle);
+  bench.run(kTimeoutSteps);
+  CHECK(!bench.driven() && expiries(bench) == 1);
+}
+
+TEST(a_trial_that_is_renewed_goes_on) {
+  RobotBench bench;
+  begin(bench);
+  for (int i = 0; i < 5; ++i) {
+    bench.run(kTimeoutSteps - 1);
+    CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNone);
+  }
+  CHECK(has_tried_values(bench));
+  CHECK(trial(bench, TrialAction::kRenew, 0.2f) == RefusalCode::kNone);  // a new time-out
+  bench.run(200);
+  CHECK(has_former_values(bench));
+}
+
+TEST(a_renewal_that_comes_late_renews_nothing) {
+  RobotBench bench;
+  begin(bench);
+  bench.run(kTimeoutSteps - 1);
+  bench.now_us += 1'000;  // at the deadline, and before the next control step
+  CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNoTrial);
+  CHECK(has_former_values(bench));
+  CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNoTrial);
+}
+
+TEST(a_setpoint_does_not_renew_a_trial) {
+  RobotBench bench;
+  begin(bench);
+  for (int i = 0; i < 10; ++i) bench.drive(0.1f, 0.1f, kTimeoutSteps / 10);
+  CHECK(has_former_values(bench));
+}
+
+TEST(after_a_trial_expired_its_host_neither_drives_nor_changes_anything_before_it_heard) {
+  RobotBench bench;
+  begin(bench).run(kTimeoutSteps);
+  bench.received.clear();
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kNoTrial && !bench.driven());
+  CHECK(bench.set(kProportionalGain, 7) == RefusalCode::kNoTrial);
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kNoTrial);
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kNoTrial);
+  CHECK(trial(bench, TrialAction::kBegin) == RefusalCode::kNoTrial);
+  CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
+  CHECK(bench.set(kProportionalGain, 7) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_new_session_reverts_a_trial) {
+  RobotBench bench;
+  begin(bench).drive(0.2f, 0.2f);
+  bench.send(RobotBench::hello(RobotBench::kNonce));  // a repeat of its own hello does not
+  bench.step();
+  CHECK(has_tried_values(bench) && bench.driven());
+  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  bench.service();
+  CHECK(has_former_values(bench) && !bench.driven());
+  CHECK(!bench.device.on_trial());
+}
+
+TEST(a_new_session_drives_after_a_trial_expired) {
+  RobotBench bench;
+  begin(bench).run(kTimeoutSteps);
+  bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+  const uint32_t session = (RobotBench::kNonce + 1) ^ RobotBench::kBootId;
+  bench.send(Ping{session, 1, 0});
+  bench.send(SetDuty{session, 1, bench.now_us + 300'000, 8'000, 0});
+  bench.run(100);
+  CHECK(bench.left.duty() == 8'000);
+}
+
+TEST(a_line_that_hangs_up_reverts_a_trial) {
+  RobotBench bench;
+  begin(bench).drive(0.2f, 0.2f);
+  bench.device.hang_up(bench.now_us);
+  CHECK(has_former_values(bench) && !bench.driven());
+}
+
+TEST(a_stop_and_a_fault_leave_a_trial_alone) {
+  RobotBench bench;
+  begin(bench).drive(0.2f, 0.2f);
+  bench.send(bench.stop());
+  bench.step();
+  CHECK(has_tried_values(bench) && bench.device.on_trial());
+  bench.contact.open = true;
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kEstopped);
+  bench.run(kTimeoutSteps);
+  CHECK(has_former_values(bench) && bench.state() == SupervisorState::kEstopped);
+}
+
+TEST(nothing_is_saved_or_reset_on_trial) {
+  RobotBench bench;
+  begin(bench);
+  CHECK(bench.refusal(ParameterSave{}) == RefusalCode::kOnTrial);
+  CHECK(bench.refusal(ParameterSave{.parameter = 1}) == RefusalCode::kOnTrial);
+  CHECK(bench.refusal(ParameterReset{}) == RefusalCode::kOnTrial);
+  CHECK(bench.store.block.empty() && has_tried_values(bench));
+}
+
+TEST(whether_the_contact_counts_is_never_on_trial) {
+  RobotBench bench;
+  begin(bench);
+  CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kOnTrial);
+  CHECK(bench.set(kEstopInputEnabled, 1) == RefusalCode::kNone);  // in force already
+}
+
+TEST(a_trial_does_not_begin_twice) {
+  RobotBench bench;
+  begin(bench);
+  CHECK(trial(bench, TrialAction::kBegin) == RefusalCode::kOnTrial);
+  CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
+  CHECK(has_former_values(bench));
+}
+
+TEST(without_a_trial_there_is_nothing_to_renew_or_keep) {
+  RobotBench bench;
+  bench.open();
+  CHECK(trial(bench, TrialAction::kRenew) == RefusalCode::kNoTrial);
+  CHECK(trial(bench, TrialAction::kKeep) == RefusalCode::kNoTrial);
+  bench.drive(0.2f, 0.2f);
+  CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
+  CHECK(bench.driven());  // nothing was reverted, and nothing stops
+}
+
+TEST(a_trial_needs_a_time_out_within_its_bounds) {
+  RobotBench bench;
+  bench.open();
+  for (const float timeout_s : {0.0f, -1.0f, 0.19f, 60.5f})
+    CHECK(trial(bench, TrialAction::kBegin, timeout_s) == RefusalCode::kOutOfRange);
+  CHECK(trial(bench, TrialAction::kBegin, __builtin_nanf("")) == RefusalCode::kNotFinite);
+  CHECK(trial(bench, static_cast<TrialAction>(0)) == RefusalCode::kOutOfRange);
+  CHECK(trial(bench, static_cast<TrialAction>(5)) == RefusalCode::kOutOfRange);
+  CHECK(!bench.device.on_trial());
+  CHECK(trial(bench, TrialAction::kBegin, 60) == RefusalCode::kNone);
+}
+
+TEST(a_reverted_stop_is_that_of_the_former_parameters) {
+  RobotBench bench;
+  begin(bench);
+  CHECK(bench.set(kStopMode, 1) == RefusalCode::kNone);  // coast
+  bench.drive(0.2f, 0.2f);
+  CHECK(trial(bench, TrialAction::kRevert) == RefusalCode::kNone);
+  bench.run(3);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+  CHECK(!bench.left.switched_under_current && !bench.right.switched_under_current);
+}
