@@ -108,6 +108,11 @@ def test_wheels_that_cannot_be_tuned_keep_what_was_found(monkeypatch: pytest.Mon
     assert findings.wiring == WIRING
     assert findings.problems == ("no line fits",)
     assert findings.saved
+    with raised_robot({"wheels_free": 0}) as robot:
+        options = Options(on_the_floor=True)
+        floor = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+    assert not floor.is_complete
+    assert floor.problems == ("no line fits",)
 
 
 def test_on_the_floor_only_the_gains_change() -> None:
@@ -122,6 +127,7 @@ def test_on_the_floor_only_the_gains_change() -> None:
     assert findings.saved
     with raised_robot({}) as robot:
         refused = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+        assert not refused.is_complete
         assert refused.problems == ("make room for the robot, then begin again",)
 
 
@@ -187,6 +193,14 @@ def test_a_wrong_answer_is_found_out() -> None:
     backward = set_up_raised({}, {"first": "left backward", "second": "backward"})
     assert "answers and hand disagree: the left counter counted -3600" in backward.problems[0]
     assert not backward.saved
+
+
+def test_a_wrong_answer_is_not_kept_for_the_next_run(tmp_path: Path) -> None:
+    options = Options(progress=Progress("board", tmp_path))
+    with raised_robot({}) as robot:
+        person = SimulatedPerson(robot, {"first": "left backward", "second": "backward"})
+        assert not set_up(robot, person, lambda _: None, options).is_complete
+    assert Progress("board", tmp_path).load() == {}
 
 
 def test_looking_again_and_again_turns_no_wheel_far() -> None:

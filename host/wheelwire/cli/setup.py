@@ -7,6 +7,7 @@ import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +15,12 @@ import typer
 
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import CommissioningFailed, InvalidArgument, OutputFailed
+from wheelwire.errors import (
+    CommissioningFailed,
+    DriverUnavailable,
+    InvalidArgument,
+    OutputFailed,
+)
 
 from .address import MOCK, Address, BaudOption, RobotArgument, YesFlag, resolve
 from .output import JsonFlag, console, print_json
@@ -109,6 +115,8 @@ def setup(
         raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
     _check_writable(keep)
     _check_writable(plot)
+    if plot is not None and find_spec("matplotlib") is None:
+        raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
     options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
     person: Person
     if simulated:

@@ -299,7 +299,7 @@ def check_wheels(robot: BaseDriver, pulsed: Sequence[float]) -> list[Problem]:
 def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
     left, right = driven.ticks
     slow = 0 if left < right else 1
-    ratio = driven.ticks[slow] / max(driven.ticks)
+    ratio = driven.ticks[slow] / max(*driven.ticks, 1)
     if ratio < _UNEQUAL:
         detail = f" has {ratio:.0%} of the other one's speed at the same duty"
         return [Problem(WEAK, slow, detail)]
@@ -325,15 +325,15 @@ def _is_bunched(driven: Run, side: int, duty: float) -> bool:
         return False
     rate = sum(ticks for ticks, _ in steps) / sum(seconds for _, seconds in steps)
     typical = median(ticks for ticks, _ in steps)
-    still_s, is_still = 0.0, 0
+    still_s, still_samples = 0.0, 0
     for ticks, seconds in steps:
         if ticks == 0:
-            still_s, is_still = still_s + seconds, is_still + 1
+            still_s, still_samples = still_s + seconds, still_samples + 1
             continue
         missed = rate * still_s
-        if is_still > 1 and missed >= _BUNCH_TICKS and ticks > typical + missed / 2:
+        if still_samples > 1 and missed >= _BUNCH_TICKS and ticks > typical + missed / 2:
             return True
-        still_s, is_still = 0.0, 0
+        still_s, still_samples = 0.0, 0
     return False
 
 

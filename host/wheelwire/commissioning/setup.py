@@ -29,7 +29,7 @@ from .inspection import (
 )
 from .problems import SAGS, Problem
 from .progress import Progress
-from .proof import prove
+from .proof import Proof, prove
 from .pulses import BoardReset
 from .questions import NO, YES, Person, Question
 from .wiring import Wiring
@@ -148,6 +148,8 @@ class _SetUp:
                 self._finish()
         except Unfit as error:
             self._note(error.problems)
+            if self.options.progress is not None:
+                self.options.progress.forget()  # an answer may be what was wrong
         except BoardReset as error:
             sags = Problem(SAGS, detail=" so far that the board is reset")
             self._note([sags if _was_brownout(self.robot) else str(error)])
@@ -224,7 +226,10 @@ class _SetUp:
             proof = prove(self.robot, before, after)
         except BoardReset:
             raise
-        except CommissioningFailed as error:  # what was found before is good all the same
+        except CommissioningFailed as error:
+            if self.options.on_the_floor:
+                raise
+            # What was found before is good all the same.
             self._note([str(error)])
             return
         self._note(found.problems)
@@ -237,15 +242,26 @@ class _SetUp:
         )
         self.say(proof.table())
         if self.options.plot is not None:
-            proof.plot(self.options.plot)
-            self.say(f"the test drives are drawn in {self.options.plot}")
+            self._plot(proof, self.options.plot)
         if proof.better:
             self._set("gains", after)
         else:
             self.say("the former values track as well; they are left as they are")
 
+    def _plot(self, proof: Proof, file: Path) -> None:
+        try:
+            proof.plot(file)
+        except OSError as error:  # no reason to lose what was measured
+            self.say(f"cannot write {file}: {error.strerror}")
+        else:
+            self.say(f"the test drives are drawn in {file}")
+
     def _finish(self) -> None:
         values = {name: value for step in self.found.values() for name, value in step.items()}
+        if not values:
+            self.say("nothing to save")
+            self.findings = replace(self.findings, is_complete=True)
+            return
         changed = {n: v for n, v in values.items() if v != self.former[n]}
         for name, value in changed.items():
             unit = definition_of(name).unit.value
