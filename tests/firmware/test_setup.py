@@ -12,6 +12,7 @@ from support.defects import DEFECTS, DefectiveRobot, named
 from support.wiring_runs import (
     UNTUNED,
     Case,
+    InterruptedRobot,
     Watched,
     cases,
     check,
@@ -22,9 +23,9 @@ from wheelwire.commissioning import problems, proof, setup
 from wheelwire.commissioning.progress import Progress
 from wheelwire.commissioning.pulses import pulse
 from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import CHANGED, TUNED, Options, set_up
+from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, set_up
 from wheelwire.commissioning.wiring import Wiring
-from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost
+from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from wheelwire.parameter_file import load_parameter_file
 from wheelwire.simulation.plant import load_plant, shipped_plants
 
@@ -185,6 +186,29 @@ def test_an_interrupted_one_is_resumed_with_what_it_had_found(
     assert findings.counts_per_revolution == 1440
     assert findings.saved
     assert Progress("board", tmp_path).load() == {}
+
+
+@pytest.mark.parametrize("kind", ["reset", "unplug"])
+@pytest.mark.parametrize("seed", range(6))
+def test_interrupted_anywhere_it_leaves_a_robot_that_stands_and_is_as_it_was(
+    kind: str, seed: int
+) -> None:
+    reads = random.Random(seed).randrange(20, 3000)
+    robot = InterruptedRobot(kind, reads)
+    before = {name: robot.parameters[name] for name in CHANGED}
+    with raised_robot({**WRONG, **load_plant("tt-1-48").settings}, robot):
+        try:
+            findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        except WheelwireError:
+            findings = Findings()
+        assert robot.was_interrupted
+        assert not findings.saved
+        robot.plug()
+        robot.advance(3.0)
+        assert not robot.simulator.get("drive_on")
+        assert robot.simulator.get("stands_still")
+        robot.parameters.refresh()
+        assert {name: robot.parameters[name] for name in CHANGED} == before
 
 
 def test_a_wrong_answer_is_found_out() -> None:

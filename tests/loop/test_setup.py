@@ -153,6 +153,23 @@ def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
         assert terminal.wait() == 143
 
 
+@pytest.mark.parametrize("moment", ["Both wheels turn forward", "Ticks per wheel turn"])
+def test_killed_it_leaves_a_robot_that_stands_and_is_as_it_was(
+    simulator: Simulator, tmp_path: Path, moment: str
+) -> None:
+    with person(simulator, tmp_path) as terminal:
+        terminal.wait_for("Which wheel turned")
+        terminal.press(b"lf\n")
+        terminal.wait_for("the other wheel turn?")
+        terminal.press(b"b\n")
+        terminal.wait_for(moment)
+        terminal.process.kill()
+        wait_until(lambda: not simulator.get("drive_on") and simulator.get("stands_still"))
+    with open_driver("serial", port=simulator.port) as robot:
+        assert robot.parameters["encoders_swapped"] == 0
+        assert robot.parameters["right_motor_inverted"] == 0
+
+
 def test_a_simulated_robot_answers_by_itself() -> None:
     findings = run_json("setup", "--simulated", "--seed", "5", "--set", "motors_swapped=1")
     assert findings["wiring"]["motors_swapped"] is True

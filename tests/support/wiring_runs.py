@@ -10,6 +10,7 @@ from wheelwire.commissioning.questions import Question, SimulatedPerson
 from wheelwire.commissioning.setup import Findings, set_up
 from wheelwire.commissioning.wiring import Wiring
 from wheelwire.drivers.mock import MockDriver
+from wheelwire.samples import WheelSample
 from wheelwire.simulation.plant import load_plant, shipped_plants
 from wheelwire_protocol.codes import SupervisorState
 
@@ -80,9 +81,31 @@ def cases() -> Iterator[Case]:
         yield Case(wired, plant, counts)
 
 
-def raised_robot(settings: Mapping[str, float]) -> MockDriver:
+class InterruptedRobot(MockDriver):
+    """A simulated robot in virtual time that is reset or unplugged when it is read."""
+
+    def __init__(self, kind: str, reads: int) -> None:
+        super().__init__(realtime=False)
+        self._kind = kind
+        self._reads = reads
+
+    @property
+    def was_interrupted(self) -> bool:
+        return self._reads <= 0
+
+    def read(self, timeout: float = 1.0) -> WheelSample:
+        self._reads -= 1
+        if self._reads == 0:
+            if self._kind == "reset":
+                self.simulator.reset()
+            else:
+                self.unplug()
+        return super().read(timeout)
+
+
+def raised_robot(settings: Mapping[str, float], robot: MockDriver | None = None) -> MockDriver:
     """A simulated robot in virtual time whose wheels hang free."""
-    robot = MockDriver(realtime=False)
+    robot = robot or MockDriver(realtime=False)
     for name, value in {"wheels_free": 1.0, **settings}.items():
         robot.simulator.set(name, value)
     return robot

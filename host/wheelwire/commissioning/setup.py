@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, OutputFailed
 from ..parameter_file import ParameterFile, number_text
-from ..parameters import definition_of
+from ..parameters import Trial, definition_of
 from .counts import COUNTS, ask_counts
 from .gains import tuned
 from .identification import identify
@@ -139,13 +138,13 @@ class _SetUp:
 
     def run(self) -> Findings:
         try:
-            with _restored(self.robot, self.former):
+            with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
                 else:
                     self._find()
                 self._tune()
-                self._finish()
+                self._finish(trial)
         except Unfit as error:
             self._note(error.problems)
             if self.options.progress is not None:
@@ -256,7 +255,7 @@ class _SetUp:
         else:
             self.say(f"the test drives are drawn in {file}")
 
-    def _finish(self) -> None:
+    def _finish(self, trial: Trial) -> None:
         values = {name: value for step in self.found.values() for name, value in step.items()}
         if not values:
             self.say("nothing to save")
@@ -272,7 +271,7 @@ class _SetUp:
             _write(self.options.keep, _file_of(self.robot, values))
             self.say(f"written to {self.options.keep}; the robot has its former values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
-            self.former.clear()
+            trial.keep()
             for name in values:
                 self.robot.parameters.save(name)
             self.findings = replace(self.findings, saved=True)
@@ -322,17 +321,6 @@ class _SetUp:
         for text in texts:
             self.say(f"problem: {text}")
         self.findings = replace(self.findings, problems=(*self.findings.problems, *texts))
-
-
-@contextmanager
-def _restored(robot: BaseDriver, former: Mapping[str, float]) -> Iterator[None]:
-    """Whatever happens in the block, the robot is stopped, and has `former` again."""
-    try:
-        yield
-    finally:
-        robot.stop()
-        for name, value in former.items():
-            robot.parameters.set(name, value)
 
 
 def _was_brownout(robot: BaseDriver) -> bool:
