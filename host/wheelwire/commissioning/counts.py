@@ -7,9 +7,10 @@ from typing import NamedTuple
 from ..drivers.base import BaseDriver
 from ..simulation.plant import load_plant, shipped_plants
 from .inspection import Say, Unfit
+from .motion import SIDES, fresh
 from .problems import WRONG_WHEEL, Problem
-from .pulses import COUNTED_TICKS, fresh, ticks_since
-from .questions import HAND, SIDES, SKIP, TURNED, HandTurn, Person, Question
+from .pulses import COUNTED_TICKS, ticks_since
+from .questions import HAND, SKIP, TURNED, HandTurn, Person, Question
 
 COUNTS = "counts_per_revolution"
 TURNS = 10

@@ -28,7 +28,7 @@ from ..errors import CommissioningFailed
 from ..samples import WheelSample
 from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
 from .motion import (
-    WHEELS,
+    SIDES,
     Pair,
     Record,
     come_to_rest,
@@ -216,7 +216,7 @@ class _Bench:
         self._report("staircase: the speed at each duty, in both directions")
         stairs = self._staircase(breakaway)
         wheels = tuple(
-            self._wheel(*found) for found in zip(WHEELS, breakaway, stairs, lags, strict=True)
+            self._wheel(*found) for found in zip(SIDES, breakaway, stairs, lags, strict=True)
         )
         supply_v = median(self._supply) if self._supply else None
         return Identification(
@@ -246,7 +246,7 @@ class _Bench:
             lambda _: None not in ramps.broken,
             lambda record: record.seconds * _RAMP_PER_S > self._most_breakaway,
         )
-        for wheel, duty in zip(WHEELS, ramps.broken, strict=True):
+        for wheel, duty in zip(SIDES, ramps.broken, strict=True):
             if duty is None:
                 raise CommissioningFailed(
                     f"the {wheel} wheel does not start to turn up to duty "
@@ -342,7 +342,7 @@ class _Bench:
             self._to_and_fro(duties, 1.2 * max(breakaway), stairs)
         else:
             self._up_and_down(duties, 1.05 * max(breakaway), stairs)
-        for wheel, found in zip(WHEELS, stairs, strict=True):
+        for wheel, found in zip(SIDES, stairs, strict=True):
             turned = min(len(found.curve(sign)) for sign in (1, -1))
             if turned < _FEWEST_STAIRS:
                 raise CommissioningFailed(
@@ -524,7 +524,7 @@ def _nonlinearity(curve: Sequence[tuple[float, float]], line: Line) -> str:
 
 def _problems(wheels: Sequence[WheelIdentification], stairs: Sequence[_Stairs]) -> tuple[str, ...]:
     found = []
-    for name, wheel, points in zip(WHEELS, wheels, stairs, strict=True):
+    for name, wheel, points in zip(SIDES, wheels, stairs, strict=True):
         if wheel.nonlinearity:
             found.append(
                 f"{name} wheel: {wheel.nonlinearity}. A higher pwm_frequency_hz makes it straighter"

@@ -11,6 +11,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample
+from .motion import SIDES, fresh
 from .problems import (
     BLOCKED,
     CONTACT_OPEN,
@@ -24,14 +25,13 @@ from .problems import (
     WEAK,
     Problem,
 )
-from .pulses import COUNTED_TICKS, BoardReset, Pulsed, Run, fresh, pulse, run, show, ticks_since
+from .pulses import COUNTED_TICKS, BoardReset, Pulsed, Run, pulse, run, show, ticks_since
 from .questions import (
     AGAIN,
     BOTH,
     HELD,
     NO,
     NONE,
-    SIDES,
     SKIP,
     TURNED,
     WHEEL_AND_WAY,

@@ -23,7 +23,7 @@ LONGEST_ROLL_S = 5.0
 RESTING_TICKS = 1
 """An encoder that rests on an edge may toggle by this much."""
 
-WHEELS = ("left", "right")
+SIDES = ("left", "right")
 
 Motion = TypeVar("Motion")
 
@@ -128,6 +128,12 @@ def send(setpoint: Callable[[], None]) -> None:
         setpoint()
 
 
+def fresh(robot: BaseDriver) -> WheelSample:
+    """A sample from after this call: the next one may be older than the last request."""
+    robot.read()
+    return robot.read()
+
+
 def uninterrupted(motion: Callable[[], Motion | None]) -> Motion:
     """Repeat a motion that is None because a setpoint ran out meanwhile.
 
@@ -186,8 +192,7 @@ def require_ready(robot: BaseDriver) -> None:
     Raises:
         CommissioningFailed: An e-stop or a fault is latched.
     """
-    robot.read()  # it may be older than the last request
-    sample = robot.read()
+    sample = fresh(robot)
     if sample.state is SupervisorState.ESTOPPED:
         raise CommissioningFailed("the e-stop is latched: release it, then `wheelwire clear ROBOT`")
     if sample.state is SupervisorState.FAULT:

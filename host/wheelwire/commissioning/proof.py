@@ -20,8 +20,8 @@ from wheelwire_protocol.codes import SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import DeviceRefused
 from .motion import (
+    SIDES,
     TTL_S,
-    WHEELS,
     Pair,
     Record,
     come_to_rest,
@@ -206,7 +206,7 @@ class Proof:
     def table(self) -> str:
         """For a terminal: a row for each wheel, and one for both."""
         rows = [("", "RMS before", "after", "overshoot before", "after")]
-        for name, wheel in zip(WHEELS, (self.left, self.right), strict=True):
+        for name, wheel in zip(SIDES, (self.left, self.right), strict=True):
             speeds = _mmps(wheel.rms_before_mps), _mmps(wheel.rms_after_mps)
             rows.append(
                 (name, *speeds, _percent(wheel.overshoot_before), _percent(wheel.overshoot_after))
@@ -234,7 +234,7 @@ class Proof:
         panels = figure.subplots(2, 2, sharex=True, sharey=True, squeeze=False)
         for column, (title, trace) in enumerate(zip(("before", "after"), self.traces, strict=True)):
             panels[0][column].set_title(title if trace else f"{title}: ended by a fault")
-            for wheel, name in enumerate(WHEELS):
+            for wheel, name in enumerate(SIDES):
                 axes = panels[wheel][column]
                 axes.grid(alpha=0.3)
                 if trace:

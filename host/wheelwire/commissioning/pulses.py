@@ -10,6 +10,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused, LinkLost
 from ..samples import WheelSample, tick_difference
+from .motion import TTL_S, fresh, send
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -21,7 +22,6 @@ _LOWEST_DUTY = 0.1
 _RISE = 1.25
 _HIGHEST_DUTY = 0.6
 _SHOW_S = 0.25
-_TTL_S = 0.3
 _REST_S = 0.1
 _LONGEST_REST_S = 5.0
 _REOPENED_S = 3.0
@@ -142,8 +142,8 @@ def _drive(
 ) -> None:
     set_until_s = 0.0
     while (now_s := _seconds(samples)) < seconds:
-        if set_until_s < seconds and set_until_s - now_s < _TTL_S / 2:
-            ttl = min(_TTL_S, seconds - now_s)
+        if set_until_s < seconds and set_until_s - now_s < TTL_S / 2:
+            ttl = min(TTL_S, seconds - now_s)
             _set_duty(robot, duties, ttl)
             set_until_s = now_s + ttl
         samples.append(_next(robot, samples))
@@ -157,12 +157,6 @@ def _drive(
             moved = _seconds(samples)
         if _seconds(samples) > seconds + _LONGEST_REST_S:
             break  # a counter that toggles at rest
-
-
-def fresh(robot: BaseDriver) -> WheelSample:
-    """A sample from after this call: the next one may be older than the last request."""
-    robot.read()
-    return robot.read()
 
 
 def ticks_since(sample: WheelSample, earlier: WheelSample) -> tuple[int, int]:
@@ -187,14 +181,10 @@ def _seconds(samples: list[WheelSample]) -> float:
 
 def _set_duty(robot: BaseDriver, duties: tuple[float, float], seconds: float) -> None:
     try:
-        robot.set_duty(*duties, ttl=seconds)
+        send(lambda: robot.set_duty(*duties, ttl=seconds))
     except DeviceRefused as error:
-        if error.code == RefusalCode.FAULT:
-            return  # the next sample has it
-        if error.code != RefusalCode.EXPIRED:
+        if error.code != RefusalCode.FAULT:  # the next sample has a fault
             raise
-        # On a busy computer the setpoint before came too late, and nothing turned.
-        robot.set_duty(*duties, ttl=seconds)
 
 
 def _next(robot: BaseDriver, samples: list[WheelSample], timeout_s: float = 1.0) -> WheelSample:

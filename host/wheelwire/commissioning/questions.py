@@ -12,10 +12,10 @@ from ..config import check_names, load_yaml, mapping
 from ..drivers.mock import MockDriver
 from ..errors import ConfigurationError, InvalidArgument
 from ..parameters import checked_value
+from .motion import SIDES
 
 YES, NO = "yes", "no"
 AGAIN = "again"
-SIDES = ("left", "right")
 WHEEL_AND_WAY = tuple(f"{side} {way}" for side in SIDES for way in ("forward", "backward"))
 NONE, BOTH = "none", "both"
 HAND = "hand"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
+from .motion import SIDES
 from .problems import (
     BOTH_TURNED,
     CHANNEL_DEAD,
@@ -16,7 +17,7 @@ from .problems import (
     Problem,
 )
 from .pulses import Pulsed
-from .questions import BOTH, NONE, SIDES
+from .questions import BOTH, NONE
 
 
 @dataclass(frozen=True)
