@@ -177,7 +177,7 @@ def test_a_refused_value_keeps_the_node_up_and_unconfigured_until_it_is_set(
         wait(lambda: "refused parameters" in node.errors(), "the refusal in the log")
         (line,) = [line for line in node.errors().splitlines() if "refused parameters" in line]
         assert re.search(words, line)
-        assert graph.state(NODE) == "unconfigured"
+        graph.wait_state(NODE, "unconfigured")
         assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         mended = {"wheel_base": "wheel_separation"}.get(name, name.replace("__", "."))
         assert graph.set_parameter(NODE, mended, instead).successful
@@ -202,7 +202,7 @@ def test_a_file_that_cannot_be_read_keeps_the_node_up_and_unconfigured(
         (line,) = [line for line in node.errors().splitlines() if "refused parameters" in line]
         assert re.search(words, line)
         assert str(file) in line
-        assert graph.state(NODE) == "unconfigured"
+        graph.wait_state(NODE, "unconfigured")
         assert graph.parameter(NODE, "driver_type") == "mock"  # what is not in the file counts
         assert "Traceback" not in node.errors()
 

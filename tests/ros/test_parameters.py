@@ -152,7 +152,7 @@ def test_a_robots_own_file_is_no_parameter_file(graph: Graph) -> None:
     ):
         words = "a ROS parameter file has its values below `/**:`"
         wait(lambda: words in node.errors(), "the refusal of the file")
-        assert graph.state(NODE) == "unconfigured"
+        graph.wait_state(NODE, "unconfigured")
 
 
 def test_a_slow_odom_is_no_silence(graph: Graph, simulator: Simulator) -> None:

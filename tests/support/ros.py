@@ -167,9 +167,13 @@ class Graph:
         request = Transition(id=transition)
         return bool(self.call(ChangeState, f"{node}/change_state", transition=request).success)
 
+    def wait_state(self, node: str, state: str) -> None:
+        """Wait for a state of the lifecycle; a log line may come before its transition ends."""
+        wait(lambda: self.state(node) == state, f"{node} {state}")
+
     def wait_active(self, node: str = "/hardware_robot") -> None:
         """Wait until the node obeys commands."""
-        wait(lambda: self.state(node) == "active", f"{node} active")
+        self.wait_state(node, "active")
 
 
 class Diagnostics:
