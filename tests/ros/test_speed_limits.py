@@ -75,14 +75,11 @@ def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> Non
 
 
 def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
-    """A command of an earlier motion may be on its way still: the zero comes after all of them."""
-    obeyed.clear()
-
-    def is_over() -> bool:
-        rig.commands.publish(twist(0.0))
-        return bool(obeyed) and obeyed[-1].twist.linear.x == 0.0
-
-    wait(is_over, "the end of the last motion")
+    """A command of the last motion may be on its way still: the zero comes after all of them."""
+    rig.commands.publish(twist(0.0))
+    wait(lambda: obeyed and obeyed[-1].twist.linear.x == 0.0, "the end of the last motion")
+    stop_by_estop(rig)  # from here on the next command starts a motion
+    assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
     rig.truth(stopped)
     obeyed.clear()
 
