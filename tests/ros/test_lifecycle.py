@@ -29,7 +29,7 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
     odometry = graph.listen(Odometry, "odom")
     with RobotNode(graph, port=simulator.port, autostart=False):
         diagnostics.wait("link", lambda status, _: status.message == "not configured")
-        graph.wait_state(NODE, "unconfigured")
+        assert graph.state(NODE) == "unconfigured"
 
         assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         diagnostics.wait("link", lambda status, _: status.level == OK)
@@ -43,14 +43,14 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
         assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
         wait(lambda: commands.get_subscription_count() == 0, "the subscription's end")
-        graph.wait_state(NODE, "unconfigured")
+        assert graph.state(NODE) == "unconfigured"
 
         assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
         odometry.clear()
         wait(lambda: odometry, "odom once more")
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-        graph.wait_state(NODE, "finalized")
+        assert graph.state(NODE) == "finalized"
 
 
 def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:
