@@ -11,6 +11,7 @@ import _thread
 import threading
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TypeAlias, cast
 
@@ -18,6 +19,7 @@ from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkLost, RequestTimeout, WheelwireError
 from .base_link import PORT_TIMEOUT_S, BaseLink, LinkOptions
+from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .port_loop import PortLoop
 from .requests import Answer, RequestMessage
@@ -102,10 +104,12 @@ class Link(BaseLink):
             LinkLost: There is no session: whether the stop arrived is unknown.
             RequestTimeout: No acknowledgement came.
         """
+        self._write_at_once(self._session.stop_copy(mode))
         self._call(lambda done, now_us: self._session.stop(mode, done, now_us))
 
     def estop(self) -> None:
         """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
+        self._write_at_once(self._session.stop_copy(None))
         self._call(self._session.estop)
 
     def close(self) -> None:
@@ -127,6 +131,16 @@ class Link(BaseLink):
             # caller that reads next must get no sample of a link that was reported lost.
             self._call(lambda done, _: done(None))
             raise
+
+    def _write_at_once(self, copy: bytes | None) -> None:
+        """Write a stop's copy: the port's thread sends the one that is acknowledged.
+
+        That thread has to be woken, and gets the interpreter only when this one lets go of it:
+        milliseconds in which the wheels would turn on.
+        """
+        if copy is not None:
+            with suppress(LinkLost):  # what follows the copy tells
+                self._loop.send(copy, host_clock_us())
 
     def _call(self, task: Task) -> Answer | None:
         """Have the port's thread do `task`; return its result, or raise its error."""

@@ -62,6 +62,8 @@ ATTEMPTS = 12
 URGENT_ATTEMPTS = 40
 """In a second. A stop's waits do not grow: each copy is carried out, and harmless."""
 ID_MODULUS = 1 << 16
+COPY_ID = 0
+"""Of the copy of a stop that its caller wrote; no request has it whose answer is waited for."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
 _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
@@ -240,6 +242,8 @@ class RequestQueue:
 
     def _begin(self, request: _Request, now_us: int) -> None:
         request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS
+        if request.urgent and request_id == COPY_ID:
+            request_id += 1
         self._last_ids[request.urgent] = request_id
         request.message = request.message._replace(request_id=request_id)
         self._send(request, now_us)

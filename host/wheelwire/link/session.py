@@ -68,7 +68,7 @@ from ..errors import (
 )
 from .clock import ClockEstimator, Synchroniser
 from .info import BootHistory, DeviceInfo, LinkStatistics, RoundTrips, device_of_session
-from .requests import Answer, Done, RequestMessage, RequestQueue, subject
+from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .setpoints import SETPOINT_IDS, SetpointSender
 from .state_stream import DUTY_SCALE, Measurement, StateStream
 from .trial import HeldTrial
@@ -387,6 +387,19 @@ class Session:
         """Stop and latch. Without a session it is sent unacknowledged."""
         self._stop(Estop(self._id, 0), done, now_us)
 
+    def stop_copy(self, mode: StopMode | None) -> bytes | None:
+        """A frame that stops at once, or with None latches, beside what `stop` and `estop` send.
+
+        From any thread; to be written at once. None if no session is open.
+        """
+        opened = self._opened
+        if opened is None:
+            return None
+        if mode is None:
+            return self._encoder.encode(Estop(opened.session_id, COPY_ID))
+        command_seq = next(opened.command_seqs)
+        return self._encoder.encode(Stop(opened.session_id, COPY_ID, command_seq, mode))
+
     def request(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send a request; its session_id and request_id are filled in.
 
@@ -634,7 +647,7 @@ class Session:
             return
         request = self._requests.on_answer(answer, now_us)
         if request is None:
-            self._foreign += 1
+            self._foreign += answer.request_id != COPY_ID
         elif isinstance(request, ParameterTrial):
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):

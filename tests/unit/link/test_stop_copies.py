@@ -1,0 +1,96 @@
+"""A stop is written at once by the thread that gives it; its acknowledged twin follows."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link import requests
+from wheelwire.link.requests import COPY_ID
+from wheelwire.link.transports import SerialTransport
+from wheelwire_protocol.types import Estop, SetDuty, Stop
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(tmp_path / "port") as device:
+        yield device
+
+
+@pytest.fixture
+def robot(device: PtyDevice) -> Iterator[SerialDriver]:
+    with SerialDriver(str(device.path)) as robot:
+        yield robot
+
+
+@pytest.mark.parametrize(("method", "kind"), [("stop", Stop), ("estop", Estop)])
+def test_the_caller_writes_a_copy_before_the_one_that_is_acknowledged(
+    robot: SerialDriver,
+    device: PtyDevice,
+    monkeypatch: pytest.MonkeyPatch,
+    method: str,
+    kind: type[Stop | Estop],
+) -> None:
+    writers: list[int] = []
+    write = SerialTransport.write
+
+    def noting(self: SerialTransport, data: bytes) -> int:
+        writers.append(threading.get_ident())
+        return write(self, data)
+
+    monkeypatch.setattr(SerialTransport, "write", noting)
+
+    def stop() -> bool:  # what waits for the port at this moment goes first, by its own thread
+        getattr(robot, method)()
+        return threading.get_ident() in writers
+
+    wait_until(stop)
+    ids = [m.request_id for m in device.device.received if isinstance(m, kind)]
+    assert ids[0] == COPY_ID
+    assert ids[1] != COPY_ID
+
+
+def test_a_stops_copy_takes_a_number_of_its_own_among_the_setpoints(
+    robot: SerialDriver, device: PtyDevice
+) -> None:
+    robot.set_duty(0.0, 0.1, ttl=60.0)
+    robot.stop()
+    robot.set_duty(0.0, 0.1, ttl=60.0)
+    robot.stop()
+    numbers = [m.command_seq for m in device.device.received if isinstance(m, (Stop, SetDuty))]
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) == 6
+
+
+def test_the_answer_to_a_copy_is_no_foreign_one(robot: SerialDriver) -> None:
+    for _ in range(20):
+        robot.stop()
+    assert robot.statistics.foreign == 0
+
+
+def test_no_acknowledged_stop_has_the_copies_id(
+    robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(requests, "ID_MODULUS", 3)
+    for _ in range(5):
+        robot.stop()
+    received = [m.request_id for m in device.device.received if isinstance(m, Stop)]
+    acknowledged = received[1::2]
+    assert COPY_ID not in acknowledged
+    assert len(acknowledged) == 5
+
+
+def test_without_a_session_nothing_is_copied(robot: SerialDriver, device: PtyDevice) -> None:
+    device.unplug()
+    with suppress(errors.WheelwireError):
+        robot.stop()
+    with pytest.raises(errors.LinkLost):
+        robot.estop()
