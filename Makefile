@@ -22,17 +22,19 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write the generated files: of the protocol, the picture of the package, API reference, simulator's tables
+gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, API reference, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw-rooms
 	$(BIN)/python tools/write-api
 	@$(MAKE) --no-print-directory sim
 	$(BIN)/python tools/write-simulator-page
+	$(BIN)/python tools/write-boards
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
 	$(BIN)/python tools/draw-rooms --check
 	$(BIN)/python tools/write-api --check
+	$(BIN)/python tools/write-boards --check
 
 format: $(VENV)/installed  ## Format Python and C++
 	$(BIN)/ruff format host protocol ros_node tests bench examples

@@ -53,6 +53,7 @@ from .samples import WheelSample
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from .board import BoardDescription
     from .drivers.mock import MockProcess
     from .drivers.pins import PinProcess
     from .linux_mcu.pins import Pins
@@ -436,7 +437,7 @@ def open_driver(
 def open_driver(
     name: Literal["l298n"],
     *,
-    pins: Pins | None = ...,
+    pins: Pins | BoardDescription | None = ...,
     pwm_chip: int | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
@@ -449,7 +450,7 @@ def open_driver(
     *,
     host: str = ...,
     port: int = ...,
-    pins: Pins | None = ...,
+    pins: Pins | BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
     core_timeout_ms: int = ...,

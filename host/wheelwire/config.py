@@ -9,16 +9,16 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .board import BoardDescription
+from .board_file import checked_board, shipped_boards
 from .drivers.factory import open_driver
 from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
 from .link.transports import UNIX
@@ -26,6 +26,7 @@ from .linux_mcu.pins import Pins
 from .linux_mcu.settings import McuSettings
 from .linux_mcu.store import converted_store
 from .parameters import checked_value
+from .yaml_file import load_yaml
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
@@ -79,12 +80,14 @@ class RobotConfig:
     """One robot. `parameters` has those in the file, under the firmware's names.
 
     Attributes:
+        board: The name or file of a board, in place of `pins`.
         store: File for saved parameters; not for a serial robot, whose device saves its own.
         aliases: The aliases that were found, and the names that they stand for.
     """
 
     driver: str = "pigpio"
     pins: Pins = field(default_factory=Pins)
+    board: str | None = None
     pigpio: PigpioOptions = field(default_factory=PigpioOptions)
     serial: SerialOptions = field(default_factory=SerialOptions)
     gpio: GpioOptions = field(default_factory=GpioOptions)
@@ -92,10 +95,19 @@ class RobotConfig:
     parameters: dict[str, float] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
 
+    def wiring(self) -> Pins | BoardDescription:
+        """What the drivers of this computer's own pins are given.
+
+        Raises:
+            ConfigurationError: The board cannot be used.
+        """
+        return self.pins if self.board is None else checked_board(self.board)
+
     def driver_options(self) -> dict[str, Any]:
         """The arguments of this robot's driver."""
         store = None if self.store is None else Path(self.store)
-        local = {"pins": self.pins, "parameters": self.parameters, "store": store}
+        pins = self.wiring() if self.driver in ("l298n", "pigpio") else self.pins
+        local = {"pins": pins, "parameters": self.parameters, "store": store}
         return {
             "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
@@ -135,7 +147,7 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
         raise ConfigurationError(f"driver = {config.driver!r}: a service needs l298n or pigpio")
     return McuSettings(
         backend="pigpio" if config.driver == "pigpio" else "l298n",
-        pins=config.pins,
+        pins=config.wiring(),
         parameters=config.parameters,
         store=None if config.store is None else str(converted_store(Path(config.store))),
         pwm_chip=config.gpio.pwm_chip,
@@ -157,25 +169,12 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     content = load_yaml(source)
     try:
-        return parse_config(content)
+        config = parse_config(content)
     except ConfigurationError as error:
         raise ConfigurationError(f"{source}: {error}") from error
-
-
-def load_yaml(source: Path) -> object:
-    """The content of a YAML file, in which no key occurs twice.
-
-    Raises:
-        ConfigurationError: It cannot be read, or is not YAML.
-    """
-    try:
-        return yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
-    except FileNotFoundError as error:
-        raise ConfigurationError(f"{source}: there is no such file") from error
-    except OSError as error:
-        raise ConfigurationError(f"{source}: {error.strerror}") from error
-    except (ValueError, yaml.YAMLError) as error:
-        raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
+    if config.board is None or config.board in shipped_boards():
+        return config
+    return replace(config, board=str(source.parent / config.board))  # relative to this file
 
 
 def parse_config(content: object) -> RobotConfig:
@@ -199,26 +198,11 @@ def parse_config(content: object) -> RobotConfig:
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
     config = _validated({**plain, "aliases": aliases})
+    if "board" in plain and "pins" in plain:
+        raise ConfigurationError("board and pins are both given: remove one of them")
     if "driver" not in plain:
         raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
     return config
-
-
-class _UniqueKeys(yaml.SafeLoader):
-    """YAML requires unique keys, but PyYAML silently takes the last of several."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Raises ConstructorError, a YAMLError, if a key occurs twice."""
-        mapping = super().construct_mapping(node, deep=deep)
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    problem=f"{key.value} is given twice: remove one of them",
-                    problem_mark=key.start_mark,
-                )
-            seen.add(key.value)
-        return mapping
 
 
 _SECTIONS: dict[str, list[str]] = {
@@ -228,7 +212,7 @@ _SECTIONS: dict[str, list[str]] = {
     "gpio": [f.name for f in fields(GpioOptions)],
     "parameters": list(PARAMETER_BY_NAME),
 }
-_TOP = ["driver", "store", *_SECTIONS]
+_TOP = ["driver", "store", "board", *_SECTIONS]
 _CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
 
 

@@ -232,6 +232,28 @@ class CommissioningFailed(WheelwireError):  # noqa: N818
     exit_code = 24
 
 
+class BoardNotKept(WheelwireError):  # noqa: N818
+    """A board that was written is not in force: the former one is."""
+
+    exit_code = 26
+
+
+class GroupUnavailable(WheelwireError):  # noqa: N818
+    """Host and device do not have the same messages of a group. All others work."""
+
+    exit_code = 25
+
+    def __init__(self, group: str, host: int, device: int) -> None:
+        theirs = f"has others (0x{device:08x})" if device else "has none"
+        super().__init__(
+            f"the messages about {group}s of this library are 0x{host:08x}, the device {theirs}: "
+            "use firmware and library of one release for this; everything else works"
+        )
+        self.group = group
+        self.host = host
+        self.device = device
+
+
 def _unpickle(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:

@@ -11,7 +11,7 @@ from typing import Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Parameter
 
-from .config import check_names, checked_parameter, load_yaml, mapping
+from .config import check_names, checked_parameter, mapping
 from .errors import (
     ConfigurationError,
     ImportFailed,
@@ -28,6 +28,7 @@ from .parameters import (
     decimal_of_float32,
     definition_of,
 )
+from .yaml_file import load_yaml
 
 RESTORE_TIMEOUT_S = 5.0
 """How long values are tried to be restored; the link may come back."""

@@ -18,14 +18,16 @@ from .framing import DELIMITER, MAX_ENCODED
 from .types import AnyMessage
 
 
-def _scalar(letter: str) -> str:
-    kind = "f" if letter == "f" else "u" if letter.isupper() else "i"
-    return f"<{kind}{struct.calcsize('<' + letter)}"
+def _scalar(letters: str) -> str:
+    if letters.endswith("s"):
+        return f"S{letters[:-1]}"
+    kind = "f" if letters == "f" else "u" if letters.isupper() else "i"
+    return f"<{kind}{struct.calcsize('<' + letters)}"
 
 
 def dtype(message_type: type[AnyMessage]) -> np.dtype[np.void]:
     """The structured dtype of a message's body: its fields, packed and little-endian."""
-    formats = map(_scalar, BY_TYPE[message_type].formats)
+    formats = map(_scalar, BY_TYPE[message_type].field_formats)
     return np.dtype(list(zip(message_type._fields, formats, strict=True)))
 
 

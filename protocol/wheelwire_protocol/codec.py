@@ -6,6 +6,7 @@ its construct, yields one `struct.Struct`; a property test compares it with cons
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -27,7 +28,12 @@ class Codec(NamedTuple):
     pack_body: Callable[..., bytes]
     """Body fields -> body."""
     formats: str
-    """The body in the format characters of `struct`, one per field."""
+    """The body in the format characters of `struct`."""
+
+    @property
+    def field_formats(self) -> list[str]:
+        """The format of each field."""
+        return re.findall(r"\d*[A-Za-z]", self.formats)
 
 
 def _codec(message_id: int, message_type: type[AnyMessage], formats: str) -> Codec:

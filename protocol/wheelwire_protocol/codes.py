@@ -94,6 +94,17 @@ class RefusalCode(DocumentedEnum):
         "The trial of parameters is over and the former values are in force: "
         "it was not renewed in time, or its session ended. Revert it, then begin another.",
     )
+    BOARD_REFUSED = 19, "The board breaks a rule of this device; see `wheelwire board check`."
+    BOARD_ON_TRIAL = 20, "A board is on trial: confirm it, or wait until the former one returns."
+    NO_BOARD_ON_TRIAL = 21, "No board is on trial; write one and restart the device first."
+    NOT_SUPPORTED = 22, "This device cannot do that; see its documentation for what does."
+
+
+class Group(DocumentedEnum):
+    """Messages that belong together, with a hash of their own. Every device has BASE."""
+
+    BASE = 0, "Sessions, setpoints, stops, requests, state: what every device has."
+    BOARD = 1, "Boards: which pins lead to which power stage and encoders."
 
 
 class StopMode(DocumentedEnum):
@@ -201,6 +212,11 @@ class Fault(DocumentedFlag):
         "The saved parameters could not be read from flash, and defaults are in force: "
         "reset the parameters, which erases it, and clear the fault.",
     )
+    NO_BOARD = (
+        2048,
+        "No board is stored that this device can use, so it drives no pin: "
+        "write one with `wheelwire board write`.",
+    )
 
 
 class Capability(DocumentedFlag):
@@ -210,12 +226,14 @@ class Capability(DocumentedFlag):
     ESTOP_INPUT = 2, "Has an emergency-stop input."
     SIMULATED_PLANT = 4, "Drives a simulated motor and encoder."
     CORE_DUMP = 8, "Has the core dump of a crash in its flash."
+    RESTART = 16, "Restarts when it is asked to."
 
 
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     SupervisorState,
     SupervisorEvent,
     RefusalCode,
+    Group,
     StopMode,
     TrialAction,
     ResetReason,

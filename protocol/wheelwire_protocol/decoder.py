@@ -20,7 +20,7 @@ _PART_SIZE = 1 << 12
 
 _MIN_FRAME = 9
 """The fewest bytes of a frame; as WHEELWIRE_LEAST_FRAME."""
-_SPARE_ROOM = 64
+_SPARE_ROOM = 96
 """Room for the beginning of a frame that was fed before: its body may exceed the bytes fed."""
 
 _Bodies = ctypes.c_uint8 * (_PART_SIZE + _SPARE_ROOM)

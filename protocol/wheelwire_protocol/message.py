@@ -10,6 +10,7 @@ from typing import Any
 
 import construct
 
+from .codes import Group
 from .payload import CRC_SIZE, HEADER_SIZE
 from .units import Unit
 
@@ -30,8 +31,15 @@ class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type i
         self.enumeration = enumeration
 
     @property
+    def is_text(self) -> bool:
+        """True for characters, filled up with zeros; the other values are numbers."""
+        return isinstance(self.subcon, construct.Bytes)
+
+    @property
     def format(self) -> str:
         """The `struct` format character(s) of the value, without byte order."""
+        if self.is_text:
+            return f"{self.subcon.length}s"
         return str(self.subcon.fmtstr[1:])
 
 
@@ -42,7 +50,7 @@ def field(
     doc: str,
     enumeration: type[enum.IntEnum] | type[enum.IntFlag] | None = None,
 ) -> Field:
-    """One field of a message. `subcon` is one of construct's little-endian numbers."""
+    """One field of a message. `subcon` is one of construct's little-endian numbers, or `Bytes`."""
     return Field(name, subcon, unit, doc, enumeration)
 
 
@@ -56,6 +64,7 @@ class Message:
         doc: What it means, in one paragraph.
         body: A construct `Struct` of `field`s.
         frozen: The layout is the same in every protocol version.
+        group: What it belongs to; each group has a hash of its own.
     """
 
     id: int
@@ -63,6 +72,7 @@ class Message:
     doc: str
     body: Any
     frozen: bool = False
+    group: Group = Group.BASE
 
     @cached_property
     def fields(self) -> tuple[Field, ...]:

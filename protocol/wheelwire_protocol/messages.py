@@ -13,11 +13,14 @@ from construct import (
     Struct,
 )
 
+from .board import BoardState
+from .board_layout import board_fields
 from .codes import (
     Board,
     Capability,
     EventCode,
     Fault,
+    Group,
     RefusalCode,
     ResetReason,
     StopMode,
@@ -218,6 +221,43 @@ PARAMETER_TRIAL = Message(
     ),
 )
 
+GROUP_GET = Message(
+    id=0x12,
+    name="GroupGet",
+    doc="Asks for the hash of a group of messages; the answer is GroupInfo.",
+    body=Struct(_session(), _request(), field("group", Int8ul, Unit.NONE, "Which.", Group)),
+)
+RESTART = Message(
+    id=0x13,
+    name="Restart",
+    doc="Restarts the device, shortly after the Ack. Only while stopped.",
+    body=Struct(_session(), _request()),
+)
+
+# --- boards, from the host: ids 0x20 to 0x2f -----------------------------------------------------
+
+BOARD_GET = Message(
+    id=0x20,
+    name="BoardGet",
+    doc="Asks for the board in force; the answer is BoardValue.",
+    body=Struct(_session(), _request()),
+    group=Group.BOARD,
+)
+BOARD_WRITE = Message(
+    id=0x21,
+    name="BoardWrite",
+    doc="Stores a board, to be tried from the next restart on. Only while stopped.",
+    body=Struct(_session(), _request(), *board_fields()),
+    group=Group.BOARD,
+)
+BOARD_CONFIRM = Message(
+    id=0x22,
+    name="BoardConfirm",
+    doc="Keeps the board that is on trial, and lets it drive. Only while stopped.",
+    body=Struct(_session(), _request()),
+    group=Group.BOARD,
+)
+
 # --- from the device ---------------------------------------------------------------------------
 
 DEVICE_HELLO = Message(
@@ -398,6 +438,33 @@ CONTROL_COUNTERS = Message(
     ),
 )
 
+GROUP_INFO = Message(
+    id=0x8A,
+    name="GroupInfo",
+    doc="The hash of a group of messages.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("group", Int8ul, Unit.NONE, "As asked.", Group),
+        field("hash", Int32ul, Unit.NONE, "0: this device has no such group."),
+    ),
+)
+
+# --- boards, from the device: ids 0xa0 to 0xaf ---------------------------------------------------
+
+BOARD_VALUE = Message(
+    id=0xA0,
+    name="BoardValue",
+    doc="The board in force.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("state", Int8ul, Unit.NONE, "Where it is from.", BoardState),
+        *board_fields(),
+    ),
+    group=Group.BOARD,
+)
+
 MESSAGES: tuple[Message, ...] = (
     HELLO,
     STOP,
@@ -416,6 +483,11 @@ MESSAGES: tuple[Message, ...] = (
     LINK_COUNTERS_GET,
     CONTROL_COUNTERS_GET,
     PARAMETER_TRIAL,
+    GROUP_GET,
+    RESTART,
+    BOARD_GET,
+    BOARD_WRITE,
+    BOARD_CONFIRM,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -426,6 +498,8 @@ MESSAGES: tuple[Message, ...] = (
     EVENT,
     LINK_COUNTERS,
     CONTROL_COUNTERS,
+    GROUP_INFO,
+    BOARD_VALUE,
 )
 
 MAX_PAYLOAD = max(message.payload_size for message in MESSAGES)

@@ -15,10 +15,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 3
+ABI = 4
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
@@ -27,6 +28,7 @@ LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
 _PACKAGE = Path(__file__).parent
 _CHECKOUT = _PACKAGE.parents[1]
 _TAKE_SIZE = 4096
+_MOST_ISSUES = 100
 
 
 class NativeMissingError(Exception):
@@ -45,20 +47,25 @@ class Identity(NamedTuple):
     capabilities: Capability = Capability(0)
 
 
-class Bridge(NamedTuple):
-    """The pins of one half of an L298N. EN must be low while the inputs change."""
+class StageInputs(NamedTuple):
+    """The inputs of one wheel's power stage: the duty of the PWM on each, 0 to 32767.
+
+    0 is low, 32767 is high; those that the stage does not have are 0. Of several that change, set
+    first what falls, then what rises, from the last to the first: directions before enables.
+    """
 
     enable_q15: int
-    """Duty of the PWM on EN, 0 to 32767; 0 is low."""
-    in1: bool
-    in2: bool
+    in1_q15: int
+    in2_q15: int
+    pwm_q15: int
+    dir_q15: int
 
 
 class Outputs(NamedTuple):
     """The levels of the pins from now on, and the supervisor's state."""
 
-    left: Bridge
-    right: Bridge
+    left: StageInputs
+    right: StageInputs
     deadline_us: int
     """When the current setpoint expires."""
     period_us: int
@@ -108,6 +115,10 @@ class Core:
         )
         if not self._handle:
             raise MemoryError("no memory for the robot's core")
+
+    def take_board(self, packed: bytes) -> BoardFault:
+        """Drive the power stages of this board, before the start. NONE, or its first fault."""
+        return BoardFault(self._library.wheelwire_core_board(self._live, packed, len(packed)))
 
     def preset(self, parameter_id: int, value: float) -> RefusalCode:
         """Change the default of a parameter, before the start. NONE, or why it was refused."""
@@ -220,6 +231,31 @@ class Core:
         return self._outputs.values()
 
 
+class BoardIssue(NamedTuple):
+    """One thing that is wrong with a board: the values for the sentence of `fault`."""
+
+    fault: BoardFault
+    function: BoardPin
+    """What the pin is used for."""
+    pin: int
+    """GPIO; -1: the fault is of no pin."""
+    other: BoardPin
+    """What else it is used for."""
+    value: int
+    limit: int
+
+
+def check_board(packed: bytes) -> list[BoardIssue]:
+    """What is wrong with a packed board, by the core's own rules; empty if it can be used.
+
+    Raises:
+        NativeMissingError: The library is missing or of another release.
+    """
+    issues = (_BoardIssue * _MOST_ISSUES)()
+    count = load().wheelwire_board_check(packed, len(packed), issues, _MOST_ISSUES)
+    return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
+
+
 def locate(name: str, package: Path) -> Path:
     """The path of a native part: in a checkout's build, else in the installed package.
 
@@ -329,15 +365,11 @@ class _Inputs(ctypes.Structure):
     )
 
 
-class _Bridge(ctypes.Structure):
-    _fields_ = (
-        ("enable_q15", ctypes.c_uint16),
-        ("in1", ctypes.c_uint8),
-        ("in2", ctypes.c_uint8),
-    )
+class _StageInputs(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_uint16) for name in StageInputs._fields)
 
-    def values(self) -> Bridge:
-        return Bridge(self.enable_q15, bool(self.in1), bool(self.in2))
+    def values(self) -> StageInputs:
+        return StageInputs(self.enable_q15, self.in1_q15, self.in2_q15, self.pwm_q15, self.dir_q15)
 
 
 class _Outputs(ctypes.Structure):
@@ -345,8 +377,8 @@ class _Outputs(ctypes.Structure):
         ("deadline_us", ctypes.c_uint64),
         ("period_us", ctypes.c_uint32),
         ("faults", ctypes.c_uint32),
-        ("left", _Bridge),
-        ("right", _Bridge),
+        ("left", _StageInputs),
+        ("right", _StageInputs),
         ("state", ctypes.c_uint8),
     )
 
@@ -358,6 +390,27 @@ class _Outputs(ctypes.Structure):
             self.period_us,
             SupervisorState(self.state),
             Fault(self.faults),
+        )
+
+
+class _BoardIssue(ctypes.Structure):
+    _fields_ = (
+        ("value", ctypes.c_uint32),
+        ("limit", ctypes.c_uint32),
+        ("pin", ctypes.c_int16),
+        ("fault", ctypes.c_uint8),
+        ("function", ctypes.c_uint8),
+        ("other", ctypes.c_uint8),
+    )
+
+    def values(self) -> BoardIssue:
+        return BoardIssue(
+            BoardFault(self.fault),
+            BoardPin(self.function),
+            self.pin,
+            BoardPin(self.other),
+            self.value,
+            self.limit,
         )
 
 
@@ -382,6 +435,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (ctypes.POINTER(_Identity), ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
     ),
     "wheelwire_core_destroy": (None, (_CORE,)),
+    "wheelwire_core_board": (ctypes.c_uint8, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
     "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
     "wheelwire_core_start": (
         None,
@@ -397,6 +451,10 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_core_fail": (None, (_CORE,)),
     "wheelwire_core_feed": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
     "wheelwire_core_take": (ctypes.c_size_t, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
+    "wheelwire_board_check": (
+        ctypes.c_size_t,
+        (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_BoardIssue), ctypes.c_size_t),
+    ),
     "wheelwire_decoder_create": (_DECODER, (_BUFFER, _BUFFER)),
     "wheelwire_decoder_destroy": (None, (_DECODER,)),
     "wheelwire_decoder_feed": (

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from .codes import Group
+
 
 class Hello(NamedTuple):
     """Opens a session. Repeating it with the same nonce changes nothing."""
@@ -195,6 +197,113 @@ class ParameterTrial(NamedTuple):
     """What to do. See `codes.TrialAction`."""
     timeout_s: float
     """Of BEGIN and RENEW: 0.2 to 60. [s]"""
+
+
+class GroupGet(NamedTuple):
+    """Asks for the hash of a group of messages; the answer is GroupInfo."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    group: int
+    """Which. See `codes.Group`."""
+
+
+class Restart(NamedTuple):
+    """Restarts the device, shortly after the Ack. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
+class BoardGet(NamedTuple):
+    """Asks for the board in force; the answer is BoardValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
+class BoardWrite(NamedTuple):
+    """Stores a board, to be tried from the next restart on. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    version: int
+    """Of this struct."""
+    chip: int
+    """The chip whose pins these are. See `codes.Board`."""
+    stage: int
+    """The power stage of both wheels. See `codes.Stage`."""
+    line: int
+    """The line to the host. See `codes.BoardLine`."""
+    name: bytes
+    """ASCII, filled up with zeros."""
+    left_enable: int
+    """GPIO; -1: none."""
+    left_in1: int
+    """GPIO; -1: none."""
+    left_in2: int
+    """GPIO; -1: none."""
+    left_pwm: int
+    """GPIO; -1: none."""
+    left_dir: int
+    """GPIO; -1: none."""
+    left_encoder_a: int
+    """GPIO; -1: none."""
+    left_encoder_b: int
+    """GPIO; -1: none."""
+    right_enable: int
+    """GPIO; -1: none."""
+    right_in1: int
+    """GPIO; -1: none."""
+    right_in2: int
+    """GPIO; -1: none."""
+    right_pwm: int
+    """GPIO; -1: none."""
+    right_dir: int
+    """GPIO; -1: none."""
+    right_encoder_a: int
+    """GPIO; -1: none."""
+    right_encoder_b: int
+    """GPIO; -1: none."""
+    standby: int
+    """GPIO; -1: none."""
+    estop: int
+    """GPIO; -1: none."""
+    battery: int
+    """GPIO; -1: none."""
+    led: int
+    """GPIO; -1: none."""
+    encoder_pulls: int
+    """Of all four encoder inputs. See `codes.EncoderPulls`."""
+    estop_contact: int
+    """What a press does. See `codes.ContactKind`."""
+    pwm_frequency_hz: int
+    """Default of the parameter of this name. [Hz]"""
+    encoder_filter_ns: int
+    """Default of glitch_filter_ns. [ns]"""
+    battery_divider_permille: int
+    """Battery volts per volt at the pin, times 1000."""
+    pulldowns: int
+    """GPIOs with an external pull-down, as bits."""
+    crc: int
+    """CRC-32 of the bytes before it, as in a frame."""
+
+
+class BoardConfirm(NamedTuple):
+    """Keeps the board that is on trial, and lets it drive. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
 
 
 class DeviceHello(NamedTuple):
@@ -403,6 +512,90 @@ class ControlCounters(NamedTuple):
     """As left_illegal."""
 
 
+class GroupInfo(NamedTuple):
+    """The hash of a group of messages."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    group: int
+    """As asked. See `codes.Group`."""
+    hash: int
+    """0: this device has no such group."""
+
+
+class BoardValue(NamedTuple):
+    """The board in force."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    state: int
+    """Where it is from. See `codes.BoardState`."""
+    version: int
+    """Of this struct."""
+    chip: int
+    """The chip whose pins these are. See `codes.Board`."""
+    stage: int
+    """The power stage of both wheels. See `codes.Stage`."""
+    line: int
+    """The line to the host. See `codes.BoardLine`."""
+    name: bytes
+    """ASCII, filled up with zeros."""
+    left_enable: int
+    """GPIO; -1: none."""
+    left_in1: int
+    """GPIO; -1: none."""
+    left_in2: int
+    """GPIO; -1: none."""
+    left_pwm: int
+    """GPIO; -1: none."""
+    left_dir: int
+    """GPIO; -1: none."""
+    left_encoder_a: int
+    """GPIO; -1: none."""
+    left_encoder_b: int
+    """GPIO; -1: none."""
+    right_enable: int
+    """GPIO; -1: none."""
+    right_in1: int
+    """GPIO; -1: none."""
+    right_in2: int
+    """GPIO; -1: none."""
+    right_pwm: int
+    """GPIO; -1: none."""
+    right_dir: int
+    """GPIO; -1: none."""
+    right_encoder_a: int
+    """GPIO; -1: none."""
+    right_encoder_b: int
+    """GPIO; -1: none."""
+    standby: int
+    """GPIO; -1: none."""
+    estop: int
+    """GPIO; -1: none."""
+    battery: int
+    """GPIO; -1: none."""
+    led: int
+    """GPIO; -1: none."""
+    encoder_pulls: int
+    """Of all four encoder inputs. See `codes.EncoderPulls`."""
+    estop_contact: int
+    """What a press does. See `codes.ContactKind`."""
+    pwm_frequency_hz: int
+    """Default of the parameter of this name. [Hz]"""
+    encoder_filter_ns: int
+    """Default of glitch_filter_ns. [ns]"""
+    battery_divider_permille: int
+    """Battery volts per volt at the pin, times 1000."""
+    pulldowns: int
+    """GPIOs with an external pull-down, as bits."""
+    crc: int
+    """CRC-32 of the bytes before it, as in a frame."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -421,6 +614,11 @@ AnyMessage = (
     | LinkCountersGet
     | ControlCountersGet
     | ParameterTrial
+    | GroupGet
+    | Restart
+    | BoardGet
+    | BoardWrite
+    | BoardConfirm
     | DeviceHello
     | WheelState
     | Refuse
@@ -431,6 +629,8 @@ AnyMessage = (
     | Event
     | LinkCounters
     | ControlCounters
+    | GroupInfo
+    | BoardValue
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -451,6 +651,11 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x0F, LinkCountersGet, "LH"),
     (0x10, ControlCountersGet, "LH"),
     (0x11, ParameterTrial, "LHBf"),
+    (0x12, GroupGet, "LHB"),
+    (0x13, Restart, "LH"),
+    (0x20, BoardGet, "LH"),
+    (0x21, BoardWrite, "LHBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
+    (0x22, BoardConfirm, "LH"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -461,7 +666,55 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x87, Event, "LLBBBBH"),
     (0x88, LinkCounters, "LHLLLLLLLLLH"),
     (0x89, ControlCounters, "LHLLLLL"),
+    (0x8A, GroupInfo, "LHBL"),
+    (0xA0, BoardValue, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
 )
-"""Id, class, and the body in the format characters of `struct`, one per field."""
+"""Id, class, and the body in the format characters of `struct`."""
 
-SCHEMA_HASH = 0x250AECEA
+BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
+    ("version", "B"),
+    ("chip", "B"),
+    ("stage", "B"),
+    ("line", "B"),
+    ("name", "24s"),
+    ("left_enable", "b"),
+    ("left_in1", "b"),
+    ("left_in2", "b"),
+    ("left_pwm", "b"),
+    ("left_dir", "b"),
+    ("left_encoder_a", "b"),
+    ("left_encoder_b", "b"),
+    ("right_enable", "b"),
+    ("right_in1", "b"),
+    ("right_in2", "b"),
+    ("right_pwm", "b"),
+    ("right_dir", "b"),
+    ("right_encoder_a", "b"),
+    ("right_encoder_b", "b"),
+    ("standby", "b"),
+    ("estop", "b"),
+    ("battery", "b"),
+    ("led", "b"),
+    ("encoder_pulls", "B"),
+    ("estop_contact", "B"),
+    ("pwm_frequency_hz", "H"),
+    ("encoder_filter_ns", "H"),
+    ("battery_divider_permille", "H"),
+    ("pulldowns", "Q"),
+    ("crc", "L"),
+)
+"""Of the packed board: each field and its format characters."""
+
+GROUP_HASHES: dict[Group, int] = {
+    Group.BASE: 0x3C28CB1B,
+    Group.BOARD: 0x2393F3CB,
+}
+SCHEMA_HASH = GROUP_HASHES[Group.BASE]
+
+GROUPS: dict[type[AnyMessage], Group] = {
+    BoardGet: Group.BOARD,
+    BoardWrite: Group.BOARD,
+    BoardConfirm: Group.BOARD,
+    BoardValue: Group.BOARD,
+}
+"""Of the messages that not every device has."""

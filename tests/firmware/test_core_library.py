@@ -10,7 +10,7 @@ from support.library_robot import LibraryRobot
 from wheelwire.errors import DeviceRefused, LinkLost
 from wheelwire_protocol import native
 from wheelwire_protocol.codes import Board, Fault, RefusalCode, StopMode, SupervisorState
-from wheelwire_protocol.native import Bridge, Core, Identity, NativeMissingError
+from wheelwire_protocol.native import Core, Identity, NativeMissingError, StageInputs
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS
 from wheelwire_protocol.types import (
     ClearEstop,
@@ -27,7 +27,7 @@ from wheelwire_protocol.types import (
 
 FULL = 32767
 COAST = 0
-BRAKE = Bridge(FULL, in1=False, in2=False)
+BRAKE = StageInputs(FULL, 0, 0, 0, 0)
 
 
 def parameter(robot: LibraryRobot, name: str) -> float:
@@ -53,7 +53,7 @@ def test_before_the_start_nothing_moves() -> None:
     core = Core(Identity(1, Board.LINUX))
     outputs = core.step(1_000, 5, 5)
     assert outputs.state is SupervisorState.BOOT
-    assert outputs.left == outputs.right == Bridge(COAST, False, False)
+    assert outputs.left == outputs.right == StageInputs(COAST, 0, 0, 0, 0)
     assert core.service(2_000).state is SupervisorState.BOOT
 
 
@@ -61,8 +61,8 @@ def test_a_duty_becomes_pins_until_the_deadline() -> None:
     robot = LibraryRobot().open()
     drive(robot, 0.5, -0.25)
     assert state(robot) is SupervisorState.DRIVING
-    assert robot.outputs.left == Bridge(round(0.5 * FULL), True, False)
-    assert robot.outputs.right == Bridge(round(0.25 * FULL), False, True)
+    assert robot.outputs.left == StageInputs(round(0.5 * FULL), FULL, 0, 0, 0)
+    assert robot.outputs.right == StageInputs(round(0.25 * FULL), 0, FULL, 0, 0)
     deadline_us = robot.outputs.deadline_us
     robot.run_until(lambda: state(robot) is not SupervisorState.DRIVING)
     assert state(robot) is SupervisorState.TIMED_OUT

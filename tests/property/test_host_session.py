@@ -1,3 +1,5 @@
+from typing import Any
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +23,8 @@ _RANGES = {
     "i": st.integers(-(2**31), 2**31 - 1),
     "Q": st.integers(0, 2**64 - 1),
     "f": st.floats(width=32),
+    "b": st.integers(-(2**7), 2**7 - 1),
+    "24s": st.binary(min_size=24, max_size=24),
 }
 
 
@@ -28,7 +32,7 @@ _RANGES = {
 def any_message(draw: st.DrawFn) -> AnyMessage:
     """A well-formed message of any kind, with any values in it."""
     codec = BY_ID[draw(st.sampled_from(sorted(BY_ID)))]
-    values = [draw(_RANGES[letter]) for letter in codec.formats]
+    values = [draw(_RANGES[letters]) for letters in codec.field_formats]
     message: AnyMessage = codec.type(*values)
     return message
 
@@ -50,7 +54,7 @@ def test_well_formed_nonsense_never_raises(messages: list[AnyMessage], mine: boo
     for message in messages:
         if mine:  # as if the device itself had gone mad
             ids = {"session_id": line.device.session_id, "boot_id": line.device.boot_id}
-            known = {name: ids[name] for name in ids if name in message._fields}
+            known: dict[str, Any] = {n: ids[n] for n in ids if n in message._fields}
             message = message._replace(**known)
         line.now_us += 700
         line.session.receive(encoder.encode(message), line.now_us)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from random import Random
 
 from wheelwire.errors import WheelwireError
@@ -25,11 +26,12 @@ class VirtualRobot:
 
     Args:
         seed: Seed of everything random.
+        store: Where the device keeps what it saves; None: in memory.
         settings: The simulator's variables, such as `**{"left.encoder_dead": 1}`.
     """
 
-    def __init__(self, seed: int = 1, /, **settings: float) -> None:
-        self.sim = FwSim(seed)
+    def __init__(self, seed: int = 1, store: Path | None = None, /, **settings: float) -> None:
+        self.sim = FwSim(seed, store)
         for name, value in settings.items():
             self.sim.set(name, value)
         self.now_us = 0

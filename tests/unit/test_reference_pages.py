@@ -65,7 +65,7 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
         "serial": robot.serial,
         "gpio": robot.gpio,
     }
-    expected = {"driver": "none", "store": "none", "parameters": "none"}
+    expected = {"driver": "none", "store": "none", "board": "none", "parameters": "none"}
     for section, settings in sections.items():
         for field in dataclasses.fields(settings):
             value = getattr(settings, field.name)

@@ -4,9 +4,10 @@
 #include <new>
 #include <optional>
 
+#include "board_keeper.hpp"
 #include "device.hpp"
-#include "l298n.hpp"
 #include "ports.hpp"
+#include "power_stage.hpp"
 
 using namespace wheelwire::capi;
 
@@ -28,8 +29,8 @@ struct wheelwire_core {
   }
 
   wheelwire::Hal hal() {
-    return {.left_motor = left_motor,
-            .right_motor = right_motor,
+    return {.left_motor = *left_motor,
+            .right_motor = *right_motor,
             .encoders = encoders,
             .line = line,
             .store = store,
@@ -49,8 +50,8 @@ struct wheelwire_core {
 
   void write(wheelwire_outputs& outputs) const {
     outputs = {};
-    outputs.left = left_pins.levels();
-    outputs.right = right_pins.levels();
+    outputs.left = left_pins.inputs();
+    outputs.right = right_pins.inputs();
     if (!device) return;
     outputs.deadline_us = device->deadline_us();
     outputs.period_us = device->control_period_us();
@@ -62,8 +63,8 @@ struct wheelwire_core {
   wheelwire::ParameterSpec specs[wheelwire::kParameterCount];
   Pins left_pins;
   Pins right_pins;
-  wheelwire::L298n left_motor{left_pins};
-  wheelwire::L298n right_motor{right_pins};
+  std::optional<wheelwire::PowerStage> left_motor{std::in_place, left_pins};
+  std::optional<wheelwire::PowerStage> right_motor{std::in_place, right_pins};
   Encoders encoders;
   Line line;
   Store store;
@@ -85,6 +86,18 @@ wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity, const 
 }
 
 void wheelwire_core_destroy(wheelwire_core* core) { free(core); }
+
+uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board, size_t size) {
+  wheelwire::BoardDescription description;
+  wheelwire::BoardFault fault = wheelwire::read_board(board, size, description);
+  if (fault == wheelwire::BoardFault::kNone) fault = wheelwire::first_issue(description).fault;
+  if (fault != wheelwire::BoardFault::kNone) return static_cast<uint8_t>(fault);
+  const wheelwire::StageTable& stage = *wheelwire::table_of(description.stage);
+  core->left_motor.emplace(core->left_pins, stage);
+  core->right_motor.emplace(core->right_pins, stage);
+  wheelwire::apply_board(description, core->specs);
+  return 0;
+}
 
 uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter, float value) {
   const auto id = static_cast<wheelwire::ParameterId>(parameter);

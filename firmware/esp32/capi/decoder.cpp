@@ -36,6 +36,8 @@ struct wheelwire_decoder {
   wheelwire_counters total{};
 };
 
+static_assert(wheelwire::kMaxBody <= WHEELWIRE_SPARE_ROOM);
+
 wheelwire_decoder* wheelwire_decoder_create(uint8_t* bodies, wheelwire_run* runs) {
   void* const memory = malloc(sizeof(wheelwire_decoder));
   if (memory == nullptr) return nullptr;

@@ -10,18 +10,17 @@
 
 namespace wheelwire::capi {
 
-class Pins final : public BridgePort {
+class Pins final : public StagePort {
  public:
-  void set_inputs(bool in1, bool in2) override {
-    pins_.in1 = in1;
-    pins_.in2 = in2;
+  void set(const StageOutputs& outputs) override {
+    static_assert(sizeof pins_ == sizeof outputs.duty_q15);
+    memcpy(&pins_, outputs.duty_q15, sizeof pins_);
   }
-  void set_enable(uint16_t duty_q15) override { pins_.enable_q15 = duty_q15; }
 
-  const wheelwire_bridge& levels() const { return pins_; }
+  const wheelwire_stage& inputs() const { return pins_; }
 
  private:
-  wheelwire_bridge pins_{};
+  wheelwire_stage pins_{};
 };
 
 /// Turns ticks that the caller counted into what a chip's counter would read.

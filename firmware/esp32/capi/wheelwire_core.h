@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 3
+#define WHEELWIRE_ABI 4
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -47,20 +47,23 @@ typedef struct wheelwire_inputs {
   uint8_t contact_open; /* The e-stop contact, normally closed. */
 } wheelwire_inputs;
 
-/* The pins of one half of an L298N. Where an input changes, set EN low, then the inputs, then EN:
- * the inputs must not switch while current flows. */
-typedef struct wheelwire_bridge {
-  uint16_t enable_q15; /* Duty of the PWM on EN, 0 to 32767; 0 is low. */
-  uint8_t in1;
-  uint8_t in2;
-} wheelwire_bridge;
+/* The inputs of one wheel's power stage: the duty of the PWM on each, 0 to 32767; 0 is low, 32767
+ * is high. Those that the stage does not have are 0. Of several that change, set first what falls,
+ * then what rises, from the last to the first: directions before enables. */
+typedef struct wheelwire_stage {
+  uint16_t enable_q15;
+  uint16_t in1_q15;
+  uint16_t in2_q15;
+  uint16_t pwm_q15;
+  uint16_t dir_q15;
+} wheelwire_stage;
 
 typedef struct wheelwire_outputs {
   uint64_t deadline_us; /* When the setpoint in force expires. */
   uint32_t period_us;   /* From this step to the next. */
   uint32_t faults;
-  wheelwire_bridge left;
-  wheelwire_bridge right;
+  wheelwire_stage left;
+  wheelwire_stage right;
   uint8_t state; /* The supervisor's. */
 } wheelwire_outputs;
 
@@ -70,6 +73,12 @@ WHEELWIRE_EXPORT wheelwire_core* wheelwire_core_create(const wheelwire_identity*
                                                        const uint8_t* block, size_t size,
                                                        wheelwire_save save, void* context);
 WHEELWIRE_EXPORT void wheelwire_core_destroy(wheelwire_core* core);
+
+/* Sets the packed board whose power stages the outputs are for, and the defaults that it gives,
+ * before the start; without it they are an L298N's. Returns a BoardFault, the first one of the
+ * board. */
+WHEELWIRE_EXPORT uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board,
+                                              size_t size);
 
 /* Changes the default of a parameter, before the start. Returns a RefusalCode. */
 WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter,
@@ -99,6 +108,21 @@ WHEELWIRE_EXPORT size_t wheelwire_core_feed(wheelwire_core* core, const uint8_t*
  * dropped, and counted in LinkCounters. */
 WHEELWIRE_EXPORT size_t wheelwire_core_take(wheelwire_core* core, uint8_t* out, size_t capacity);
 
+/* What is wrong with a board; the codes are those of protocol/wheelwire_protocol/board.py. */
+typedef struct wheelwire_board_issue {
+  uint32_t value;
+  uint32_t limit;
+  int16_t pin;      /* GPIO; -1: the fault is of no pin. */
+  uint8_t fault;    /* BoardFault */
+  uint8_t function; /* BoardPin: what the pin is used for. */
+  uint8_t other;    /* BoardPin: what else it is used for. */
+} wheelwire_board_issue;
+
+/* Checks a packed board. Returns how many issues there are, 0 for a board that can be used, and
+ * writes the first `capacity` of them to `issues`. */
+WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* board, size_t size,
+                                              wheelwire_board_issue* issues, size_t capacity);
+
 /* The core's decoder, for a host: it knows every message, not only those that a device receives. */
 typedef struct wheelwire_decoder wheelwire_decoder;
 
@@ -119,13 +143,16 @@ typedef struct wheelwire_counters {
   uint64_t repeated;
 } wheelwire_counters;
 
+/* What a frame that began in an earlier feed may add to the bodies of a feed. */
+#define WHEELWIRE_SPARE_ROOM 96
+
 /* The smallest frame, in bytes: no body, one delimiter. */
 #define WHEELWIRE_LEAST_FRAME 9
 
 /* Each call of feed writes what it completes to `bodies`, the bodies of the frames packed one after
  * the other, and to `runs`, which messages they are of. Both must outlive the decoder. `bodies`
- * needs room for the largest feed plus 64 bytes, `runs` for as many smallest frames as fit in that,
- * plus one. Returns NULL when out of memory. */
+ * needs room for the largest feed plus WHEELWIRE_SPARE_ROOM bytes, `runs` for as many smallest
+ * frames as fit in that, plus one. Returns NULL when out of memory. */
 WHEELWIRE_EXPORT wheelwire_decoder* wheelwire_decoder_create(uint8_t* bodies, wheelwire_run* runs);
 WHEELWIRE_EXPORT void wheelwire_decoder_destroy(wheelwire_decoder* decoder);
 

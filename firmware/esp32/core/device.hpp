@@ -9,9 +9,13 @@ namespace wheelwire {
 
 class Device {
  public:
-  /// `specs`: see Parameters.
-  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters)
-      : server_(robot_, hal.line, identity), robot_(hal, server_, specs) {}
+  /// `specs`: see Parameters. `keeper`: started; nullptr where no board can be written.
+  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters,
+         BoardKeeper* keeper = nullptr)
+      : server_(robot_, hal.line, identity, keeper), robot_(hal, server_, specs) {
+    if (keeper != nullptr && keeper->state() == BoardState::kNone)
+      robot_.report_failure(fault::kNoBoard);
+  }
   Device(const Device&) = delete;  // The two halves refer to each other.
   Device& operator=(const Device&) = delete;
 
@@ -25,7 +29,10 @@ class Device {
   /// the wheels. A UART reports no such thing; there the setpoint's deadline stops them.
   void hang_up(uint64_t now_us) { server_.hang_up(now_us); }
   /// A motor or encoder peripheral did not start: FAULT until the next reset.
-  void report_driver_failure() { robot_.report_driver_failure(); }
+  void report_driver_failure() { robot_.report_failure(fault::kDriverFailed); }
+
+  /// Whether the device is to restart. Its wheels stand still.
+  bool is_restart_due(uint64_t now_us) const { return server_.is_restart_due(now_us); }
 
   uint32_t control_period_us() const { return robot_.control_period_us(); }
   bool on_trial() const { return robot_.on_trial(); }

@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "board_tables.hpp"
+
 namespace wheelwire {
 
 /// One wheel's power stage.
@@ -20,15 +22,40 @@ class MotorPort {
   ~MotorPort() = default;  // Owned by main(), never deleted through the interface.
 };
 
-/// The pins of one half of an L298N.
-class BridgePort {
+/// An input of a power stage that is always high.
+constexpr uint16_t kHigh_q15 = INT16_MAX;
+
+/// The duty of the PWM on each input of a power stage, by StageInput: 0 is low, kHigh_q15 is high.
+/// Those that the stage does not have are 0.
+struct StageOutputs {
+  uint16_t duty_q15[kStageInputs]{};
+
+  constexpr uint16_t operator[](StageInput input) const {
+    return duty_q15[static_cast<size_t>(input)];
+  }
+  bool operator==(const StageOutputs&) const = default;
+};
+
+/// The pins of one wheel's power stage. All are low at first.
+class StagePort {
  public:
-  virtual void set_inputs(bool in1, bool in2) = 0;
-  virtual void set_enable(uint16_t duty_q15) = 0;  ///< PWM on EN, 0..32767; 0 is low.
+  /// Called in each control period, changed or not; see for_each_input().
+  virtual void set(const StageOutputs& outputs) = 0;
 
  protected:
-  ~BridgePort() = default;
+  ~StagePort() = default;
 };
+
+/// Calls `set(input, duty_q15)` for each input in an order that is safe on every stage: what falls
+/// goes first, then the others, with directions before enables. Unchanged ones are set again: an
+/// interrupt may have pulled them low.
+template <typename Set>
+void for_each_input(const StageOutputs& from, const StageOutputs& to, Set set) {
+  for (size_t i = 0; i < kStageInputs; ++i)
+    if (to.duty_q15[i] < from.duty_q15[i]) set(static_cast<StageInput>(i), to.duty_q15[i]);
+  for (size_t i = kStageInputs; i-- > 0;)
+    if (to.duty_q15[i] >= from.duty_q15[i]) set(static_cast<StageInput>(i), to.duty_q15[i]);
+}
 
 /// The chip's counters stay within -32766..32766: at +-32767 they return to 0.
 constexpr int32_t kCounterLimit = 32767;

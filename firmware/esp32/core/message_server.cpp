@@ -2,6 +2,13 @@
 
 namespace wheelwire {
 
+namespace {
+
+/// Long enough for the acknowledgement to leave the chip.
+constexpr uint64_t kRestartDelayUs = 50'000;
+
+}  // namespace
+
 void MessageServer::service_link(uint64_t now_us) {
   link_.renew_read_budget();
   Frame frame;
@@ -50,6 +57,16 @@ void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
       return once(ControlCountersGet::decode(frame.body), now_us);
     case ParameterTrial::kId:
       return once(ParameterTrial::decode(frame.body), now_us);
+    case GroupGet::kId:
+      return once(GroupGet::decode(frame.body), now_us);
+    case Restart::kId:
+      return once(Restart::decode(frame.body), now_us);
+    case BoardGet::kId:
+      return once(BoardGet::decode(frame.body), now_us);
+    case BoardWrite::kId:
+      return once(BoardWrite::decode(frame.body), now_us);
+    case BoardConfirm::kId:
+      return once(BoardConfirm::decode(frame.body), now_us);
   }
 }
 
@@ -141,10 +158,14 @@ bool MessageServer::is_newest(const Message& message) {
 template <typename Message>
 void MessageServer::obey(const Message& message, ControlMode mode, WheelPair wheels,
                          uint64_t now_us) {
-  const RefusalCode refusal =
-      session_.clock_synchronised()
-          ? robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us)
-          : RefusalCode::kClockUnsynchronised;
+  RefusalCode refusal = RefusalCode::kClockUnsynchronised;
+  if (keeper_ != nullptr && keeper_->on_trial()) {
+    refusal = RefusalCode::kBoardOnTrial;
+  } else if (restart_us_ != 0) {
+    refusal = RefusalCode::kBooting;
+  } else if (session_.clock_synchronised()) {
+    refusal = robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us);
+  }
   if (refusal != RefusalCode::kNone)
     refuse(message.kId, message.session_id, message.command_seq, refusal);
 }
@@ -280,6 +301,7 @@ void MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
 /// Answers a request, and keeps the answer for a repeat of it.
 template <typename Message>
 void MessageServer::answer(uint16_t request_id, const Message& message) {
+  static_assert(Message::kSize <= kMaxAnswer);
   Answer& record = session_.record(request_id);
   record.id = Message::kId;
   record.size = Message::kSize;
@@ -303,6 +325,53 @@ void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t ref
                            RefusalCode code) {
   ++refused_;
   link_.send(Refuse{session_id, message_id, code, reference});
+}
+
+// --- groups, boards, restart ---------------------------------------------------------------------
+
+void MessageServer::on(const GroupGet& request, uint64_t) {
+  const bool is_served =
+      request.group == Group::kBase || (request.group == Group::kBoard && keeper_ != nullptr);
+  answer(request.request_id, GroupInfo{.session_id = session_.id(),
+                                       .request_id = request.request_id,
+                                       .group = request.group,
+                                       .hash = is_served ? hash_of(request.group) : 0});
+}
+
+void MessageServer::on(const Restart& request, uint64_t now_us) {
+  RefusalCode refusal = robot_.check_stopped();
+  if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
+  if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
+  conclude(request.kId, request.request_id, refusal);
+}
+
+void MessageServer::on(const BoardGet& request, uint64_t) {
+  if (keeper_ == nullptr)
+    return conclude(request.kId, request.request_id, RefusalCode::kNotSupported);
+  // The message's fields are the packed board's: its bytes are copied as they are.
+  uint8_t body[BoardValue::kSize];
+  BoardValue{
+      .session_id = session_.id(), .request_id = request.request_id, .state = keeper_->state()}
+      .encode(body);
+  write_board(keeper_->board(), body + BoardValue::kSize - BoardDescription::kSize);
+  // Not kept for a repeat, which is answered afresh: the longest answer would take four times its
+  // size.
+  link_.send_body(BoardValue::kId, body, sizeof body);
+}
+
+void MessageServer::on(const BoardWrite& request, uint64_t) {
+  uint8_t body[BoardWrite::kSize];
+  request.encode(body);
+  RefusalCode refusal = keeper_ == nullptr ? RefusalCode::kNotSupported : robot_.check_stopped();
+  if (refusal == RefusalCode::kNone)
+    refusal = keeper_->write(body + BoardWrite::kSize - BoardDescription::kSize);
+  conclude(request.kId, request.request_id, refusal);
+}
+
+void MessageServer::on(const BoardConfirm& request, uint64_t) {
+  RefusalCode refusal = keeper_ == nullptr ? RefusalCode::kNotSupported : robot_.check_stopped();
+  if (refusal == RefusalCode::kNone) refusal = keeper_->confirm();
+  conclude(request.kId, request.request_id, refusal);
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 // stream. See protocol/SPEC.md, "Sessions", "Setpoints", "Requests".
 #pragma once
 
+#include "board_keeper.hpp"
 #include "link.hpp"
 #include "protocol.hpp"
 #include "robot.hpp"
@@ -24,9 +25,10 @@ struct Identity {
 
 class MessageServer final : public RobotObserver {
  public:
-  /// `robot` is not used before the first message: it may be constructed later.
-  MessageServer(Robot& robot, ByteStream& line, const Identity& identity)
-      : robot_(robot), link_(line), identity_(identity) {}
+  /// `robot` is not used before the first message: it may be constructed later. `keeper`: nullptr
+  /// where no board can be written.
+  MessageServer(Robot& robot, ByteStream& line, const Identity& identity, BoardKeeper* keeper)
+      : robot_(robot), link_(line), identity_(identity), keeper_(keeper) {}
 
   /// Reads and answers what the host has sent.
   void service_link(uint64_t now_us);
@@ -36,6 +38,11 @@ class MessageServer final : public RobotObserver {
   void hang_up(uint64_t now_us);
 
   bool has_session() const { return session_.is_open(); }
+  /// Whether the device is to restart: its host asked for it, or a board was not confirmed in time.
+  bool is_restart_due(uint64_t now_us) const {
+    return (restart_us_ != 0 && now_us >= restart_us_) ||
+           (keeper_ != nullptr && keeper_->is_overdue(now_us));
+  }
 
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
@@ -64,6 +71,11 @@ class MessageServer final : public RobotObserver {
   void on(const LinkCountersGet& request, uint64_t now_us);
   void on(const ControlCountersGet& request, uint64_t now_us);
   void on(const ParameterTrial& request, uint64_t now_us);
+  void on(const GroupGet& request, uint64_t now_us);
+  void on(const Restart& request, uint64_t now_us);
+  void on(const BoardGet& request, uint64_t now_us);
+  void on(const BoardWrite& request, uint64_t now_us);
+  void on(const BoardConfirm& request, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message);
@@ -85,6 +97,8 @@ class MessageServer final : public RobotObserver {
   Link link_;
   Session session_;
   Identity identity_;
+  BoardKeeper* keeper_;
+  uint64_t restart_us_ = 0;  // 0: no restart was asked for
   uint32_t refused_ = 0;
   uint32_t state_interval_us_ = 0;  // 0: not streaming
   uint64_t next_state_us_ = 0;

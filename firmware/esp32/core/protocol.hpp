@@ -9,12 +9,12 @@
 namespace wheelwire {
 
 namespace schema {
-constexpr uint16_t kVersion = 1;
-constexpr uint32_t kHash = 0x250aecea;
+constexpr uint16_t kVersion = 2;
+constexpr uint32_t kHash = 0x3c28cb1b;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
-constexpr size_t kMaxPayload = 51;
+constexpr size_t kMaxPayload = 80;
 
 enum class SupervisorState : uint8_t {
   kBoot = 0,      ///< Starting; the outputs coast.
@@ -60,6 +60,15 @@ enum class RefusalCode : uint8_t {
   kOnTrial = 17,      ///< Not possible while parameters are on trial; keep or revert them first.
   kNoTrial = 18,  ///< The trial of parameters is over and the former values are in force: it was
                   ///< not renewed in time, or its session ended. Revert it, then begin another.
+  kBoardRefused = 19,    ///< The board breaks a rule of this device; see `wheelwire board check`.
+  kBoardOnTrial = 20,    ///< A board is on trial: confirm it, or wait until the former one returns.
+  kNoBoardOnTrial = 21,  ///< No board is on trial; write one and restart the device first.
+  kNotSupported = 22,    ///< This device cannot do that; see its documentation for what does.
+};
+
+enum class Group : uint8_t {
+  kBase = 0,   ///< Sessions, setpoints, stops, requests, state: what every device has.
+  kBoard = 1,  ///< Boards: which pins lead to which power stage and encoders.
 };
 
 enum class StopMode : uint8_t {
@@ -131,6 +140,9 @@ constexpr uint32_t kStoreNewer = 512;
 /// The saved parameters could not be read from flash, and defaults are in force: reset the
 /// parameters, which erases it, and clear the fault.
 constexpr uint32_t kStoreUnreadable = 1024;
+/// No board is stored that this device can use, so it drives no pin: write one with `wheelwire
+/// board write`.
+constexpr uint32_t kNoBoard = 2048;
 }  // namespace fault
 
 namespace capability {
@@ -142,7 +154,115 @@ constexpr uint32_t kEstopInput = 2;
 constexpr uint32_t kSimulatedPlant = 4;
 /// Has the core dump of a crash in its flash.
 constexpr uint32_t kCoreDump = 8;
+/// Restarts when it is asked to.
+constexpr uint32_t kRestart = 16;
 }  // namespace capability
+
+/// Of the layout of a group of messages; 0: there is none.
+constexpr uint32_t hash_of(Group group) {
+  switch (group) {
+    case Group::kBase:
+      return 0x3c28cb1b;
+    case Group::kBoard:
+      return 0x2393f3cb;
+  }
+  return 0;
+}
+
+enum class Stage : uint8_t {
+  kEnableIn1In2 = 0,  ///< An enable with the PWM and two direction inputs: L298N, L293D.
+  kPwmIn1In2 = 1,     ///< A PWM input, whose low level brakes, and two direction inputs: TB6612FNG.
+  kInIn = 2,          ///< Two inputs, the PWM on one of them: DRV8833, DRV8871, MX1508.
+  kHalfBridges = 3,   ///< Two half bridges with a common enable: BTS7960 (IBT-2).
+  kPwmDir = 4,        ///< A PWM and a direction input: Cytron MD10C, MDD10A.
+};
+
+enum class EncoderPulls : uint8_t {
+  kInternal = 0,  ///< The chip's own pull-ups.
+  kExternal = 1,  ///< Resistors on the board, or outputs that drive both levels.
+};
+
+enum class ContactKind : uint8_t {
+  kNormallyClosed = 0,  ///< It opens; a broken wire is an e-stop, too.
+  kNormallyOpen = 1,    ///< It closes to ground; a broken wire goes unnoticed.
+};
+
+enum class BoardLine : uint8_t {
+  kUart = 0,  ///< UART0, through the board's USB bridge.
+  kUsb = 1,   ///< The chip's own USB.
+};
+
+enum class BoardState : uint8_t {
+  kNone = 0,     ///< There is none: nothing is driven.
+  kBuiltIn = 1,  ///< It is the one in the image.
+  kStored = 2,   ///< It was written, and confirmed.
+  kTrial = 3,    ///< It was written, and waits for its confirmation: nothing drives.
+};
+
+enum class BoardPin : uint8_t {
+  kLeftEnable = 0,      ///< left.enable
+  kLeftIn1 = 1,         ///< left.in1
+  kLeftIn2 = 2,         ///< left.in2
+  kLeftPwm = 3,         ///< left.pwm
+  kLeftDir = 4,         ///< left.dir
+  kLeftEncoderA = 5,    ///< left.encoder_a
+  kLeftEncoderB = 6,    ///< left.encoder_b
+  kRightEnable = 7,     ///< right.enable
+  kRightIn1 = 8,        ///< right.in1
+  kRightIn2 = 9,        ///< right.in2
+  kRightPwm = 10,       ///< right.pwm
+  kRightDir = 11,       ///< right.dir
+  kRightEncoderA = 12,  ///< right.encoder_a
+  kRightEncoderB = 13,  ///< right.encoder_b
+  kStandby = 14,        ///< standby
+  kEstop = 15,          ///< estop.pin
+  kBattery = 16,        ///< battery.pin
+  kLed = 17,            ///< led
+};
+
+enum class BoardFault : uint8_t {
+  kNone = 0,  ///< Nothing is wrong.
+  kVersion =
+      1,  ///< its format is version {value}, this firmware knows {limit}: update the older one
+  kDamaged = 2,        ///< its checksum is wrong: write it again
+  kName = 3,           ///< name: give it 1 to 24 printable ASCII characters
+  kChip = 4,           ///< chip: no such chip is known
+  kOtherChip = 5,      ///< chip: it is for {chip}, this device is another one
+  kStage = 6,          ///< stage: no such power stage is known
+  kPinMissing = 7,     ///< {function}: the stage {stage} needs this pin
+  kPinWithoutUse = 8,  ///< {function} = {pin}: the stage {stage} has no such input; leave it out
+  kPinAbsent = 9,      ///< {function} = {pin}: {chip} has no GPIO {pin} on its pins
+  kPinTwice = 10,      ///< {function} = {pin}: GPIO {pin} is {other} already; choose a free one
+  kPinOfMemory =
+      11,  ///< {function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM; choose another
+  kPinOfLink = 12,  ///< {function} = {pin}: GPIO {pin} of {chip} carries the line to the computer;
+                    ///< choose another
+  kPinStrapping = 13,  ///< {function} = {pin}: the level of GPIO {pin} at reset selects how {chip}
+                       ///< starts; choose another
+  kPinInputOnly =
+      14,  ///< {function} = {pin}: GPIO {pin} of {chip} is an input only; choose one that can drive
+  kNoPullUp = 15,  ///< {function} = {pin}: GPIO {pin} of {chip} has no pull-up of its own, so an
+                   ///< open wire counts ticks; choose another, or fit resistors to 3.3 V and write
+                   ///< `encoder_pulls: external`
+  kNoPullUpForContact = 16,  ///< {function} = {pin}: GPIO {pin} of {chip} has no pull-up, so an
+                             ///< open contact reads as nothing; choose another
+  kNoAdc = 17,  ///< {function} = {pin}: GPIO {pin} of {chip} cannot measure; choose one of ADC1
+  kNotOnThisChip = 18,  ///< {function} = {pin}: {chip} has no support for it; leave it out
+  kNoPullDown =
+      19,  ///< {function} = {pin}: the stage {stage} drives whenever this input floats, as it does
+           ///< while {chip} is in reset; fit some 10 kOhm to ground and add {pin} to pulldowns
+  kPullDownWithoutUse =
+      20,  ///< pulldowns: GPIO {pin} is no output of this board; leave it out, or mend the number
+  kFrequencyHigh = 21,  ///< pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most
+  kFrequencyLow = 22,   ///< pwm_frequency_hz = {value}: choose {limit} at least
+  kCounters = 23,       ///< {chip} has {limit} pulse counters, two wheels need {value}
+  kPwmOutputs = 24,     ///< {chip} has {limit} PWM outputs, the stage {stage} needs {value}
+  kFilter = 25,         ///< encoder_filter_ns = {value}: the chip's filter ends at {limit}
+  kDivider = 26,  ///< battery.divider = {value} thousandths: choose 1 to 20, battery volts per volt
+                  ///< at the pin
+  kLine = 27,  ///< link: {chip} has no USB of its own, and a Raspberry Pi none at all; write uart
+  kCode = 28,  ///< a code is unknown to this firmware: update it
+};
 
 /// Opens a session. Repeating it with the same nonce changes nothing.
 struct Hello {
@@ -624,6 +744,224 @@ struct ParameterTrial {
   }
 };
 
+/// Asks for the hash of a group of messages; the answer is GroupInfo.
+struct GroupGet {
+  static constexpr uint8_t kId = 0x12;
+  static constexpr size_t kSize = 7;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  Group group{};          ///< Which.
+
+  bool operator==(const GroupGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, group);
+  }
+
+  /// Reads kSize bytes.
+  static GroupGet decode(const uint8_t* in) {
+    GroupGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.group);
+    return message;
+  }
+};
+
+/// Restarts the device, shortly after the Ack. Only while stopped.
+struct Restart {
+  static constexpr uint8_t kId = 0x13;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const Restart&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static Restart decode(const uint8_t* in) {
+    Restart message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
+/// Asks for the board in force; the answer is BoardValue.
+struct BoardGet {
+  static constexpr uint8_t kId = 0x20;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const BoardGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static BoardGet decode(const uint8_t* in) {
+    BoardGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
+/// Stores a board, to be tried from the next restart on. Only while stopped.
+struct BoardWrite {
+  static constexpr uint8_t kId = 0x21;
+  static constexpr size_t kSize = 72;
+
+  uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
+  uint8_t version{};                    ///< Of this struct.
+  Board chip{};                         ///< The chip whose pins these are.
+  Stage stage{};                        ///< The power stage of both wheels.
+  BoardLine line{};                     ///< The line to the host.
+  char name[24]{};                      ///< ASCII, filled up with zeros.
+  int8_t left_enable{};                 ///< GPIO; -1: none.
+  int8_t left_in1{};                    ///< GPIO; -1: none.
+  int8_t left_in2{};                    ///< GPIO; -1: none.
+  int8_t left_pwm{};                    ///< GPIO; -1: none.
+  int8_t left_dir{};                    ///< GPIO; -1: none.
+  int8_t left_encoder_a{};              ///< GPIO; -1: none.
+  int8_t left_encoder_b{};              ///< GPIO; -1: none.
+  int8_t right_enable{};                ///< GPIO; -1: none.
+  int8_t right_in1{};                   ///< GPIO; -1: none.
+  int8_t right_in2{};                   ///< GPIO; -1: none.
+  int8_t right_pwm{};                   ///< GPIO; -1: none.
+  int8_t right_dir{};                   ///< GPIO; -1: none.
+  int8_t right_encoder_a{};             ///< GPIO; -1: none.
+  int8_t right_encoder_b{};             ///< GPIO; -1: none.
+  int8_t standby{};                     ///< GPIO; -1: none.
+  int8_t estop{};                       ///< GPIO; -1: none.
+  int8_t battery{};                     ///< GPIO; -1: none.
+  int8_t led{};                         ///< GPIO; -1: none.
+  EncoderPulls encoder_pulls{};         ///< Of all four encoder inputs.
+  ContactKind estop_contact{};          ///< What a press does.
+  uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
+  uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
+  uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
+  uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
+  uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
+
+  bool operator==(const BoardWrite&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, version);
+    wire::put(out, chip);
+    wire::put(out, stage);
+    wire::put(out, line);
+    wire::put(out, name);
+    wire::put(out, left_enable);
+    wire::put(out, left_in1);
+    wire::put(out, left_in2);
+    wire::put(out, left_pwm);
+    wire::put(out, left_dir);
+    wire::put(out, left_encoder_a);
+    wire::put(out, left_encoder_b);
+    wire::put(out, right_enable);
+    wire::put(out, right_in1);
+    wire::put(out, right_in2);
+    wire::put(out, right_pwm);
+    wire::put(out, right_dir);
+    wire::put(out, right_encoder_a);
+    wire::put(out, right_encoder_b);
+    wire::put(out, standby);
+    wire::put(out, estop);
+    wire::put(out, battery);
+    wire::put(out, led);
+    wire::put(out, encoder_pulls);
+    wire::put(out, estop_contact);
+    wire::put(out, pwm_frequency_hz);
+    wire::put(out, encoder_filter_ns);
+    wire::put(out, battery_divider_permille);
+    wire::put(out, pulldowns);
+    wire::put(out, crc);
+  }
+
+  /// Reads kSize bytes.
+  static BoardWrite decode(const uint8_t* in) {
+    BoardWrite message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.version);
+    wire::get(in, message.chip);
+    wire::get(in, message.stage);
+    wire::get(in, message.line);
+    wire::get(in, message.name);
+    wire::get(in, message.left_enable);
+    wire::get(in, message.left_in1);
+    wire::get(in, message.left_in2);
+    wire::get(in, message.left_pwm);
+    wire::get(in, message.left_dir);
+    wire::get(in, message.left_encoder_a);
+    wire::get(in, message.left_encoder_b);
+    wire::get(in, message.right_enable);
+    wire::get(in, message.right_in1);
+    wire::get(in, message.right_in2);
+    wire::get(in, message.right_pwm);
+    wire::get(in, message.right_dir);
+    wire::get(in, message.right_encoder_a);
+    wire::get(in, message.right_encoder_b);
+    wire::get(in, message.standby);
+    wire::get(in, message.estop);
+    wire::get(in, message.battery);
+    wire::get(in, message.led);
+    wire::get(in, message.encoder_pulls);
+    wire::get(in, message.estop_contact);
+    wire::get(in, message.pwm_frequency_hz);
+    wire::get(in, message.encoder_filter_ns);
+    wire::get(in, message.battery_divider_permille);
+    wire::get(in, message.pulldowns);
+    wire::get(in, message.crc);
+    return message;
+  }
+};
+
+/// Keeps the board that is on trial, and lets it drive. Only while stopped.
+struct BoardConfirm {
+  static constexpr uint8_t kId = 0x22;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const BoardConfirm&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static BoardConfirm decode(const uint8_t* in) {
+    BoardConfirm message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -1050,6 +1388,155 @@ struct ControlCounters {
   }
 };
 
+/// The hash of a group of messages.
+struct GroupInfo {
+  static constexpr uint8_t kId = 0x8a;
+  static constexpr size_t kSize = 11;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  Group group{};          ///< As asked.
+  uint32_t hash{};        ///< 0: this device has no such group.
+
+  bool operator==(const GroupInfo&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, group);
+    wire::put(out, hash);
+  }
+
+  /// Reads kSize bytes.
+  static GroupInfo decode(const uint8_t* in) {
+    GroupInfo message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.group);
+    wire::get(in, message.hash);
+    return message;
+  }
+};
+
+/// The board in force.
+struct BoardValue {
+  static constexpr uint8_t kId = 0xa0;
+  static constexpr size_t kSize = 73;
+
+  uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
+  BoardState state{};                   ///< Where it is from.
+  uint8_t version{};                    ///< Of this struct.
+  Board chip{};                         ///< The chip whose pins these are.
+  Stage stage{};                        ///< The power stage of both wheels.
+  BoardLine line{};                     ///< The line to the host.
+  char name[24]{};                      ///< ASCII, filled up with zeros.
+  int8_t left_enable{};                 ///< GPIO; -1: none.
+  int8_t left_in1{};                    ///< GPIO; -1: none.
+  int8_t left_in2{};                    ///< GPIO; -1: none.
+  int8_t left_pwm{};                    ///< GPIO; -1: none.
+  int8_t left_dir{};                    ///< GPIO; -1: none.
+  int8_t left_encoder_a{};              ///< GPIO; -1: none.
+  int8_t left_encoder_b{};              ///< GPIO; -1: none.
+  int8_t right_enable{};                ///< GPIO; -1: none.
+  int8_t right_in1{};                   ///< GPIO; -1: none.
+  int8_t right_in2{};                   ///< GPIO; -1: none.
+  int8_t right_pwm{};                   ///< GPIO; -1: none.
+  int8_t right_dir{};                   ///< GPIO; -1: none.
+  int8_t right_encoder_a{};             ///< GPIO; -1: none.
+  int8_t right_encoder_b{};             ///< GPIO; -1: none.
+  int8_t standby{};                     ///< GPIO; -1: none.
+  int8_t estop{};                       ///< GPIO; -1: none.
+  int8_t battery{};                     ///< GPIO; -1: none.
+  int8_t led{};                         ///< GPIO; -1: none.
+  EncoderPulls encoder_pulls{};         ///< Of all four encoder inputs.
+  ContactKind estop_contact{};          ///< What a press does.
+  uint16_t pwm_frequency_hz{};          ///< Default of the parameter of this name. [Hz]
+  uint16_t encoder_filter_ns{};         ///< Default of glitch_filter_ns. [ns]
+  uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
+  uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
+  uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
+
+  bool operator==(const BoardValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, state);
+    wire::put(out, version);
+    wire::put(out, chip);
+    wire::put(out, stage);
+    wire::put(out, line);
+    wire::put(out, name);
+    wire::put(out, left_enable);
+    wire::put(out, left_in1);
+    wire::put(out, left_in2);
+    wire::put(out, left_pwm);
+    wire::put(out, left_dir);
+    wire::put(out, left_encoder_a);
+    wire::put(out, left_encoder_b);
+    wire::put(out, right_enable);
+    wire::put(out, right_in1);
+    wire::put(out, right_in2);
+    wire::put(out, right_pwm);
+    wire::put(out, right_dir);
+    wire::put(out, right_encoder_a);
+    wire::put(out, right_encoder_b);
+    wire::put(out, standby);
+    wire::put(out, estop);
+    wire::put(out, battery);
+    wire::put(out, led);
+    wire::put(out, encoder_pulls);
+    wire::put(out, estop_contact);
+    wire::put(out, pwm_frequency_hz);
+    wire::put(out, encoder_filter_ns);
+    wire::put(out, battery_divider_permille);
+    wire::put(out, pulldowns);
+    wire::put(out, crc);
+  }
+
+  /// Reads kSize bytes.
+  static BoardValue decode(const uint8_t* in) {
+    BoardValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.state);
+    wire::get(in, message.version);
+    wire::get(in, message.chip);
+    wire::get(in, message.stage);
+    wire::get(in, message.line);
+    wire::get(in, message.name);
+    wire::get(in, message.left_enable);
+    wire::get(in, message.left_in1);
+    wire::get(in, message.left_in2);
+    wire::get(in, message.left_pwm);
+    wire::get(in, message.left_dir);
+    wire::get(in, message.left_encoder_a);
+    wire::get(in, message.left_encoder_b);
+    wire::get(in, message.right_enable);
+    wire::get(in, message.right_in1);
+    wire::get(in, message.right_in2);
+    wire::get(in, message.right_pwm);
+    wire::get(in, message.right_dir);
+    wire::get(in, message.right_encoder_a);
+    wire::get(in, message.right_encoder_b);
+    wire::get(in, message.standby);
+    wire::get(in, message.estop);
+    wire::get(in, message.battery);
+    wire::get(in, message.led);
+    wire::get(in, message.encoder_pulls);
+    wire::get(in, message.estop_contact);
+    wire::get(in, message.pwm_frequency_hz);
+    wire::get(in, message.encoder_filter_ns);
+    wire::get(in, message.battery_divider_permille);
+    wire::get(in, message.pulldowns);
+    wire::get(in, message.crc);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -1087,6 +1574,16 @@ constexpr int body_size(uint8_t id) {
       return ControlCountersGet::kSize;
     case ParameterTrial::kId:
       return ParameterTrial::kSize;
+    case GroupGet::kId:
+      return GroupGet::kSize;
+    case Restart::kId:
+      return Restart::kSize;
+    case BoardGet::kId:
+      return BoardGet::kSize;
+    case BoardWrite::kId:
+      return BoardWrite::kSize;
+    case BoardConfirm::kId:
+      return BoardConfirm::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -1107,6 +1604,10 @@ constexpr int body_size(uint8_t id) {
       return LinkCounters::kSize;
     case ControlCounters::kId:
       return ControlCounters::kSize;
+    case GroupInfo::kId:
+      return GroupInfo::kSize;
+    case BoardValue::kId:
+      return BoardValue::kSize;
     default:
       return -1;
   }

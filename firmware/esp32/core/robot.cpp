@@ -71,9 +71,7 @@ void Robot::check_deadline(uint64_t now_us) {
 
 /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
 /// robot would drive in a way that nobody set up.
-uint32_t Robot::lasting_faults() const {
-  return store_faults_ | (driver_failed_ ? fault::kDriverFailed : 0);
-}
+uint32_t Robot::lasting_faults() const { return store_faults_ | failures_; }
 
 void Robot::actuate(uint64_t now_us) {
   if (supervisor_.may_drive()) {
@@ -183,10 +181,14 @@ RefusalCode Robot::save_all_parameters() {
   return conclude_save(parameters_.save(hal_.store));
 }
 
+RefusalCode Robot::check_stopped() const {
+  if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
+  return change_refusal(supervisor_.state(), ParameterChanges::kStopped);
+}
+
 /// A block that cannot be read is not overwritten: resetting the parameters is the way out.
 RefusalCode Robot::check_save() const {
-  if (trial_.lasting_refusal() != RefusalCode::kNone) return trial_.lasting_refusal();
-  const RefusalCode refusal = change_refusal(supervisor_.state(), ParameterChanges::kStopped);
+  const RefusalCode refusal = check_stopped();
   if (refusal != RefusalCode::kNone) return refusal;
   return store_faults_ != 0 ? RefusalCode::kStoreFailed : RefusalCode::kNone;
 }

@@ -50,8 +50,9 @@ class Robot {
   void begin_step(uint64_t now_us);
   /// Second half, after they are read: e-stop contact, deadline, outputs.
   void finish_step(uint64_t now_us);
-  /// A motor or encoder peripheral did not start: FAULT until the next reset.
-  void report_driver_failure() { driver_failed_ = true; }
+  /// FAULT until the next reset, as flags of `fault`: a motor or encoder peripheral did not start,
+  /// or there is no board.
+  void report_failure(uint32_t faults) { failures_ |= faults; }
 
   /// Drives the wheels by this setpoint, for ttl_max at most. Returns kNone, or why not.
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
@@ -67,6 +68,8 @@ class Robot {
   RefusalCode save_parameter(ParameterId id);
   RefusalCode save_all_parameters();
   RefusalCode reset_parameters(uint64_t now_us);
+  /// Why nothing that stalls the chip, such as a write to flash, may be done now.
+  RefusalCode check_stopped() const;
   RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
   SupervisorState state() const { return supervisor_.state(); }
@@ -128,7 +131,7 @@ class Robot {
   EncoderCounts counts_{};
   Parameters::Load store_state_ = Parameters::Load::kLoaded;
   bool parameters_changed_ = false;  // and not in force yet
-  bool driver_failed_ = false;
+  uint32_t failures_ = 0;
   uint16_t faults_tripped_ = 0;
   uint32_t store_faults_ = 0;
   uint32_t faults_ = 0;

@@ -2,15 +2,19 @@
 #pragma once
 
 #include "framing.hpp"
+#include "protocol.hpp"
 
 namespace wheelwire {
+
+/// The longest answer that is kept.
+constexpr size_t kMaxAnswer = LinkCounters::kSize;
 
 /// An answer, kept for a repeat of its request.
 struct Answer {
   uint16_t request_id;
   uint8_t id;
   uint8_t size;
-  uint8_t body[kMaxBody];
+  uint8_t body[kMaxAnswer];
 };
 
 class Session {

@@ -47,4 +47,16 @@ void get(const uint8_t*& in, T& value) {
   in += sizeof bits;
 }
 
+template <size_t kSize>
+void put(uint8_t*& out, const char (&text)[kSize]) {
+  memcpy(out, text, kSize);
+  out += kSize;
+}
+
+template <size_t kSize>
+void get(const uint8_t*& in, char (&text)[kSize]) {
+  memcpy(text, in, kSize);
+  in += kSize;
+}
+
 }  // namespace wheelwire::wire

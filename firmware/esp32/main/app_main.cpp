@@ -4,12 +4,13 @@
 #include "control_task.hpp"
 #include "device.hpp"
 #include "drive_watchdog.hpp"
-#include "enable_pins.hpp"
 #include "esp_core_dump.h"
 #include "housekeeping.hpp"
 #include "identity.hpp"
+#include "image_board.hpp"
 #include "line.hpp"
 #include "nvs_store.hpp"
+#include "release_pins.hpp"
 #include "sdkconfig.h"
 #include "task_watchdog.hpp"
 
@@ -24,36 +25,51 @@ using Machine = wheelwire::WiredRobot;
 namespace wheelwire {
 namespace {
 
-Machine machine;
 Line line;
-NvsStore store;
+NvsStore store{"parameters"};
+NvsStore board_store{"board"};
+BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
+ParameterSpec specs[kParameterCount];
 Battery battery;
 DeadMan dead_man;
-BoardState board_state;
-LatestBattery latest_battery{board_state};
-Housekeeping housekeeping{battery, board_state};
+SharedState shared_state;
+LatestBattery latest_battery{shared_state};
+Housekeeping housekeeping{battery, shared_state};
 
 /// Some peripherals need parameters before they start. The device loads them again.
 Parameters stored_parameters() {
-  Parameters parameters;
+  Parameters parameters{specs};
   parameters.load(store);
   return parameters;
 }
 
 uint32_t capabilities(bool has_battery) {
   const bool has_core_dump = esp_core_dump_image_check() == ESP_OK;
-  return Machine::kCapabilities | (has_battery ? capability::kBattery : 0) |
+  return Machine::kCapabilities | capability::kRestart | (has_battery ? capability::kBattery : 0) |
          (has_core_dump ? capability::kCoreDump : 0);
 }
 
+/// Decides which board is in force. Nothing has been driven yet.
+void choose_board() {
+  board_store.start();
+  keeper.start();
+  platform_specs(kImageBoard.chip, specs);
+  if (keeper.state() == BoardState::kNone) return;
+  apply_board(keeper.board(), specs);
+  set_release_pins(release_pins(keeper.board()));
+  release_motors();
+}
+
 void start() {
-  hold_enables_low();
   store.start();
+  choose_board();
+  const bool has_board = keeper.state() != BoardState::kNone;
   const bool has_line = line.start();
-  const bool has_machine = machine.start(stored_parameters());
+  static Machine machine{keeper.board()};
+  const bool has_machine = !has_board || machine.start(stored_parameters());
   // Its entropy source is the ADC, so this comes before the battery takes that.
   Identity identity = make_identity(0);
-  const bool has_battery = Battery::kFitted && battery.start();
+  const bool has_battery = has_board && battery.start(keeper.board());
   identity.capabilities = capabilities(has_battery);
 
   // Up to here it was the bootloader's watchdog. Configured before the dead-man starts: that one
@@ -69,12 +85,14 @@ void start() {
                         .store = store,
                         .estop = machine.estop,
                         .battery = latest_battery},
-                       identity};
+                       identity,
+                       specs,
+                       &keeper};
   // A robot that cannot drive safely still reports why.
   if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
 
-  static ControlTask control{device, line, dead_man, board_state};
-  housekeeping.start(has_battery);
+  static ControlTask control{device, line, dead_man, shared_state};
+  housekeeping.start(has_battery, has_board ? keeper.board().led : -1);
   control.start();
 }
 

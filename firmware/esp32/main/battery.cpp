@@ -1,6 +1,5 @@
 #include "battery.hpp"
 
-#include "board/board.hpp"
 #include "esp_adc/adc_cali_scheme.h"
 
 namespace wheelwire {
@@ -9,12 +8,6 @@ namespace {
 constexpr adc_atten_t kAttenuation = ADC_ATTEN_DB_12;  // To about 3.1 V at the pin.
 constexpr adc_bitwidth_t kBits = ADC_BITWIDTH_DEFAULT;
 constexpr int kSamples = 16;
-
-#if CONFIG_WHEELWIRE_BATTERY
-constexpr int kDividerPermille = CONFIG_WHEELWIRE_BATTERY_DIVIDER_PERMILLE;
-#else
-constexpr int kDividerPermille = 1000;
-#endif
 
 /// Uses the chip's factory calibration; the scheme depends on the family.
 bool create_calibration([[maybe_unused]] adc_channel_t channel, adc_cali_handle_t& calibration) {
@@ -34,12 +27,14 @@ bool create_calibration([[maybe_unused]] adc_channel_t channel, adc_cali_handle_
 
 }  // namespace
 
-bool Battery::start() {
+bool Battery::start(const BoardDescription& board) {
+  if (board.battery < 0) return false;
+  divider_permille_ = board.battery_divider_permille;
   adc_unit_t unit{};
   const adc_oneshot_unit_init_cfg_t unit_config = {
       .unit_id = ADC_UNIT_1, .clk_src = {}, .ulp_mode = ADC_ULP_MODE_DISABLE};
   const adc_oneshot_chan_cfg_t channel_config = {.atten = kAttenuation, .bitwidth = kBits};
-  return adc_oneshot_io_to_channel(kPins.battery, &unit, &channel_) == ESP_OK &&
+  return adc_oneshot_io_to_channel(board.battery, &unit, &channel_) == ESP_OK &&
          adc_oneshot_new_unit(&unit_config, &unit_) == ESP_OK &&
          adc_oneshot_config_channel(unit_, channel_, &channel_config) == ESP_OK &&
          create_calibration(channel_, calibration_);
@@ -53,7 +48,7 @@ uint16_t Battery::measure_millivolts() {
       return 0;
     sum_mv += pin_mv;
   }
-  return static_cast<uint16_t>(sum_mv / kSamples * kDividerPermille / 1000);
+  return static_cast<uint16_t>(sum_mv / kSamples * divider_permille_ / 1000);
 }
 
 }  // namespace wheelwire

@@ -3,8 +3,10 @@
 #include "clock.hpp"
 #include "drive_watchdog.hpp"
 #include "esp_attr.h"
+#include "esp_system.h"
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
+#include "release_pins.hpp"
 #include "task_watchdog.hpp"
 
 namespace wheelwire {
@@ -94,6 +96,10 @@ void ControlTask::step() {
   state_.supervisor.store(device_.state(), std::memory_order_relaxed);
   if (device_.control_period_us() != period_us_ && !follow_period())
     device_.report_driver_failure();
+  if (device_.is_restart_due(now_us())) {
+    release_motors();
+    esp_restart();
+  }
 }
 
 /// Sets timer and dead-man to the control period that the parameters give.

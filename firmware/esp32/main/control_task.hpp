@@ -1,18 +1,18 @@
 // The task that runs the robot: control steps on a timer, the link as bytes arrive.
 #pragma once
 
-#include "board_state.hpp"
 #include "dead_man.hpp"
 #include "device.hpp"
 #include "esp_timer.h"
 #include "line.hpp"
 #include "ota_trial.hpp"
+#include "shared_state.hpp"
 
 namespace wheelwire {
 
 class ControlTask {
  public:
-  ControlTask(Device& device, Line& line, DeadMan& dead_man, BoardState& state)
+  ControlTask(Device& device, Line& line, DeadMan& dead_man, SharedState& state)
       : device_(device), line_(line), dead_man_(dead_man), state_(state) {}
 
   /// Creates the task. From here on it owns device, line and every port that the device uses.
@@ -32,7 +32,7 @@ class ControlTask {
   Device& device_;
   Line& line_;
   DeadMan& dead_man_;
-  BoardState& state_;
+  SharedState& state_;
   OtaTrial trial_;
   esp_timer_handle_t timer_ = nullptr;
   uint32_t period_us_ = 0;

@@ -1,10 +1,10 @@
 #include "dead_man.hpp"
 
 #include "drive_watchdog.hpp"
-#include "enable_pins.hpp"
 #include "esp_attr.h"
 #include "esp_private/gptimer.h"
 #include "freertos/FreeRTOS.h"
+#include "release_pins.hpp"
 
 // The interrupts must be in RAM: else they wait, or crash, while a flash write has the cache off.
 #if !CONFIG_GPTIMER_ISR_IRAM_SAFE || !CONFIG_GPTIMER_CTRL_FUNC_IN_IRAM
@@ -46,7 +46,7 @@ IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_eve
   const DeadMan& dead_man = *watcher.dead_man;
   if (watcher.watch.check(dead_man.steps_.load(std::memory_order_relaxed),
                           dead_man.limit_.load(std::memory_order_relaxed))) {
-    hold_enables_low();
+    release_motors();
     // Leaves the restart to the slower watchdogs, which write a core dump.
     disarm_drive_watchdog();
   }

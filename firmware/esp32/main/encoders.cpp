@@ -22,6 +22,11 @@ bool add_channel(pcnt_unit_handle_t unit, int edge_pin, int level_pin,
                                        PCNT_CHANNEL_LEVEL_ACTION_INVERSE) == ESP_OK;
 }
 
+struct EncoderPins {
+  int a;
+  int b;
+};
+
 /// Counts every edge of A and B, up while A leads.
 bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
   constexpr auto kUp = PCNT_CHANNEL_EDGE_ACTION_INCREASE;
@@ -61,9 +66,9 @@ int16_t count_of(pcnt_unit_handle_t unit) {
 
 }  // namespace
 
-bool Encoders::start(uint32_t glitch_ns) {
-  return start_unit(left_, kPins.left_encoder, glitch_ns) &&
-         start_unit(right_, kPins.right_encoder, glitch_ns);
+bool Encoders::start(const BoardDescription& board, uint32_t glitch_ns) {
+  return start_unit(left_, {board.left_encoder_a, board.left_encoder_b}, glitch_ns) &&
+         start_unit(right_, {board.right_encoder_a, board.right_encoder_b}, glitch_ns);
 }
 
 EncoderCounts Encoders::latch() {

@@ -1,7 +1,7 @@
 // Both quadrature encoders in the pulse counter (PCNT), x4, without an interrupt.
 #pragma once
 
-#include "board/board.hpp"
+#include "board_rules.hpp"
 #include "driver/pulse_cnt.h"
 #include "hal.hpp"
 
@@ -10,7 +10,7 @@ namespace wheelwire {
 class Encoders final : public EncoderPort {
  public:
   /// Pulses shorter than `glitch_ns` are ignored; 0 ignores none.
-  bool start(uint32_t glitch_ns);
+  bool start(const BoardDescription& board, uint32_t glitch_ns);
 
   EncoderCounts latch() override;
 

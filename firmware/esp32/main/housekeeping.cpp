@@ -20,9 +20,10 @@ StaticTask_t task_memory;
 
 }  // namespace
 
-void Housekeeping::start(bool has_battery) {
+void Housekeeping::start(bool has_battery, int led_pin) {
   has_battery_ = has_battery;
-  start_status_led();
+  led_pin_ = led_pin;
+  start_status_led(led_pin);
   xTaskCreateStaticPinnedToCore(run, "housekeeping", kStackBytes, this, kPriority, stack,
                                 &task_memory, kCore);
 }
@@ -39,7 +40,8 @@ void Housekeeping::run(void* self) {
 
 void Housekeeping::run_once() {
   ++cycles_;
-  show_on_status_led(state_.supervisor.load(std::memory_order_relaxed), cycles_ * kCycleMs);
+  show_on_status_led(led_pin_, state_.supervisor.load(std::memory_order_relaxed),
+                     cycles_ * kCycleMs);
   if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
 }

@@ -3,24 +3,25 @@
 #pragma once
 
 #include "battery.hpp"
-#include "board_state.hpp"
+#include "shared_state.hpp"
 
 namespace wheelwire {
 
 class Housekeeping {
  public:
-  Housekeeping(Battery& battery, BoardState& state) : battery_(battery), state_(state) {}
+  Housekeeping(Battery& battery, SharedState& state) : battery_(battery), state_(state) {}
 
   /// Creates the task, which owns the battery from here on.
-  void start(bool has_battery);
+  void start(bool has_battery, int led_pin);
 
  private:
   [[noreturn]] static void run(void* self);
   void run_once();
 
   Battery& battery_;
-  BoardState& state_;
+  SharedState& state_;
   bool has_battery_ = false;
+  int led_pin_ = -1;
   uint32_t cycles_ = 0;
 };
 

@@ -8,7 +8,6 @@ namespace wheelwire {
 namespace {
 
 constexpr char kNamespace[] = "wheelwire";
-constexpr char kKey[] = "parameters";
 
 uint32_t fault_of(esp_err_t result) {
   switch (result) {
@@ -38,16 +37,16 @@ bool NvsStore::open() {
 size_t NvsStore::load(uint8_t* out, size_t capacity) {
   if (!open_) return 0;
   size_t size = 0;
-  esp_err_t result = nvs_get_blob(handle_, kKey, nullptr, &size);
+  esp_err_t result = nvs_get_blob(handle_, key_, nullptr, &size);
   if (result == ESP_ERR_NVS_NOT_FOUND) return 0;
-  if (result == ESP_OK && size <= capacity) result = nvs_get_blob(handle_, kKey, out, &size);
+  if (result == ESP_OK && size <= capacity) result = nvs_get_blob(handle_, key_, out, &size);
   faults_ = fault_of(result);
   return result == ESP_OK ? size : 0;
 }
 
 bool NvsStore::save(const uint8_t* data, size_t size) {
   const SlowOperation flash_write;
-  if (!open_ || nvs_set_blob(handle_, kKey, data, size) != ESP_OK) return false;
+  if (!open_ || nvs_set_blob(handle_, key_, data, size) != ESP_OK) return false;
   return nvs_commit(handle_) == ESP_OK;
 }
 
@@ -59,7 +58,7 @@ bool NvsStore::erase() {
     open_ = false;
     return nvs_flash_erase() == ESP_OK && open();
   }
-  const esp_err_t result = nvs_erase_key(handle_, kKey);
+  const esp_err_t result = nvs_erase_key(handle_, key_);
   if (result != ESP_OK && result != ESP_ERR_NVS_NOT_FOUND) return false;
   return nvs_commit(handle_) == ESP_OK;
 }

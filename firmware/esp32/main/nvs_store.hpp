@@ -1,5 +1,5 @@
-// The parameters' block in the chip's non-volatile storage (NVS). The core adds version and CRC;
-// NVS replaces the block as a whole or not at all.
+// A block in the chip's non-volatile storage (NVS): the parameters, or the board. The core adds
+// version and CRC; NVS replaces the block as a whole or not at all.
 #pragma once
 
 #include "hal.hpp"
@@ -10,6 +10,9 @@ namespace wheelwire {
 /// Erases only when the host asks for it: a block that cannot be read may still be needed.
 class NvsStore final : public ParameterStore {
  public:
+  /// `key`: of the block, at most 15 letters.
+  explicit NvsStore(const char* key) : key_(key) {}
+
   /// Never fails: without storage there is nothing to load, saving is refused, and faults() says
   /// why.
   void start();
@@ -22,6 +25,7 @@ class NvsStore final : public ParameterStore {
  private:
   bool open();
 
+  const char* key_;
   nvs_handle_t handle_ = 0;
   bool open_ = false;
   uint32_t faults_ = 0;

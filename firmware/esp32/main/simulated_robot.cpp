@@ -22,7 +22,7 @@ EncoderCounts SimulatedEncoders::latch() {
   const uint64_t t_us = now_us();
   const double elapsed_s = static_cast<double>(t_us - last_us_) * 1e-6;
   last_us_ = t_us;
-  plant_.step(std::min(elapsed_s, kMaxStepS), {left_bridge_.pins(), right_bridge_.pins()});
+  plant_.step(std::min(elapsed_s, kMaxStepS), {left_bridge_.state(), right_bridge_.state()});
   turn(left_, plant_.turned_rad(sim::kLeft));
   turn(right_, plant_.turned_rad(sim::kRight));
   return {.t_us = t_us, .left = left_.counter.value(), .right = right_.counter.value()};

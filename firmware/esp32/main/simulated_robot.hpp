@@ -4,9 +4,9 @@
 
 #include "bridge_port.hpp"
 #include "counter.hpp"
-#include "l298n.hpp"
 #include "parameters.hpp"
 #include "plant.hpp"
+#include "power_stage.hpp"
 #include "quadrature.hpp"
 
 namespace wheelwire {
@@ -42,6 +42,8 @@ class SimulatedEncoders final : public EncoderPort {
 struct SimulatedRobot {
   static constexpr uint32_t kCapabilities = capability::kSimulatedPlant;
 
+  explicit SimulatedRobot(const BoardDescription&) {}
+
   bool start(const Parameters& parameters);
 
   struct ClosedContact final : EstopInput {
@@ -50,8 +52,8 @@ struct SimulatedRobot {
 
   sim::Bridge left_bridge;
   sim::Bridge right_bridge;
-  L298n left_motor{left_bridge};
-  L298n right_motor{right_bridge};
+  PowerStage left_motor{left_bridge};
+  PowerStage right_motor{right_bridge};
   SimulatedEncoders encoders{left_bridge, right_bridge};
   ClosedContact estop;
 };

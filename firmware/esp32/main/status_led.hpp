@@ -2,7 +2,7 @@
 
 #include <stdint.h>
 
-#include "board/board.hpp"
+#include "board_rules.hpp"
 #include "driver/gpio.h"
 #include "protocol.hpp"
 
@@ -27,24 +27,21 @@ constexpr bool is_lit(SupervisorState state, uint32_t time_ms) {
   return false;
 }
 
-inline void start_status_led() {
-#if CONFIG_WHEELWIRE_STATUS_LED
+/// `pin`: -1: there is none.
+inline void start_status_led(int pin) {
+  if (pin < 0) return;
   const gpio_config_t config = {
-      .pin_bit_mask = mask_of(kPins.status_led),
+      .pin_bit_mask = mask_of(pin),
       .mode = GPIO_MODE_OUTPUT,
       .pull_up_en = GPIO_PULLUP_DISABLE,
       .pull_down_en = GPIO_PULLDOWN_DISABLE,
       .intr_type = GPIO_INTR_DISABLE,
   };
   gpio_config(&config);
-#endif
 }
 
-inline void show_on_status_led([[maybe_unused]] SupervisorState state,
-                               [[maybe_unused]] uint32_t time_ms) {
-#if CONFIG_WHEELWIRE_STATUS_LED
-  gpio_set_level(static_cast<gpio_num_t>(kPins.status_led), is_lit(state, time_ms));
-#endif
+inline void show_on_status_led(int pin, SupervisorState state, uint32_t time_ms) {
+  if (pin >= 0) gpio_set_level(static_cast<gpio_num_t>(pin), is_lit(state, time_ms));
 }
 
 }  // namespace wheelwire

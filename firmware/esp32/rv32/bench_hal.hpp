@@ -10,10 +10,12 @@
 namespace wheelwire::rv32 {
 
 /// A motor with a first-order lag behind an L298N, and its encoder.
-class BenchWheel final : public BridgePort {
+class BenchWheel final : public StagePort {
  public:
-  void set_inputs(bool in1, bool in2) override { direction_ = in1 - in2; }
-  void set_enable(uint16_t duty_q15) override { duty_q15_ = duty_q15; }
+  void set(const StageOutputs& outputs) override {
+    direction_ = (outputs[StageInput::kIn1] != 0) - (outputs[StageInput::kIn2] != 0);
+    duty_q15_ = outputs[StageInput::kEnable];
+  }
 
   /// Advances by one millisecond.
   void turn() {

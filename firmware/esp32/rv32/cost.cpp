@@ -6,7 +6,7 @@
 #include "bench_hal.hpp"
 #include "counter.hpp"
 #include "device.hpp"
-#include "l298n.hpp"
+#include "power_stage.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::rv32;
@@ -30,8 +30,8 @@ constexpr uint32_t kTargetCount = sizeof kTargets_mps / sizeof kTargets_mps[0];
 struct Bench {
   BenchWheel left;
   BenchWheel right;
-  L298n left_motor{left};
-  L298n right_motor{right};
+  PowerStage left_motor{left};
+  PowerStage right_motor{right};
   BenchEncoders encoders{left, right};
   BenchLine line;
   EmptyStore store;
@@ -154,6 +154,6 @@ int main() {
   print("receive_setpoint", result.receive_setpoint);
   print("send_state", result.send_state);
   printf(" \"device_bytes\": %lu\n}\n",
-         static_cast<unsigned long>(sizeof(Device) + 2 * sizeof(L298n)));
+         static_cast<unsigned long>(sizeof(Device) + 2 * sizeof(PowerStage)));
   return 0;
 }

@@ -21,13 +21,20 @@ ChipState::ChipState(const std::array<Quadrature, 2>& encoders, const EncoderWir
                PulseCounter(encoders[wiring.a_of(kRight)].a(), encoders[wiring.b_of(kRight)].b())} {
 }
 
+void ChipState::fit(Stage stage, Stage wired) {
+  bridges = {Bridge(wired), Bridge(wired)};
+  const StageTable& table = *table_of(stage);
+  left_motor.emplace(bridges[kLeft], table);
+  right_motor.emplace(bridges[kRight], table);
+}
+
 SimulatedBoard::SimulatedBoard(uint64_t seed)
     : encoders{Quadrature(mix(seed)), Quadrature(mix(seed + 1))} {
   chip_.emplace(encoders, wiring);
 }
 
 void SimulatedBoard::run_until(Nanoseconds end, bool listening) {
-  const std::array<BridgePins, 2> applied = pins();
+  const std::array<BridgeState, 2> applied = bridges();
   const Nanoseconds start = now_;
   while (now_ < end) {
     const Nanoseconds step = std::min(kPhysicsStep, end - now_);
@@ -65,9 +72,14 @@ EncoderCounts SimulatedBoard::latch() {
           .right = chip_->counters[kRight].value()};
 }
 
+void SimulatedBoard::take_up(const BoardDescription& description) {
+  chip_->fit(description.stage,
+             wired_stage < 0 ? description.stage : static_cast<Stage>(wired_stage));
+}
+
 Hal SimulatedBoard::hal() {
-  return {.left_motor = chip_->left_motor,
-          .right_motor = chip_->right_motor,
+  return {.left_motor = *chip_->left_motor,
+          .right_motor = *chip_->right_motor,
           .encoders = *this,
           .line = line,
           .store = store,
@@ -75,12 +87,16 @@ Hal SimulatedBoard::hal() {
           .battery = battery};
 }
 
-std::array<BridgePins, 2> SimulatedBoard::pins() const {
-  return {chip_->bridges[kLeft].pins(), chip_->bridges[kRight].pins()};
+std::array<BridgeState, 2> SimulatedBoard::bridges() const {
+  return {chip_->bridges[kLeft].state(), chip_->bridges[kRight].state()};
+}
+
+uint32_t SimulatedBoard::hard_switches() const {
+  return chip_->bridges[kLeft].hard_switches() + chip_->bridges[kRight].hard_switches();
 }
 
 bool SimulatedBoard::drives() const {
-  return chip_->bridges[kLeft].pins().drives() || chip_->bridges[kRight].pins().drives();
+  return chip_->bridges[kLeft].state().drives() || chip_->bridges[kRight].state().drives();
 }
 
 }  // namespace wheelwire::sim

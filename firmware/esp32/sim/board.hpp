@@ -4,14 +4,16 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 
+#include "board_rules.hpp"
 #include "bridge_port.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
 #include "hal.hpp"
-#include "l298n.hpp"
 #include "line.hpp"
 #include "plant.hpp"
+#include "power_stage.hpp"
 #include "quadrature.hpp"
 #include "store.hpp"
 
@@ -50,9 +52,13 @@ struct ChipState {
   ChipState(const ChipState&) = delete;
   ChipState& operator=(const ChipState&) = delete;
 
+  /// The firmware knows its board: `stage` is the one that it drives, `wired` the one that is
+  /// there.
+  void fit(Stage stage, Stage wired);
+
   std::array<Bridge, 2> bridges;
-  L298n left_motor{bridges[kLeft]};
-  L298n right_motor{bridges[kRight]};
+  std::optional<PowerStage> left_motor{std::in_place, bridges[kLeft]};
+  std::optional<PowerStage> right_motor{std::in_place, bridges[kRight]};
   std::array<PulseCounter, 2> counters;
 };
 
@@ -69,9 +75,17 @@ class SimulatedBoard final : public EncoderPort {
   double brownout_v = 0.0;  ///< The chip needs a supply of at least this.
   Line line;
   Store store;
+  Store board_store;
+  int wired_stage = -1;  ///< Stage that is there; -1: the one that the firmware's board says.
   EstopContact estop;
   Battery battery;
   DeviceClock clock;
+
+  /// Keeps what is saved in this file, and the board that is written in one beside it.
+  void use_files(const std::string& path) {
+    store.use_file(path);
+    board_store.use_file(path + ".board");
+  }
 
   Nanoseconds now() const { return now_; }
   uint64_t device_us() const { return clock.microseconds(now_); }
@@ -82,10 +96,14 @@ class SimulatedBoard final : public EncoderPort {
   /// Outputs off, counters and clock from 0, the line's buffers lost. The store is kept.
   void reset();
 
+  /// Drives the power stages as this board says, from now on.
+  void take_up(const BoardDescription& description);
+
   EncoderCounts latch() override;
   Hal hal();
-  std::array<BridgePins, 2> pins() const;
+  std::array<BridgeState, 2> bridges() const;
   bool drives() const;
+  uint32_t hard_switches() const;
   bool is_browned_out() const { return plant.supply_v() < brownout_v; }
 
  private:

@@ -1,26 +1,29 @@
-// The pins of a simulated bridge, as the core sets them.
+// A simulated power stage: what its inputs make of the winding, by the data sheets.
 #pragma once
-
-#include <algorithm>
 
 #include "bridge.hpp"
 #include "hal.hpp"
 
 namespace wheelwire::sim {
 
-class Bridge final : public BridgePort {
+/// What the stage does with these inputs. It knows nothing of the core's truth tables.
+BridgeState state_of(Stage stage, const StageOutputs& inputs);
+
+class Bridge final : public StagePort {
  public:
-  void set_inputs(bool in1, bool in2) override {
-    pins_.in1 = in1;
-    pins_.in2 = in2;
-  }
-  void set_enable(uint16_t duty_q15) override {
-    pins_.enable = std::min(1.0, duty_q15 / static_cast<double>(INT16_MAX));
-  }
-  const BridgePins& pins() const { return pins_; }
+  explicit Bridge(Stage stage = Stage::kEnableIn1In2) : stage_(stage) {}
+
+  void set(const StageOutputs& outputs) override;
+  const BridgeState& state() const { return state_; }
+  /// How often the winding was turned from one direction to the other, or shorted, without a
+  /// control period in which the stage did not drive.
+  uint32_t hard_switches() const { return hard_switches_; }
 
  private:
-  BridgePins pins_;
+  Stage stage_;
+  StageOutputs inputs_;
+  BridgeState state_ = state_of(stage_, inputs_);
+  uint32_t hard_switches_ = 0;
 };
 
 }  // namespace wheelwire::sim

@@ -58,7 +58,7 @@ void fwsim_destroy(fwsim* sim) { delete sim; }
 int fwsim_use_store(fwsim* sim, const char* path) {
   if (sim == nullptr || path == nullptr) return FWSIM_BAD_ARGUMENT;
   return guarded([&] {
-    sim->simulator.board.store.use_file(path);
+    sim->simulator.board.use_files(path);
     return FWSIM_OK;
   });
 }

@@ -59,39 +59,39 @@ void Plant::configure(const PlantModel& model) {
   }
 }
 
-void Plant::step(double dt, const std::array<BridgePins, 2>& pins) {
+void Plant::step(double dt, const std::array<BridgeState, 2>& bridges) {
   const double uphill = model_.slope_rad == 0.0 ? 0.0 : std::cos(pose_.heading_rad);
-  if (model_.supply_ohm != 0.0) step_supply(pins);
-  for (const Side side : kSides) step_side(side, dt, pins_of(side, pins), uphill);
+  if (model_.supply_ohm != 0.0) step_supply(bridges);
+  for (const Side side : kSides) step_side(side, dt, bridge_of(side, bridges), uphill);
   if (!model_.wheels_free) step_pose();
 }
 
 /// The voltage moves towards what the last step's current leaves of it, by the share that is
 /// stable at any resistance: the current grows with the voltage by 1 / winding_ohm at most.
-void Plant::step_supply(const std::array<BridgePins, 2>& pins) {
+void Plant::step_supply(const std::array<BridgeState, 2>& bridges) {
   double drawn_a = 0.0;
   double conductance = 0.0;
   for (const Side side : kSides) {
-    const BridgePins& pin = pins_of(side, pins);
+    const BridgeState& bridge = bridge_of(side, bridges);
     // The supply feeds the motor in the PWM's on time; in the rest its current circulates.
-    const double share = bridge_.chopped ? 1.0 : pin.enable;
-    const bool reversed = model_.wheels[side].motor_reversed != pin.in2;
+    const double share = bridge_.chopped ? 1.0 : bridge.duty;
+    const bool reversed = model_.wheels[side].motor_reversed == bridge.is_forward();
     const double current_a = wheels_[side].current_a * (reversed ? -1.0 : 1.0);
-    if (pin.drives()) drawn_a += share * std::max(0.0, current_a);
+    if (bridge.drives()) drawn_a += share * std::max(0.0, current_a);
     conductance += 1.0 / constants_[side].motor.winding_ohm;
   }
   const double target = std::max(0.0, model_.bridge.supply_v - model_.supply_ohm * drawn_a);
   bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
 }
 
-void Plant::step_side(Side side, double dt, const BridgePins& pins, double uphill) {
+void Plant::step_side(Side side, double dt, const BridgeState& bridge, double uphill) {
   const WheelModel& model = model_.wheels[side];
   const WheelConstants& constants = constants_[side];
   const WheelMotion before = wheels_[side];
   Gear& gear = gears_[side];
   const double polarity = model.motor_reversed ? -1.0 : 1.0;
   const double emf = constants.motor.emf_vs * before.speed;
-  double current = bridge_.current(pins, polarity * emf, constants.motor.winding_ohm) * polarity;
+  double current = bridge_.current(bridge, polarity * emf, constants.motor.winding_ohm) * polarity;
   if (model.motor_open) current = 0.0;
   if (hand_rad_[side] != 0.0 && !model.blocked) {
     turn_by_hand_for(side, dt, current);

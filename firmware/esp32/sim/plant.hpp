@@ -71,7 +71,7 @@ class Plant {
   void configure(const PlantModel& model);
 
   /// Advances by `dt` seconds, at most kMaxPhysicsStep.
-  void step(double dt, const std::array<BridgePins, 2>& pins);
+  void step(double dt, const std::array<BridgeState, 2>& bridges);
 
   /// A hand turns the wheel by this angle from here, forward positive, and then lets go; 0 lets go
   /// at once. A blocked wheel cannot be turned.
@@ -120,11 +120,11 @@ class Plant {
   static WheelConstants constants_of(const PlantModel& model, Side side);
   friend bool is_physical(const PlantModel& model);
 
-  const BridgePins& pins_of(Side side, const std::array<BridgePins, 2>& pins) const {
-    return pins[model_.motors_swapped ? other(side) : side];
+  const BridgeState& bridge_of(Side side, const std::array<BridgeState, 2>& bridges) const {
+    return bridges[model_.motors_swapped ? other(side) : side];
   }
-  void step_supply(const std::array<BridgePins, 2>& pins);
-  void step_side(Side side, double dt, const BridgePins& pins, double uphill);
+  void step_supply(const std::array<BridgeState, 2>& bridges);
+  void step_side(Side side, double dt, const BridgeState& bridge, double uphill);
   void step_slip(Side side, double push_nm);
   void turn_by_hand_for(Side side, double dt, double current_a);
   void engage(Side side);

@@ -4,21 +4,23 @@
 #include <cmath>
 #include <string>
 
+#include "built_in_boards.hpp"
+
 namespace wheelwire::sim {
 
 namespace {
 
 Identity power_on_identity(uint64_t board_id) {
-  return {
-      .boot_id = 0,
-      .reset_reason = ResetReason::kPowerOn,
-      .board = Board::kSimulated,
-      .board_id = board_id,
-      .capabilities = capability::kBattery | capability::kEstopInput | capability::kSimulatedPlant,
-      .version_major = WHEELWIRE_VERSION_MAJOR,
-      .version_minor = WHEELWIRE_VERSION_MINOR,
-      .version_patch = WHEELWIRE_VERSION_PATCH,
-      .git_hash = WHEELWIRE_GIT_HASH};
+  return {.boot_id = 0,
+          .reset_reason = ResetReason::kPowerOn,
+          .board = Board::kSimulated,
+          .board_id = board_id,
+          .capabilities = capability::kBattery | capability::kEstopInput |
+                          capability::kSimulatedPlant | capability::kRestart,
+          .version_major = WHEELWIRE_VERSION_MAJOR,
+          .version_minor = WHEELWIRE_VERSION_MINOR,
+          .version_patch = WHEELWIRE_VERSION_PATCH,
+          .git_hash = WHEELWIRE_GIT_HASH};
 }
 
 /// Like the text of the ESP32's ROM.
@@ -78,7 +80,14 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
-  device_.emplace(board.hal(), identity_, specs_);
+  keeper_.emplace(board.board_store, identity_.board, &kBoardOfEsp32);
+  keeper_->start();
+  std::copy(std::begin(specs_), std::end(specs_), boot_specs_);
+  const bool is_written =
+      keeper_->state() == BoardState::kStored || keeper_->state() == BoardState::kTrial;
+  if (is_written) apply_board(keeper_->board(), boot_specs_);
+  board.take_up(keeper_->board());
+  device_.emplace(board.hal(), identity_, boot_specs_, &*keeper_);
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();
   device_->start(now_us);
@@ -90,6 +99,7 @@ void Simulator::control_step() {
   device_->step(board.device_us());
   next_step_us_ += device_->control_period_us();
   observe();
+  if (device_->is_restart_due(board.device_us())) reset(ResetReason::kSoftware);
 }
 
 void Simulator::service_link() {
@@ -102,6 +112,7 @@ void Simulator::service_link() {
 
 void Simulator::reset(ResetReason reason) {
   device_.reset();
+  keeper_.reset();
   board.reset();
   identity_.boot_id = static_cast<uint32_t>(random_.next());
   identity_.reset_reason = reason;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "board.hpp"
+#include "board_keeper.hpp"
 #include "device.hpp"
 #include "random.hpp"
 
@@ -48,6 +49,8 @@ class Simulator {
   /// Takes effect at the next reset. Before, the id is drawn from the seed.
   void set_board_id(uint64_t board_id) { identity_.board_id = board_id; }
 
+  BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
+
   uint32_t boot_id() const { return identity_.boot_id; }
   SupervisorState state() const { return device_ ? device_->state() : SupervisorState::kBoot; }
   uint32_t faults() const { return device_ ? device_->faults() : 0; }
@@ -70,7 +73,9 @@ class Simulator {
   Random random_;
   Identity identity_;
   ParameterSpec specs_[kParameterCount];
-  std::optional<Device> device_;  // None while the chip boots.
+  ParameterSpec boot_specs_[kParameterCount];  // With the defaults that the board gives.
+  std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
+  std::optional<Device> device_;
   uint64_t next_step_us_ = 0;
   bool driver_failed_ = false;
   Record record_;

@@ -222,7 +222,9 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
                   "Each edge is off by up to this, the same at every turn.")),
           by_hand<kSide>(side),
           reading(side + ".duty", "", "On the side's bridge, forward positive; 0 when not driving.",
-                  [](const Simulator& s) { return s.board.pins()[kSide].signed_duty(); }),
+                  [](const Simulator& s) { return s.board.bridges()[kSide].signed_duty(); }),
+          reading(side + ".shorted", "", "The share of the time in which the winding is shorted.",
+                  [](const Simulator& s) { return s.board.bridges()[kSide].shorted(); }),
           reading(side + ".current_a", "A", "Through the winding.",
                   [](const Simulator& s) { return s.board.plant.current_a(kSide); }),
           reading("true." + side + "_turns", "turn", "By the wheel, behind its gearbox's play.",
@@ -252,6 +254,12 @@ void add_device(std::vector<Variable>& table) {
                    "What the battery input senses, less what the supply sags; 0: not measured.")),
           with_field<[](auto& s) -> auto& { return s.board.store.failing; }>(
               toggle("store_failing", "The parameter store cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board.board_store.failing; }>(
+              toggle("board_store_failing", "The store of the board cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board.wired_stage; }>(
+              whole("wired_stage", "", -1, kStages - 1,
+                    "The power stage that is there, as the code of Stage; -1: the one of the "
+                    "firmware's board. From the next reset on.")),
           with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
               whole("store_unreadable", "", 0, 0xFFFF,
                     "Why the saved parameters cannot be read, as the fault flag of that "
@@ -318,6 +326,10 @@ void add_readings(std::vector<Variable>& table) {
                   [](const Simulator& s) { return static_cast<double>(s.board.now()) * 1e-3; }),
           reading("device_us", "us", "The device's clock, from its reset.",
                   [](const Simulator& s) { return static_cast<double>(s.board.device_us()); }),
+          reading("hard_switches", "",
+                  "How often a power stage was turned from one direction to the other without a "
+                  "pause, since the last reset.",
+                  [](const Simulator& s) { return static_cast<double>(s.board.hard_switches()); }),
           reading("boot_id", "", "Drawn at each reset.",
                   [](const Simulator& s) { return static_cast<double>(s.boot_id()); }),
           reading("state", "", "The supervisor's, as on the wire.",

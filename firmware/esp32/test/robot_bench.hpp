@@ -7,27 +7,25 @@
 
 #include "check.hpp"
 #include "device.hpp"
-#include "l298n.hpp"
 #include "memory_store.hpp"
+#include "power_stage.hpp"
 
 namespace wheelwire::test {
 
 /// One half of a bridge. Records for how long EN was low when the inputs switched.
-class BenchBridge final : public BridgePort {
+class BenchBridge final : public StagePort {
  public:
   explicit BenchBridge(const uint64_t& now_us) : now_us_(now_us) {}
 
-  void set_inputs(bool a, bool b) override {
-    if (enable != 0) switched_under_current = true;
-    const uint64_t low_us = now_us_ - low_since_us_;
-    if (was_driven_ && low_us < shortest_pause_us) shortest_pause_us = low_us;
-    in1 = a;
-    in2 = b;
-  }
-  void set_enable(uint16_t duty_q15) override {
-    if (enable != 0 && duty_q15 == 0) low_since_us_ = now_us_;
-    was_driven_ |= duty_q15 != 0;
-    enable = duty_q15;
+  void set(const StageOutputs& outputs) override {
+    for_each_input(outputs_, outputs, [this](StageInput input, uint16_t duty_q15) {
+      if (input == StageInput::kEnable) {
+        set_enable(duty_q15);
+      } else {
+        set_input(input, duty_q15 != 0);
+      }
+    });
+    outputs_ = outputs;
   }
 
   bool brakes() const { return in1 == in2 && enable != 0; }
@@ -41,7 +39,22 @@ class BenchBridge final : public BridgePort {
   uint64_t shortest_pause_us = UINT64_MAX;
 
  private:
+  void set_input(StageInput input, bool level) {
+    bool& shown = input == StageInput::kIn1 ? in1 : in2;
+    if (shown == level || (input != StageInput::kIn1 && input != StageInput::kIn2)) return;
+    if (enable != 0) switched_under_current = true;
+    const uint64_t low_us = now_us_ - low_since_us_;
+    if (was_driven_ && low_us < shortest_pause_us) shortest_pause_us = low_us;
+    shown = level;
+  }
+  void set_enable(uint16_t duty_q15) {
+    if (enable != 0 && duty_q15 == 0) low_since_us_ = now_us_;
+    was_driven_ |= duty_q15 != 0;
+    enable = duty_q15;
+  }
+
   const uint64_t& now_us_;
+  StageOutputs outputs_;
   uint64_t low_since_us_ = 0;
   bool was_driven_ = false;
 };
@@ -207,8 +220,8 @@ class RobotBench {
   MemoryStore store;
   BenchContact contact;
   BenchBattery battery;
-  L298n left_motor{left};
-  L298n right_motor{right};
+  PowerStage left_motor{left};
+  PowerStage right_motor{right};
   Device device{{left_motor, right_motor, encoders, line, store, contact, battery}, kIdentity};
   std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
   uint16_t request_id = 0;

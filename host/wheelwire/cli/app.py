@@ -17,6 +17,7 @@ from wheelwire import __version__
 from wheelwire.errors import OutputFailed, WheelwireError
 
 from . import INTERRUPTED
+from .board import app as board_app
 from .flash import flash
 from .local import demo, ports, sim
 from .mcu import mcu
@@ -37,6 +38,7 @@ app = typer.Typer(
 for command in (sim, ports, setup, info, drive, teleop, monitor, estop, clear, flash, demo, mcu):
     app.command()(command)
 app.add_typer(parameters_app, name="params")
+app.add_typer(board_app, name="board")
 
 
 @app.callback(invoke_without_command=True)

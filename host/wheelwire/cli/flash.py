@@ -22,6 +22,10 @@ ImageOption = Annotated[
     Path | None,
     typer.Option(help="Image from a release; default: this checkout's build."),
 ]
+BoardOption = Annotated[
+    str | None,
+    typer.Option("--board", help="A board's file or name, stored once the firmware runs."),
+]
 EraseFlag = Annotated[
     bool, typer.Option("--erase", help="Erase the whole flash first, saved parameters included.")
 ]
@@ -31,32 +35,44 @@ def flash(
     robot: RobotArgument = None,
     port: PortOption = None,
     image: ImageOption = None,
+    board: BoardOption = None,
     erase: EraseFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters are kept."""
     from wheelwire import flash as flasher  # here, so that other commands start faster
+    from wheelwire.board_file import checked_board
+    from wheelwire.drivers.factory import open_driver
     from wheelwire.flash_layout import plan_flash, read_image
 
     wanted = read_image(image) if image else None
+    pins = checked_board(board) if board else None
     port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
     flasher.ensure_stopped(port)
-    board = flasher.identify_chip(port)
-    chosen = wanted or flasher.built_image(board)
-    if chosen.board is not board:
+    chip = flasher.identify_chip(port)
+    chosen = wanted or flasher.built_image(chip)
+    if chosen.board is not chip:
         raise FlashFailed(
             f"{chosen.path} is for the {chosen.board.name}, but the chip at {port} is an "
-            f"{board.name}: use --image with the release's wheelwire-{board.name.lower()}.bin"
+            f"{chip.name}: use --image with the release's wheelwire-{chip.name.lower()}.bin"
         )
-    plan = plan_flash(chosen, flasher.read_chip_table(port, board), erase_all=erase)
+    if pins is not None and pins.chip is not chip:
+        raise FlashFailed(
+            f"{board} is for the {pins.chip.name}, but the chip at {port} is an {chip.name}: "
+            "choose a board for this chip (`wheelwire board list`)"
+        )
+    plan = plan_flash(chosen, flasher.read_chip_table(port, chip), erase_all=erase)
     if not as_json:
         for line in _describe(plan):
             console.print(line, soft_wrap=True)
     terminal = Console(stderr=True)
     with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
         task = progress.add_task(f"writing {chosen.path.name}", total=1.0)
-        flasher.write_plan(port, board, plan, lambda part: progress.update(task, completed=part))
-    device = flasher.verify(port, board)
+        flasher.write_plan(port, chip, plan, lambda part: progress.update(task, completed=part))
+    device = flasher.verify(port, chip)
+    if pins is not None:
+        with open_driver("serial", port=port) as driver:
+            driver.board.take_up(pins)
     if as_json:
         erased = [{"name": p.name, "offset": p.offset, "size": len(p.content)} for p in plan.erased]
         print_json(
@@ -67,12 +83,15 @@ def flash(
                 "erased": erased,
                 "erased_all": plan.erase_all,
                 "device": device,
+                "board": pins.name if pins else None,
             }
         )
     else:
         console.print(
             f"{device.board.name} {device.board_id} at {port} runs firmware {device.release}"
         )
+        if pins is not None:
+            console.print(f"{pins.name}: written, tried and kept", soft_wrap=True)
 
 
 def _describe(plan: Plan) -> list[str]:

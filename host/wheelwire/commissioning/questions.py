@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from ..config import check_names, load_yaml, mapping
+from ..config import check_names, mapping
 from ..drivers.mock import MockDriver
 from ..errors import ConfigurationError, InvalidArgument
 from ..parameters import checked_value
+from ..yaml_file import load_yaml
 from .motion import SIDES
 
 YES, NO = "yes", "no"

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from ..board import BoardDescription
     from ..linux_mcu.pins import Pins
     from .base import BaseDriver
     from .l298n import L298NDriver
@@ -45,7 +46,7 @@ def open_driver(
 def open_driver(
     name: Literal["l298n"],
     *,
-    pins: Pins | None = ...,
+    pins: Pins | BoardDescription | None = ...,
     pwm_chip: int | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
@@ -58,7 +59,7 @@ def open_driver(
     *,
     host: str = ...,
     port: int = ...,
-    pins: Pins | None = ...,
+    pins: Pins | BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
     core_timeout_ms: int = ...,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..arguments import path, whole
+from ..board import BoardDescription
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
@@ -19,7 +20,7 @@ class L298NDriver(PinDriver):
     """A robot on this computer's pins, through gpiozero's pin factory.
 
     Args:
-        pins: The wiring.
+        pins: The wiring of an L298N, or a board.
         pwm_chip: Number of the kernel's PWM chip, where there are several.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
@@ -36,7 +37,7 @@ class L298NDriver(PinDriver):
     def __init__(
         self,
         *,
-        pins: Pins | None = None,
+        pins: Pins | BoardDescription | None = None,
         pwm_chip: int | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
@@ -57,7 +58,7 @@ class L298NDriver(PinDriver):
 
 def l298n_process(
     *,
-    pins: Pins | None = None,
+    pins: Pins | BoardDescription | None = None,
     pwm_chip: int | None = None,
     parameters: Mapping[str, float] | None = None,
     store: Path | None = None,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..arguments import text, whole
+from ..board import BoardDescription
 from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..parameters import checked_values
@@ -22,7 +23,7 @@ class PigpioDriver(PinDriver):
     Args:
         host: Where the daemon runs.
         port: Its TCP port.
-        pins: The wiring.
+        pins: The wiring of an L298N, or a board.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
         core_timeout_ms: If the core is silent for longer, it is killed; the script inside pigpiod
@@ -39,7 +40,7 @@ class PigpioDriver(PinDriver):
         host: str = "localhost",
         port: int = DEFAULT_PORT,
         *,
-        pins: Pins | None = None,
+        pins: Pins | BoardDescription | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
         core_timeout_ms: int = CORE_TIMEOUT_MS,
@@ -60,7 +61,7 @@ def pigpio_process(
     host: str = "localhost",
     port: int = DEFAULT_PORT,
     *,
-    pins: Pins | None = None,
+    pins: Pins | BoardDescription | None = None,
     parameters: Mapping[str, float] | None = None,
     store: Path | None = None,
     core_timeout_ms: int = CORE_TIMEOUT_MS,

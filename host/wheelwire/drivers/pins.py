@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from ..arguments import path, whole
+from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
 from ..link.base_link import LinkOptions
 from ..link.connection import Link
@@ -44,8 +45,10 @@ class PinProcess:
                 "core_timeout_ms", settings.core_timeout_ms, 1, MAX_CORE_TIMEOUT_MS
             ),
         )
-        if not isinstance(settings.pins, Pins):
-            raise InvalidArgument(f"pins = {shown(settings.pins)}: give `wheelwire.Pins`")
+        if not isinstance(settings.pins, (Pins, BoardDescription)):
+            raise InvalidArgument(
+                f"pins = {shown(settings.pins)}: give `wheelwire.Pins`, or a board"
+            )
         if store is not None:
             settings = replace(settings, store=str(converted_store(path("store", store))))
         self.limits: tuple[str, ...] = ()

@@ -28,6 +28,7 @@ from ..link.requests import Answer
 from ..link.served_port import OpenPort
 from ..parameters import Parameters, checked_values
 from .base import BaseDriver
+from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .linked import GEOMETRY, LinkedRobot
 
@@ -60,6 +61,11 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def parameters(self) -> Parameters:
         """The device's parameters, by name: a mapping of the values known in this session."""
         return self._parameters
+
+    @property
+    def board(self) -> DeviceBoard:
+        """The board that the device has stored."""
+        return DeviceBoard(self._link)
 
     def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""

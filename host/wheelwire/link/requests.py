@@ -13,11 +13,17 @@ from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    BoardConfirm,
+    BoardGet,
+    BoardValue,
+    BoardWrite,
     ClearEstop,
     ClearFault,
     ControlCounters,
     ControlCountersGet,
     Estop,
+    GroupGet,
+    GroupInfo,
     LinkCounters,
     LinkCountersGet,
     ParameterEntry,
@@ -29,6 +35,7 @@ from wheelwire_protocol.types import (
     ParameterTrial,
     ParameterValue,
     Refuse,
+    Restart,
     SetStreamRate,
     Stop,
 )
@@ -49,8 +56,15 @@ RequestMessage: TypeAlias = (
     | ParameterTrial
     | LinkCountersGet
     | ControlCountersGet
+    | GroupGet
+    | Restart
+    | BoardGet
+    | BoardWrite
+    | BoardConfirm
 )
-Answer: TypeAlias = Ack | ParameterValue | ParameterEntry | LinkCounters | ControlCounters
+Answer: TypeAlias = (
+    Ack | ParameterValue | ParameterEntry | LinkCounters | ControlCounters | GroupInfo | BoardValue
+)
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
 REPEAT_US = 25_000
@@ -72,6 +86,8 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterList: ParameterEntry,
     LinkCountersGet: LinkCounters,
     ControlCountersGet: ControlCounters,
+    GroupGet: GroupInfo,
+    BoardGet: BoardValue,
 }
 
 

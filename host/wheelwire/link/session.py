@@ -35,12 +35,14 @@ from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    BoardValue,
     ClearEstop,
     ClearFault,
     ControlCounters,
     DeviceHello,
     Estop,
     Event,
+    GroupInfo,
     Hello,
     LinkCounters,
     ParameterEntry,
@@ -205,6 +207,8 @@ class Session:
             ParameterEntry: self._on_answer,
             LinkCounters: self._on_answer,
             ControlCounters: self._on_answer,
+            GroupInfo: self._on_answer,
+            BoardValue: self._on_answer,
         }
 
     def statistics(self, now_us: int) -> LinkStatistics:

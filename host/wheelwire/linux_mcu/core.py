@@ -23,7 +23,7 @@ from .settings import McuSettings
 SERVICE_SIZE = 600
 """The most bytes that the core handles in one call of `service`."""
 STOPPED_STEPS = 4
-"""Consecutive steps with EN low that mean the end of a stop: EN is low for fewer before a brake."""
+"""Consecutive steps with the drive off that mean the end of a stop: fewer come before a brake."""
 MACHINE_ID = Path("/etc/machine-id")
 
 
@@ -41,7 +41,11 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
         reset_reason=ResetReason.POWER_ON,
     )
     core = Core(identity, store.load(), store.save)
-    presets = {"estop_input_enabled": float(settings.pins.estop is not None)}
+    problems = settings.board.problems()
+    if problems:
+        raise ConfigurationError("; ".join(problems))
+    core.take_board(settings.board.packed())
+    presets = {"estop_input_enabled": float(settings.board.estop is not None)}
     for name, value in {**presets, **settings.parameters}.items():
         refusal = core.preset(PARAMETER_BY_NAME[name].id, value)
         if refusal:
@@ -143,8 +147,7 @@ class McuLoop:
             right_illegal=illegal.right,
         )
         self._apply(outputs)
-        is_low = not (self._outputs.left.enable_q15 or self._outputs.right.enable_q15)
-        self._low_steps = self._low_steps + 1 if is_low else 0
+        self._low_steps = self._low_steps + 1 if self._gpio.is_released(self._outputs) else 0
         self._gpio.keep_alive(now_us)
         if now_us >= self._due_us:
             # Counted from the due time, so that delays do not add up; but not into the past, or a

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
+from wheelwire_protocol.board import Stage
+from wheelwire_protocol.codes import Board as Chip
+
+from ..board import BoardDescription, WheelPins
 from ..errors import ConfigurationError, shown
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
@@ -59,16 +63,36 @@ class Pins:
                 )
             names[pin] = name
 
+    def board(self) -> BoardDescription:
+        """This wiring as a board with an L298N. Its bridge is assumed to have its pull-downs."""
+        return BoardDescription(
+            name="L298N, these pins",
+            chip=Chip.LINUX,
+            stage=Stage.ENABLE_IN1_IN2,
+            left=WheelPins(
+                enable=self.left_pwm,
+                in1=self.left_dir1,
+                in2=self.left_dir2,
+                encoder_a=self.left_enc_a,
+                encoder_b=self.left_enc_b,
+            ),
+            right=WheelPins(
+                enable=self.right_pwm,
+                in1=self.right_dir1,
+                in2=self.right_dir2,
+                encoder_a=self.right_enc_a,
+                encoder_b=self.right_enc_b,
+            ),
+            estop=self.estop,
+            pulldowns=frozenset({self.left_pwm, self.right_pwm}),
+        )
+
     def assigned(self) -> Iterator[tuple[str, int]]:
         """The name and GPIO of each function that is wired."""
         for field in fields(self):
             pin = getattr(self, field.name)
             if pin is not None:
                 yield field.name, pin
-
-    def implied_parameters(self) -> dict[str, float]:
-        """The parameters that follow from the wiring."""
-        return {"estop_input_enabled": float(self.estop is not None)}
 
     def check_hardware_pwm(self) -> None:
         """Raise `ConfigurationError` unless each wheel has its own PWM channel."""

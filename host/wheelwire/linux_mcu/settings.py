@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
 
+from ..board import BoardDescription, unpacked
 from .pins import Pins
 
 CORE_TIMEOUT_MS = 100
@@ -18,7 +19,7 @@ class McuSettings:
 
     Attributes:
         backend: What moves the pins.
-        pins: The wiring.
+        pins: The wiring: of an L298N, or a board for this computer.
         parameters: Values that differ from the defaults, by name.
         store: File for saved parameters; without one nothing can be saved.
         pwm_directory: `l298n`: directory of the kernel's PWM chips.
@@ -32,7 +33,7 @@ class McuSettings:
     """
 
     backend: Literal["l298n", "pigpio"]
-    pins: Pins = field(default_factory=Pins)
+    pins: Pins | BoardDescription = field(default_factory=Pins)
     parameters: dict[str, float] = field(default_factory=dict)
     store: str | None = None
     pwm_directory: str = "/sys/class/pwm"
@@ -44,12 +45,17 @@ class McuSettings:
     listen: str | None = None
     parent: int | None = None
 
+    @property
+    def board(self) -> BoardDescription:
+        """The wiring as a board."""
+        return self.pins.board() if isinstance(self.pins, Pins) else self.pins
+
     def to_json(self) -> str:
-        """The settings as one line of JSON."""
-        return json.dumps(asdict(self))
+        """The settings as one line of JSON, with the board in its packed form."""
+        return json.dumps({**asdict(replace(self, pins=Pins())), "pins": self.board.packed().hex()})
 
     @classmethod
     def from_json(cls, text: str) -> McuSettings:
         """The settings from the output of `to_json`."""
         content = json.loads(text)
-        return cls(**{**content, "pins": Pins(**content["pins"])})
+        return cls(**{**content, "pins": unpacked(bytes.fromhex(content["pins"]))})

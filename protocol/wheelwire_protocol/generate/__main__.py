@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from . import cpp, cpp_vectors, markdown, python, vectors
+from . import board_tables, cpp, cpp_vectors, markdown, python, vectors
 
 CHECKOUT = Path(__file__).parents[3]
 HANDMADE = Path("protocol/vectors/handmade.json")
@@ -39,6 +39,7 @@ def outputs(root: Path) -> dict[Path, str]:
         Path("protocol/MESSAGES.md"): markdown.generate(),
         Path("protocol/vectors/generated.json"): generated,
         Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
+        Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),
         Path("firmware/esp32/test/vectors.hpp"): _clang_format(root, cpp_vectors_text),
     }
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import enum
 
-from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
+from ..board import CODES as BOARD_CODES
+from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
@@ -14,6 +15,7 @@ from .wire_layout import layout_hash
 
 _CPP_TYPES = {
     "B": "uint8_t",
+    "b": "int8_t",
     "H": "uint16_t",
     "h": "int16_t",
     "L": "uint32_t",
@@ -30,7 +32,8 @@ def cpp_type(field: Field) -> str:
     return _CPP_TYPES[field.format]
 
 
-def _enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
+def cpp_enumeration(enumeration: type[DocumentedEnum]) -> list[str]:
+    """An enumeration on the wire."""
     return [
         f"enum class {enumeration.__name__} : uint8_t {{",
         *(f"  {constant_name(m.name)} = {m.value},  ///< {m.doc}" for m in enumeration),
@@ -49,9 +52,12 @@ def _flags(flags: type[DocumentedFlag]) -> list[str]:
     return [*lines, f"}}  // namespace {flags.__name__.lower()}", ""]
 
 
-def _member(field: Field) -> str:
+def cpp_member(field: Field, initial: str = "") -> str:
+    """A field as a member of a struct."""
     unit = f" [{field.unit.value}]" if field.unit.value else ""
-    return f"  {cpp_type(field)} {field.name}{{}};  ///< {field.docs}{unit}"
+    array = f"[{field.format[:-1]}]" if field.format.endswith("s") else ""
+    kind = "char" if array else cpp_type(field)
+    return f"  {kind} {field.name}{array}{{{initial}}};  ///< {field.docs}{unit}"
 
 
 def _message(message: Message) -> list[str]:
@@ -63,7 +69,7 @@ def _message(message: Message) -> list[str]:
         f"  static constexpr uint8_t kId = 0x{message.id:02x};",
         f"  static constexpr size_t kSize = {message.body_size};",
         "",
-        *[_member(field) for field in message.fields],
+        *[cpp_member(field) for field in message.fields],
         "",
         f"  bool operator==(const {message.name}&) const = default;",
         "",
@@ -153,6 +159,20 @@ def _platform_defaults() -> list[str]:
     ]
 
 
+def _group_hashes() -> list[str]:
+    lines = [
+        "/// Of the layout of a group of messages; 0: there is none.",
+        "constexpr uint32_t hash_of(Group group) {",
+        "  switch (group) {",
+    ]
+    for group in Group:
+        lines += [
+            f"    case Group::{constant_name(group.name)}:",
+            f"      return 0x{layout_hash(group):08x};",
+        ]
+    return [*lines, "  }", "  return 0;", "}", ""]
+
+
 def _body_sizes() -> list[str]:
     lines = [
         "/// Body size of the message with this id; -1 where there is none.",
@@ -187,9 +207,12 @@ def generate() -> str:
         "",
     ]
     for enumeration in ENUMERATIONS:
-        lines += _enumeration(enumeration)
+        lines += cpp_enumeration(enumeration)
     for flags in FLAGS:
         lines += _flags(flags)
+    lines += _group_hashes()
+    for enumeration in BOARD_CODES:
+        lines += cpp_enumeration(enumeration)
     for message in MESSAGES:
         lines += _message(message)
     lines += _body_sizes()

@@ -50,7 +50,10 @@ struct Stream {
 """
 
 
-def _literal(field: Field, value: float) -> str:
+def _literal(field: Field, value: float | str) -> str:
+    if field.is_text:  # in hexadecimal
+        letters = (f"static_cast<char>(0x{byte:02x})" for byte in bytes.fromhex(str(value)))
+        return "{" + ", ".join(letters) + "}"
     if field.format == "f":
         return f"{float(value)!r}f"
     number = f"{value}u" if field.format.isupper() else str(value)

@@ -6,7 +6,8 @@ import struct
 from collections.abc import Iterable
 from itertools import chain
 
-from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag
+from ..board import CODES as BOARD_CODES
+from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
@@ -18,17 +19,19 @@ FRAMING_SIZE = 3
 """Bytes a frame has beyond its payload: one COBS code, two delimiters."""
 
 _INTRODUCTION = """\
-Protocol version {version}, schema hash `0x{hash:08x}`. How the messages work together is in
-[SPEC.md](SPEC.md).
+Protocol version {version}, schema hash `0x{hash:08x}` of the group BASE. How the messages work
+together is in [SPEC.md](SPEC.md).
 
 Sizes are in bytes: *body* is the fields alone, *frame* is all that is sent, with id, seq, CRC, COBS
 and delimiters. Types are little-endian and packed: `u16` is an unsigned, `i16` a signed integer of
-16 bits, `f32` an IEEE 754 binary32. A *frozen* message has the same layout in every protocol
-version."""
+16 bits, `f32` an IEEE 754 binary32, `char[n]` n bytes of ASCII filled up with zeros. A *frozen*
+message has the same layout in every protocol version."""
 
 
 def wire_type(field: Field) -> str:
     """`u16`, `i32`, `f32`: the type of a field on the wire."""
+    if field.is_text:
+        return f"char[{field.subcon.length}]"
     kind = "f" if field.format == "f" else "u" if field.format.isupper() else "i"
     return f"{kind}{8 * struct.calcsize('<' + field.format)}"
 
@@ -140,7 +143,7 @@ def _parameters() -> list[str]:
 
 
 def _contents(from_host: list[Message], from_device: list[Message]) -> list[str]:
-    codes = ", ".join(_anchor(e.__name__) for e in (*ENUMERATIONS, *FLAGS))
+    codes = ", ".join(_anchor(e.__name__) for e in (*ENUMERATIONS, *BOARD_CODES, *FLAGS))
     return [
         "**From the host**",
         "",
@@ -148,11 +151,30 @@ def _contents(from_host: list[Message], from_device: list[Message]) -> list[str]
         "**From the device**",
         "",
         *_overview(from_device),
+        "**Groups**: every device has the first. A message of another group may be sent once its",
+        "hash is known to be the same on both sides, by GroupGet.",
+        "",
+        *_groups(),
         f"**Codes**: {codes}.",
         "",
         f"**{_anchor('Parameters')}**: {len(PARAMETERS)}.",
         "",
     ]
+
+
+def _groups() -> list[str]:
+    rows = (
+        (
+            str(group.value),
+            f"`{group.name}`",
+            f"`0x{layout_hash(group):08x}`",
+            ", ".join(_anchor(m.name) for m in MESSAGES if m.group is group)
+            if group
+            else "all others",
+        )
+        for group in Group
+    )
+    return _table(("group", "name", "hash", "messages"), rows)
 
 
 def generate() -> str:
@@ -174,7 +196,7 @@ def generate() -> str:
         *chain.from_iterable(map(_message, from_device)),
         "## Codes",
         "",
-        *chain.from_iterable(map(_enumeration, ENUMERATIONS)),
+        *chain.from_iterable(map(_enumeration, (*ENUMERATIONS, *BOARD_CODES))),
         *chain.from_iterable(map(_flags, FLAGS)),
         *_parameters(),
     ]

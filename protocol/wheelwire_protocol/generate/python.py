@@ -6,6 +6,8 @@ of the rest, and is the generator's and the tests' only.
 
 from __future__ import annotations
 
+from ..board_layout import board_fields
+from ..codes import Group
 from ..message import Field, Message
 from ..messages import MESSAGES
 from .text import banner
@@ -18,7 +20,7 @@ def _field(field: Field) -> list[str]:
     unit = f" [{field.unit.value}]" if field.unit.value else ""
     codes = f" See `codes.{field.enumeration.__name__}`." if field.enumeration else ""
     return [
-        f"    {field.name}: {_PYTHON_TYPES.get(field.format, 'int')}",
+        f"    {field.name}: {'bytes' if field.is_text else _PYTHON_TYPES.get(field.format, 'int')}",
         f'    """{field.docs}{unit}{codes}"""',
     ]
 
@@ -42,6 +44,8 @@ def generate() -> str:
         "",
         "from typing import NamedTuple",
         "",
+        "from .codes import Group",
+        "",
         "",
     ]
     for message in MESSAGES:
@@ -55,8 +59,27 @@ def _layouts() -> list[str]:
         "LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (",
         *(f'    (0x{m.id:02X}, {m.name}, "{m.body_format}"),' for m in MESSAGES),
         ")",
-        '"""Id, class, and the body in the format characters of `struct`, one per field."""',
+        '"""Id, class, and the body in the format characters of `struct`."""',
         "",
-        f"SCHEMA_HASH = 0x{layout_hash():08X}",
+        *_board_layout(),
         "",
+        "GROUP_HASHES: dict[Group, int] = {",
+        *(f"    Group.{g.name}: 0x{layout_hash(g):08X}," for g in Group),
+        "}",
+        "SCHEMA_HASH = GROUP_HASHES[Group.BASE]",
+        "",
+        "GROUPS: dict[type[AnyMessage], Group] = {",
+        *(f"    {m.name}: Group.{m.group.name}," for m in MESSAGES if m.group is not Group.BASE),
+        "}",
+        '"""Of the messages that not every device has."""',
+        "",
+    ]
+
+
+def _board_layout() -> list[str]:
+    return [
+        "BOARD_LAYOUT: tuple[tuple[str, str], ...] = (",
+        *(f'    ("{f.name}", "{f.format}"),' for f in board_fields()),
+        ")",
+        '"""Of the packed board: each field and its format characters."""',
     ]

@@ -19,7 +19,7 @@ from ..reference import build_payload
 from ..units import Unit
 from .text import banner
 
-Values = dict[str, int | float]
+Values = dict[str, int | float | bytes]
 
 _MAX_FLOAT = struct.unpack("<f", b"\xff\xff\x7f\x7f")[0]
 
@@ -30,18 +30,23 @@ _TYPICAL: dict[Unit, int | float] = {
     Unit.METRE_PER_SECOND: 0.25,
     Unit.DUTY_Q15: -16_384,
     Unit.HERTZ: 100,
+    Unit.NANOSECOND: 1000,
     Unit.MILLIVOLT: 11_800,
 }
 
 
-def _limits(field: Field) -> tuple[int | float, int | float]:
+def _limits(field: Field) -> tuple[int | float | bytes, int | float | bytes]:
+    if field.is_text:
+        return bytes(field.subcon.length), b"\xff" * field.subcon.length
     if field.format == "f":
         return -_MAX_FLOAT, _MAX_FLOAT
     bits = 8 * struct.calcsize("<" + field.format)
     return (0, 2**bits - 1) if field.format.isupper() else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
 
 
-def _typical(field: Field) -> int | float:
+def _typical(field: Field) -> int | float | bytes:
+    if field.is_text:
+        return b"Wheelwire".ljust(field.subcon.length, b"\0")
     if field.unit is not Unit.NONE:
         return _TYPICAL[field.unit]
     if field.enumeration:
@@ -49,7 +54,7 @@ def _typical(field: Field) -> int | float:
     return 0.5 if field.format == "f" else 7
 
 
-def _each(value: Callable[[Field], int | float]) -> Callable[[Message], Values]:
+def _each(value: Callable[[Field], int | float | bytes]) -> Callable[[Message], Values]:
     return lambda message: {field.name: value(field) for field in message.fields}
 
 
@@ -84,7 +89,7 @@ def _vector(message: Message, name: str, seq: int, values: Values) -> dict[str, 
         "name": name,
         "message": message.name,
         "seq": seq,
-        "fields": values,
+        "fields": {n: v.hex() if isinstance(v, bytes) else v for n, v in values.items()},
         "payload": payload.hex(),
         "frame": (b"\x00" + cobs.encode(payload) + b"\x00").hex(),
     }

@@ -1,26 +1,34 @@
-"""The wire layout as text, and its hash."""
+"""The wire layout of each group of messages as text, and its hash."""
 
 from __future__ import annotations
 
 import enum
 import hashlib
 
-from ..codes import ENUMERATIONS, FLAGS
+from .. import board
+from ..codes import ENUMERATIONS, FLAGS, Group
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS
 
+CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
+    Group.BASE: (*ENUMERATIONS, *FLAGS),
+    Group.BOARD: board.CODES,
+}
 
-def wire_layout() -> str:
+
+def wire_layout(group: Group = Group.BASE) -> str:
     """The layout as text: all that must agree between host and device, and no prose."""
     lines = [
-        f"{m.id} {m.name} " + " ".join(f"{f.name}:{f.format}" for f in m.fields) for m in MESSAGES
+        f"{m.id} {m.name} " + " ".join(f"{f.name}:{f.format}" for f in m.fields)
+        for m in MESSAGES
+        if m.group is group
     ]
-    lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
-    codes: tuple[type[enum.Enum], ...] = (*ENUMERATIONS, *FLAGS)
-    lines += [f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in e) for e in codes]
+    if group is Group.BASE:
+        lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
+    lines += [f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in e) for e in CODES[group]]
     return "\n".join(lines)
 
 
-def layout_hash() -> int:
+def layout_hash(group: Group = Group.BASE) -> int:
     """First four bytes of the SHA-256 of `wire_layout`, little-endian."""
-    return int.from_bytes(hashlib.sha256(wire_layout().encode()).digest()[:4], "little")
+    return int.from_bytes(hashlib.sha256(wire_layout(group).encode()).digest()[:4], "little")

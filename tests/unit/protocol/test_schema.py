@@ -5,7 +5,7 @@ import pytest
 from construct import Int16ul, Int32ul, Struct
 
 from wheelwire_protocol import schema_hash
-from wheelwire_protocol.codes import ENUMERATIONS
+from wheelwire_protocol.codes import Group
 from wheelwire_protocol.generate import wire_layout
 from wheelwire_protocol.message import Message, field
 from wheelwire_protocol.messages import MESSAGES
@@ -63,6 +63,21 @@ def test_hash_changes_with_a_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     assert hash_with(monkeypatch, "PARAMETERS", renamed) != before
 
 
-def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = schema_hash()
-    assert hash_with(monkeypatch, "ENUMERATIONS", ENUMERATIONS[1:]) != before
+@pytest.mark.parametrize("group", Group)
+def test_hash_changes_with_a_code(monkeypatch: pytest.MonkeyPatch, group: Group) -> None:
+    fewer = {**wire_layout.CODES, group: wire_layout.CODES[group][1:]}
+    monkeypatch.setattr(wire_layout, "CODES", fewer)
+    for other in Group:
+        assert (wire_layout.layout_hash(other) == schema_hash(other)) == (other is not group)
+
+
+def test_a_message_changes_the_hash_of_its_group_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    more = (*MESSAGES, replace(PING, group=Group.BOARD))
+    assert hash_with(monkeypatch, "MESSAGES", more) == schema_hash()
+    assert wire_layout.layout_hash(Group.BOARD) != schema_hash(Group.BOARD)
+
+
+def test_the_ids_of_a_group_are_in_its_range() -> None:
+    for message in MESSAGES:
+        number = message.id & 0x7F
+        assert (0x20 <= number <= 0x2F) == (message.group is Group.BOARD)

@@ -23,7 +23,12 @@ def name(vector: dict[str, Any]) -> str:
 
 
 def message(vector: dict[str, Any]) -> types.AnyMessage:
-    made: types.AnyMessage = getattr(types, vector["message"])(**vector["fields"])
+    kind = getattr(types, vector["message"])
+    values = {
+        name: bytes.fromhex(value) if isinstance(value, str) else value
+        for name, value in vector["fields"].items()
+    }
+    made: types.AnyMessage = kind(**values)
     return made
 
 

@@ -39,7 +39,7 @@ SimulatedDevice::SimulatedDevice(const Options& options)
   if (!link_.empty()) simulator_.set_board_id(board_of(link_));
   // All simulators that a host process starts are the same board to it.
   if (socket_ >= 0) simulator_.set_board_id(mix(static_cast<uint64_t>(options.parent)) >> 16);
-  if (!options.store.empty()) simulator_.board.store.use_file(options.store);
+  if (!options.store.empty()) simulator_.board.use_files(options.store);
   for (const auto& [name, value] : options.settings) {
     if (set_variable(simulator_, name, value) != VariableStatus::kOk) {
       throw std::invalid_argument("cannot set " + name + "; see --help for names and bounds");

@@ -1,39 +1,51 @@
-#include "bridge.hpp"
-
+#include "bridge_port.hpp"
 #include "check.hpp"
+#include "power_stage.hpp"
 
+using namespace wheelwire;
+using wheelwire::sim::Bridge;
 using wheelwire::sim::BridgeModel;
-using wheelwire::sim::BridgePins;
+using wheelwire::sim::BridgeState;
+using wheelwire::sim::Winding;
 
 namespace {
 
 constexpr double kWinding = 5.0;  // [Ohm]
+constexpr int16_t kHalf = kHigh_q15 / 2 + 1;
 
-double current(const BridgePins& pins, double emf, const BridgeModel& model = {}) {
-  return model.current(pins, emf, kWinding);
+/// Keeps the inputs that a stage would get.
+class Inputs final : public StagePort {
+ public:
+  void set(const StageOutputs& outputs) override { last = outputs; }
+  StageOutputs last;
+};
+
+double current(const BridgeState& state, double emf, const BridgeModel& model = {}) {
+  return model.current(state, emf, kWinding);
 }
+
+BridgeState forward(double duty, Winding off = Winding::kOpen) {
+  return {.on = Winding::kForward, .off = off, .duty = duty};
+}
+constexpr BridgeState kCoasting;
+constexpr BridgeState kBraking{.on = Winding::kShorted, .off = Winding::kShorted, .duty = 1.0};
 
 }  // namespace
 
-TEST(bridge_truth_table_at_standstill) {
-  CHECK(current({.in1 = true, .in2 = false, .enable = 1.0}, 0.0) > 0.5);
-  CHECK(current({.in1 = false, .in2 = true, .enable = 1.0}, 0.0) < -0.5);
-  CHECK(current({.in1 = false, .in2 = false, .enable = 1.0}, 0.0) == 0.0);
-  CHECK(current({.in1 = true, .in2 = true, .enable = 1.0}, 0.0) == 0.0);
-  CHECK(current({.in1 = true, .in2 = false, .enable = 0.0}, 0.0) == 0.0);
+TEST(bridge_drives_by_its_state_at_standstill) {
+  CHECK(current(forward(1.0), 0.0) > 0.5);
+  CHECK(current({.on = Winding::kReverse, .duty = 1.0}, 0.0) < -0.5);
+  CHECK(current(kBraking, 0.0) == 0.0);
+  CHECK(current(kCoasting, 0.0) == 0.0);
 }
 
-TEST(bridge_brakes_with_equal_inputs_and_coasts_with_enable_low) {
-  for (const bool level : {false, true}) {
-    CHECK(current({.in1 = level, .in2 = level, .enable = 1.0}, 4.0) < -0.2);
-    CHECK(current({.in1 = level, .in2 = level, .enable = 1.0}, -4.0) > 0.2);
-    CHECK(current({.in1 = level, .in2 = level, .enable = 0.0}, 4.0) == 0.0);
-  }
+TEST(bridge_brakes_shorted_and_coasts_open) {
+  CHECK(current(kBraking, 4.0) < -0.2);
+  CHECK(current(kBraking, -4.0) > 0.2);
+  CHECK(current(kCoasting, 4.0) == 0.0);
 }
 
-TEST(bridge_does_not_brake_below_its_own_drop) {
-  CHECK(current({.in1 = false, .in2 = false, .enable = 1.0}, 1.0) == 0.0);
-}
+TEST(bridge_does_not_brake_below_its_own_drop) { CHECK(current(kBraking, 1.0) == 0.0); }
 
 TEST(bridge_drop_is_within_the_datasheet) {
   // A winding that lets `amperes` flow at standstill shows the drop in what it does not get.
@@ -41,7 +53,7 @@ TEST(bridge_drop_is_within_the_datasheet) {
     BridgeModel model;
     model.supply_v = 12.0;
     const double ohm = (model.supply_v - model.drop_v) / amperes - model.drop_ohm;
-    const double flowing = model.current({.in1 = true, .enable = 1.0}, 0.0, ohm);
+    const double flowing = model.current(forward(1.0), 0.0, ohm);
     CHECK(flowing > 0.999 * amperes && flowing < 1.001 * amperes);
     const double drop = model.supply_v - flowing * ohm;
     CHECK(amperes > 1.0 ? drop < 4.9 : drop > 1.8 && drop < 3.2);
@@ -49,17 +61,75 @@ TEST(bridge_drop_is_within_the_datasheet) {
 }
 
 TEST(bridge_averages_or_chops_the_voltage) {
-  const BridgePins half = {.in1 = true, .enable = 0.5};
   BridgeModel chopped;
   chopped.chopped = true;
-  CHECK(current(half, 4.0) < 0.0);           // Faster than half the voltage: it brakes,
-  CHECK(current(half, 4.0, chopped) > 0.0);  // unless the current dies out in between.
-  CHECK(current(half, 7.0, chopped) == 0.0);
+  CHECK(current(forward(0.5), 4.0) < 0.0);           // Faster than half the voltage: it brakes,
+  CHECK(current(forward(0.5), 4.0, chopped) > 0.0);  // unless the current dies out in between.
+  CHECK(current(forward(0.5), 7.0, chopped) == 0.0);
+  // Where the off time shorts the winding, no current dies out.
+  CHECK(current(forward(0.5, Winding::kShorted), 4.0, chopped) < 0.0);
 }
 
-TEST(bridge_drives_only_with_unequal_inputs_and_enable) {
-  CHECK((BridgePins{.in1 = true, .in2 = false, .enable = 0.25}.signed_duty() == 0.25));
-  CHECK((BridgePins{.in1 = false, .in2 = true, .enable = 0.25}.signed_duty() == -0.25));
-  CHECK((!BridgePins{.in1 = true, .in2 = true, .enable = 1.0}.drives()));
-  CHECK((!BridgePins{.in1 = true, .in2 = false, .enable = 0.0}.drives()));
+/// Every stage behind the core's power stage: what the winding sees is what was asked for.
+TEST(bridge_of_every_stage_does_what_the_core_asks) {
+  for (size_t i = 0; i < kStages; ++i) {
+    const StageTable& table = kStageTables[i];
+    Bridge bridge(static_cast<Stage>(i));
+    PowerStage motor(bridge, table);
+    CHECK(!bridge.state().drives());
+    const auto twice = [&](auto act) {
+      act();
+      act();
+    };
+    twice([&] { motor.drive(kHalf); });
+    CHECK(bridge.state().on == Winding::kForward && bridge.state().signed_duty() > 0.49 &&
+          bridge.state().signed_duty() < 0.51);
+    twice([&] { motor.drive(-kHalf); });
+    CHECK(bridge.state().on == Winding::kReverse && bridge.state().signed_duty() < -0.49);
+    twice([&] { motor.drive(kHigh_q15); });
+    CHECK(bridge.state().signed_duty() == 1.0);
+    twice([&] { motor.brake(); });
+    CHECK(!bridge.state().drives() && bridge.state().shorted() == 1.0);
+    motor.coast();
+    CHECK(!bridge.state().drives() && bridge.state().shorted() == (table.can_coast ? 0.0 : 1.0));
+    CHECK(bridge.hard_switches() == 0);
+  }
+}
+
+TEST(bridge_counts_a_reversal_without_a_pause) {
+  for (size_t i = 0; i < kStages; ++i) {
+    Bridge bridge(static_cast<Stage>(i));
+    Inputs forward_inputs;
+    Inputs reverse_inputs;
+    PowerStage to_forward(forward_inputs, kStageTables[i]);
+    PowerStage to_reverse(reverse_inputs, kStageTables[i]);
+    to_forward.drive(kHalf);
+    to_reverse.drive(-kHalf);
+    bridge.set(forward_inputs.last);
+    bridge.set(reverse_inputs.last);
+    CHECK(bridge.hard_switches() == 1);
+  }
+}
+
+/// The tables differ where it matters: with the table of another stage the winding does not brake,
+/// coast or drive as asked.
+TEST(bridge_shows_the_truth_table_of_another_stage) {
+  for (size_t stage = 0; stage < kStages; ++stage) {
+    for (size_t table = 0; table < kStages; ++table) {
+      if (stage == table) continue;
+      Bridge bridge(static_cast<Stage>(stage));
+      PowerStage motor(bridge, kStageTables[table]);
+      motor.drive(kHalf);
+      const bool forward = bridge.state().on == Winding::kForward &&
+                           bridge.state().signed_duty() < 0.51 && bridge.state().drives();
+      motor.coast();
+      motor.drive(-kHalf);
+      const bool reverse = bridge.state().on == Winding::kReverse &&
+                           bridge.state().signed_duty() > -0.51 && bridge.state().drives();
+      motor.coast();
+      motor.brake();
+      const bool brakes = bridge.state().shorted() == 1.0;
+      CHECK(!(forward && reverse && brakes));
+    }
+  }
 }

@@ -22,7 +22,7 @@ TEST(motor_constants_reproduce_the_rating) {
   const MotorRating rating;
   const BridgeModel bridge;
   const MotorConstants motor = derive(rating, bridge, Friction{});
-  const BridgePins full = {.in1 = true, .enable = 1.0};
+  const BridgeState full = {.on = Winding::kForward, .duty = 1.0};
   const double stall = bridge.current(full, 0.0, motor.winding_ohm);
   CHECK(std::abs(stall - rating.stall_current_a) < 1e-9);
   CHECK(std::abs(stall * motor.torque_nm_per_a - rating.stall_torque_nm) < 1e-9);

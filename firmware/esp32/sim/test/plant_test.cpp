@@ -8,10 +8,10 @@ using namespace wheelwire::sim;
 
 namespace {
 
-constexpr BridgePins kForward = {.in1 = true, .enable = 1.0};
-constexpr BridgePins kBackward = {.in2 = true, .enable = 0.5};
+constexpr BridgeState kForward = {.on = Winding::kForward, .duty = 1.0};
+constexpr BridgeState kBackward = {.on = Winding::kReverse, .duty = 0.5};
 
-void run(Plant& plant, double seconds, const std::array<BridgePins, 2>& pins) {
+void run(Plant& plant, double seconds, const std::array<BridgeState, 2>& pins) {
   const int steps = static_cast<int>(std::lround(seconds / kMaxPhysicsStep));
   for (int i = 0; i < steps; ++i) plant.step(kMaxPhysicsStep, pins);
 }
@@ -32,7 +32,7 @@ TEST(supply_settles_at_any_resistance) {
       plant.step(kMaxPhysicsStep, {kForward, kBackward});
       CHECK(std::abs(plant.supply_v() - before) < 1e-9);
       const double drawn =
-          plant.current_a(kLeft) + plant.current_a(kRight) * (chopped ? 1.0 : kBackward.enable);
+          plant.current_a(kLeft) + plant.current_a(kRight) * (chopped ? 1.0 : kBackward.duty);
       CHECK(std::abs(plant.supply_v() - (7.4 - ohm * drawn)) < 1e-6);
       CHECK(plant.supply_v() > 0.0 && plant.sag_v() > 0.0);
       run(plant, 0.1, {});

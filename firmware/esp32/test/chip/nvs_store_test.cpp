@@ -18,7 +18,7 @@ const std::vector<uint8_t> kSaved{1, 2, 3};
 
 uint32_t fault_at_start(esp_err_t found) {
   fake_nvs = {.init_result = found, .read_result = ESP_OK, .blob = kSaved};
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   return store.faults();
 }
@@ -27,7 +27,7 @@ uint32_t fault_at_start(esp_err_t found) {
 
 TEST(a_saved_block_is_read_back) {
   fake_nvs = {};
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
@@ -49,7 +49,7 @@ TEST(storage_that_cannot_be_opened_is_told_apart_and_left_alone) {
 
 TEST(storage_that_cannot_be_opened_is_not_written) {
   fault_at_start(ESP_ERR_NVS_NO_FREE_PAGES);
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
@@ -59,7 +59,7 @@ TEST(storage_that_cannot_be_opened_is_not_written) {
 
 TEST(a_reset_formats_what_cannot_be_opened) {
   fault_at_start(ESP_ERR_NVS_NEW_VERSION_FOUND);
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   CHECK(store.erase());
   CHECK(fake_nvs.erasures == 1 && store.faults() == 0);
@@ -68,7 +68,7 @@ TEST(a_reset_formats_what_cannot_be_opened) {
 
 TEST(a_block_that_cannot_be_read_is_a_fault_until_a_reset) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_FAIL, .blob = kSaved};
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 0);
@@ -79,7 +79,7 @@ TEST(a_block_that_cannot_be_read_is_a_fault_until_a_reset) {
 
 TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
-  NvsStore store;
+  NvsStore store{"parameters"};
   store.start();
   uint8_t block[8];
   CHECK(store.load(block, sizeof block) == 9);

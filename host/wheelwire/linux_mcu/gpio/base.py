@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import NamedTuple
 
-from wheelwire_protocol.native import Bridge
+from wheelwire_protocol.board import OUTPUTS, STAGES, Action, Level
+from wheelwire_protocol.native import Outputs, StageInputs
 
-from ...errors import DriverUnavailable
+from ...board import BoardDescription, WheelPins
+from ...errors import ConfigurationError, DriverUnavailable
 
-FULL_ENABLE = 32767
-"""The core's number for a PWM on EN that is always on."""
+HIGH_Q15 = 32767
+"""The core's number for an input that is always high."""
 
 
 class PinsBusy(DriverUnavailable):
@@ -24,41 +27,82 @@ class WheelPair(NamedTuple):
     right: int
 
 
-class HalfBridge(ABC):
-    """The pins of one half of an L298N. Raises `LinkLost` if they can no longer be reached."""
+class StagePins(ABC):
+    """The inputs of one wheel's power stage. Raises `LinkLost` if they can no longer be reached.
 
-    def __init__(self) -> None:
-        self._inputs: tuple[bool, bool] | None = None
+    Args:
+        names: The inputs that the stage has.
+    """
 
-    def apply(self, levels: Bridge) -> None:
-        """Set the pins as the core says. EN is low whenever the inputs change."""
-        inputs = (levels.in1, levels.in2)
-        if inputs != self._inputs:
-            self.set_enable(0.0)
-            self.set_inputs(*inputs)
-            self._inputs = inputs
-        self.set_enable(levels.enable_q15 / FULL_ENABLE)
+    def __init__(self, names: Iterable[str]) -> None:
+        self._duties = dict.fromkeys(names, 0)
+
+    def apply(self, wanted: StageInputs) -> None:
+        """Set the inputs as the core says: first what falls, then the others.
+
+        All are set each time, changed or not: an input that can no longer be reached is noticed.
+        """
+        duties = {name: getattr(wanted, f"{name}_q15") for name in self._duties}
+        falling = [name for name in duties if duties[name] < self._duties[name]]
+        others = [name for name in reversed(duties) if name not in falling]
+        for name in (*falling, *others):
+            self.set_input(name, duties[name] / HIGH_Q15)
+            self._duties[name] = duties[name]
 
     @abstractmethod
-    def set_inputs(self, in1: bool, in2: bool) -> None:
-        """Set the levels of IN1 and IN2."""
+    def set_input(self, name: str, duty: float) -> None:
+        """Set the PWM on an input, 0..1: 0 is low, 1 is high."""
 
-    @abstractmethod
-    def set_enable(self, duty: float) -> None:
-        """Set the PWM on EN, 0..1; 0 is low."""
+
+def inputs_of(board: BoardDescription) -> tuple[str, ...]:
+    """The inputs of each wheel's power stage, in the order in which they may be switched on."""
+    return tuple(name for name in OUTPUTS if name in STAGES[board.stage].inputs)
+
+
+def pwm_inputs(board: BoardDescription) -> tuple[str, ...]:
+    """Those of `inputs_of` that ever take a duty."""
+    rows = STAGES[board.stage].rows.values()
+    return tuple(name for name in inputs_of(board) if any(r.get(name) is Level.PWM for r in rows))
+
+
+def pwm_pins(board: BoardDescription) -> tuple[int, ...]:
+    """The GPIOs of `pwm_inputs`, the left wheel's first."""
+    names = pwm_inputs(board)
+    return tuple(getattr(w, name) for w in (board.left, board.right) for name in names)
+
+
+def encoder_pins(wheel: WheelPins) -> tuple[int, int]:
+    """The GPIOs of A and B. Raises `ConfigurationError` if one is missing."""
+    if wheel.encoder_a is None or wheel.encoder_b is None:
+        raise ConfigurationError("the board has an encoder without A or B")
+    return wheel.encoder_a, wheel.encoder_b
+
+
+def release_inputs(board: BoardDescription) -> tuple[str, ...]:
+    """Those of `inputs_of` that hold the motor off when they are low, whatever the others do."""
+    coast = STAGES[board.stage].rows[Action.COAST]
+    return tuple(name for name in inputs_of(board) if coast.get(name) is Level.LOW)
+
+
+def release_pins(board: BoardDescription) -> tuple[int, ...]:
+    """The GPIOs of `release_inputs` of both wheels, and standby."""
+    pins = [getattr(w, name) for w in (board.left, board.right) for name in release_inputs(board)]
+    return tuple(pins if board.standby is None else [*pins, board.standby])
 
 
 class Gpio(ABC):
     """The opened pins of one robot. Methods raise `LinkLost` if they can no longer be reached.
 
     Attributes:
-        left: The left wheel's half of the bridge.
-        right: The right wheel's half.
+        left: The left wheel's power stage.
+        right: The right wheel's.
+        board: What they are connected to.
         limits: What this wiring cannot do, in sentences.
     """
 
-    left: HalfBridge
-    right: HalfBridge
+    left: StagePins
+    right: StagePins
+    board: BoardDescription
     limits: tuple[str, ...] = ()
 
     @abstractmethod
@@ -71,7 +115,15 @@ class Gpio(ABC):
 
     @abstractmethod
     def contact_is_open(self) -> bool:
-        """Whether the normally-closed e-stop contact is open; true if none is fitted."""
+        """Whether the e-stop contact says stop; true if none is fitted."""
+
+    def is_released(self, outputs: Outputs) -> bool:
+        """Whether neither motor is driven or braked by an input that is high."""
+        return not any(
+            getattr(stage, f"{name}_q15")
+            for stage in (outputs.left, outputs.right)
+            for name in release_inputs(self.board)
+        )
 
     def keep_alive(self, now_us: int) -> None:  # noqa: B027 - only pigpio has a watchdog
         """Called in each control step: refresh the backend's watchdog, if it has one."""

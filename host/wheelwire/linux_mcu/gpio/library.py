@@ -4,15 +4,29 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from wheelwire_protocol.board import ContactKind
+
+from ...board import WheelPins
 from ...errors import DriverUnavailable, LinkLost, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
+from ..pins import Pins
 from ..settings import McuSettings
-from .base import Gpio, HalfBridge, PinsBusy, WheelPair
+from .base import (
+    Gpio,
+    PinsBusy,
+    StagePins,
+    WheelPair,
+    encoder_pins,
+    inputs_of,
+    pwm_inputs,
+    pwm_pins,
+    release_pins,
+)
 from .enable_pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
 
 LIMITS = ("glitch_filter_ns is not applied: filter the encoder lines in hardware",)
@@ -20,41 +34,44 @@ CLAIM_TIMEOUT_S = 0.1
 """The kernel releases the lines of a killed process shortly after the process has ended."""
 
 
-class LibraryHalfBridge(HalfBridge):
-    """One half of the bridge."""
+class LibraryStagePins(StagePins):
+    """The inputs of one wheel's power stage, all low at first.
 
-    def __init__(self, inputs: tuple[Any, Any]) -> None:
-        super().__init__()
-        self._enable: EnablePwm | None = None
-        self._pins = inputs
-        for pin in inputs:
+    Args:
+        levels: The pins of all inputs that are set by level.
+        pwm: Those that ever take a duty: their names, in the order of `attach`.
+    """
+
+    def __init__(self, levels: Mapping[str, Any], pwm: Iterable[str]) -> None:
+        super().__init__([*levels, *pwm])
+        self._levels = levels
+        self._pwm: dict[str, EnablePwm] = {}
+        self._shown: dict[str, bool] = {}
+        for pin in levels.values():
             pin.output_with_state(0)
 
-    def attach(self, enable: EnablePwm) -> None:
-        """Add the PWM, after the inputs were claimed: the kernel does not track who uses a PWM."""
-        self._enable = enable
+    def attach(self, pwm: Mapping[str, EnablePwm]) -> None:
+        """Add the PWM, after the pins were claimed: the kernel does not track who uses a PWM."""
+        self._pwm = dict(pwm)
 
-    def set_inputs(self, in1: bool, in2: bool) -> None:
-        """Set the levels of IN1 and IN2."""
+    def set_input(self, name: str, duty: float) -> None:
+        """Set a level, if it changes, or a duty."""
         with _link_lost_errors():
-            for pin, level in zip(self._pins, (in1, in2), strict=True):
-                pin.state = level
-
-    def set_enable(self, duty: float) -> None:
-        """Set the PWM on EN."""
-        if self._enable is not None:
-            with _link_lost_errors():
-                self._enable.set(duty)
+            if name in self._levels:
+                if self._shown.get(name) != bool(duty):
+                    self._levels[name].state = bool(duty)
+                    self._shown[name] = bool(duty)
+            elif name in self._pwm:
+                self._pwm[name].set(duty)
 
     def close(self) -> None:
-        """Set EN low. If that fails, equal inputs at least brake."""
-        with suppress(WheelwireError):
-            self.set_enable(0.0)
-        with suppress(WheelwireError):
-            self.set_inputs(False, False)
-        if self._enable is not None:
-            self._enable.close()
-        for pin in self._pins:
+        """Set all inputs low, the PWM first. If that fails, equal inputs at least brake."""
+        for name in (*self._pwm, *self._levels):
+            with suppress(WheelwireError):
+                self.set_input(name, 0.0)
+        for pwm in self._pwm.values():
+            pwm.close()
+        for pin in self._levels.values():
             pin.close()
 
 
@@ -67,14 +84,15 @@ class LibraryGpio(Gpio):
         ConfigurationError: Both wheels are on one PWM channel.
     """
 
-    left: LibraryHalfBridge
-    right: LibraryHalfBridge
+    left: LibraryStagePins
+    right: LibraryStagePins
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         self._factory = pin_factory()
         self._callbacks: list[Callable[[float, int], None]] = []  # pins keep only weak references
         self._open_pins: list[Any] = []
-        self._halves: list[LibraryHalfBridge] = []
+        self._stages: list[LibraryStagePins] = []
+        self.board = settings.board
         try:
             with _driver_unavailable_errors():
                 self._start(settings, parameters)
@@ -93,38 +111,43 @@ class LibraryGpio(Gpio):
     def contact_is_open(self) -> bool:
         """High means open, by the pull-up; true if none is fitted."""
         with _link_lost_errors():
-            return self._estop is None or bool(self._estop.state)
+            return self._estop is None or bool(self._estop.state) == self._pressed
 
     def close(self) -> None:
         """Let both wheels coast and make all pins inputs."""
-        for half in self._halves:
-            half.close()
+        for stage in self._stages:
+            stage.close()
         for pin in self._open_pins:
             with suppress(Exception):
                 pin.when_changed = None
             pin.close()
 
     def _start(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
-        pins = settings.pins
-        self.left = self._bridge(pins.left_dir1, pins.left_dir2)
-        self.right = self._bridge(pins.right_dir1, pins.right_dir2)
-        enables = self._open_enables(settings, parameters["pwm_frequency_hz"])
-        for half, enable in zip(self._halves, enables, strict=True):
-            half.attach(enable)
+        board = settings.board
+        self.left, self.right = self._stage(board.left), self._stage(board.right)
+        duties = self._open_pwm(settings, parameters["pwm_frequency_hz"])
+        names = pwm_inputs(board)
+        self.left.attach(dict(zip(names, duties[: len(names)], strict=True)))
+        self.right.attach(dict(zip(names, duties[len(names) :], strict=True)))
+        if board.standby is not None:
+            standby = self._factory.pin(board.standby)
+            self._open_pins.append(standby)
+            standby.output_with_state(1)
         self._decoders = [
-            self._decoder(pins.left_enc_a, pins.left_enc_b),
-            self._decoder(pins.right_enc_a, pins.right_enc_b),
+            self._decoder(*encoder_pins(board.left)),
+            self._decoder(*encoder_pins(board.right)),
         ]
-        self._estop = None if pins.estop is None else self._input(pins.estop)
+        self._estop = None if board.estop is None else self._input(board.estop)
+        self._pressed = board.estop_contact is ContactKind.NORMALLY_CLOSED
 
-    def _open_enables(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
-        pins = settings.pins
+    def _open_pwm(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
         channels = kernel_channels(settings)
         if channels is not None:
-            pins.check_hardware_pwm()
+            if isinstance(settings.pins, Pins):
+                settings.pins.check_hardware_pwm()
             self.limits = LIMITS
             return [KernelPwm(channel, frequency_hz) for channel in channels]
-        gpios = (pins.left_pwm, pins.right_pwm)
+        gpios = pwm_pins(settings.board)
         enables = [LibraryPwm(self._factory.pin(gpio), frequency_hz) for gpio in gpios]
         self.limits = (
             f"PWM at {enables[0].frequency_hz:g} Hz instead of {frequency_hz:g} Hz, in the pin "
@@ -134,10 +157,13 @@ class LibraryGpio(Gpio):
         )
         return list(enables)
 
-    def _bridge(self, in1: int, in2: int) -> LibraryHalfBridge:
-        half = LibraryHalfBridge((self._factory.pin(in1), self._factory.pin(in2)))
-        self._halves.append(half)
-        return half
+    def _stage(self, wheel: WheelPins) -> LibraryStagePins:
+        pwm = pwm_inputs(self.board)
+        by_level = [name for name in inputs_of(self.board) if name not in pwm]
+        levels = {name: self._factory.pin(getattr(wheel, name)) for name in by_level}
+        stage = LibraryStagePins(levels, pwm)
+        self._stages.append(stage)
+        return stage
 
     def _decoder(self, gpio_a: int, gpio_b: int) -> QuadratureDecoder:
         pin_a, pin_b = self._input(gpio_a), self._input(gpio_b)
@@ -163,20 +189,20 @@ class LibraryGpio(Gpio):
 
 
 class EnableLow:
-    """For the guard: pulls EN low on both halves of the bridge once the core has released it."""
+    """For the guard: pulls the inputs low that hold the motors off, once the core is gone."""
 
     def __init__(self, settings: McuSettings) -> None:
-        self._channels = kernel_channels(settings)
-        self._gpios = (settings.pins.left_pwm, settings.pins.right_pwm)
-        if self._channels is None:
+        board = settings.board
+        self._channels = kernel_channels(settings) or []
+        by_kernel = pwm_pins(board) if self._channels else ()
+        self._gpios = [gpio for gpio in release_pins(board) if gpio not in by_kernel]
+        if self._gpios:
             self._factory = pin_factory()
 
     def __call__(self) -> None:
-        """Pull both low, even if one fails. Raises nothing."""
-        if self._channels is not None:
-            for channel in self._channels:
-                channel.switch_off()
-            return
+        """Pull all low, even if one fails. Raises nothing."""
+        for channel in self._channels:
+            channel.switch_off()
         for gpio in self._gpios:
             self._pull_low(gpio)
 
@@ -190,13 +216,13 @@ class EnableLow:
 
 
 def kernel_channels(settings: McuSettings) -> Any:
-    """The kernel's PWM channels of both EN inputs, left and right; None if they have none.
+    """The kernel's PWM channels of `pwm_pins`; None if not all of them have one of their own.
 
     Raises:
         DriverUnavailable: There are several chips, or the one chosen does not exist.
     """
-    gpios = (settings.pins.left_pwm, settings.pins.right_pwm)
-    return find_channels(Path(settings.pwm_directory), settings.pwm_chip, gpios)
+    directory = Path(settings.pwm_directory)
+    return find_channels(directory, settings.pwm_chip, pwm_pins(settings.board))
 
 
 def pin_factory() -> Any:

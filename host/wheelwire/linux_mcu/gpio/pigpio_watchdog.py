@@ -28,20 +28,21 @@ class PigpioWatchdog:
 
     Args:
         client: An open connection.
-        enables: The GPIOs of the bridge's EN inputs.
+        pins: The GPIOs that hold the motors off when they are low: at most 8.
 
     Raises:
         PinsBusy: Another program drives these pins.
     """
 
-    def __init__(self, client: PigpioClient, enables: tuple[int, int]) -> None:
+    def __init__(self, client: PigpioClient, pins: tuple[int, ...]) -> None:
         self._client = client
         self._library = client.library
-        self._parameters = [CHECKS, *sorted(enables), 0, 0, 0, 0, 0, 0, SCRIPT_MARK]
+        self._pins = sorted(pins)
+        self._parameters = [CHECKS, *self._pins, *[0] * (8 - len(pins)), SCRIPT_MARK]
         self._next_us = 0
         self._claim()
-        writes = " ".join(f"w {gpio} 0" for gpio in enables)
-        # Each round: wait CHECK_MS, decrement p0, repeat while it is positive; then EN low.
+        writes = " ".join(f"w {gpio} 0" for gpio in pins)
+        # Each round: wait CHECK_MS, decrement p0, repeat while it is positive; then all low.
         script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
         self._id: int = client.call("store_script", script.encode())
         self._run()
@@ -78,9 +79,9 @@ class PigpioWatchdog:
             longest_s = 2 * CHECKS * CHECK_MS / 1000
             running = self._library.PI_SCRIPT_RUNNING
             if not self._wait_while(script_id, running, longest_s):
-                left, right = self._parameters[1:3]
+                gpios = " and ".join(map(str, self._pins))
                 raise PinsBusy(
-                    f"another program drives GPIO {left} and {right} through the pigpiod at "
+                    f"another program drives GPIO {gpios} through the pigpiod at "
                     f"{self._client.address}: end it first"
                 )
             with suppress(self._library.error):

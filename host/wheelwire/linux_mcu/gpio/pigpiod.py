@@ -2,51 +2,96 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+
+from wheelwire_protocol.board import ContactKind
 
 from ...errors import DriverUnavailable, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
+from ..pins import PWM_CHANNEL, Pins
 from ..settings import McuSettings
-from .base import Gpio, HalfBridge, WheelPair
+from .base import (
+    Gpio,
+    StagePins,
+    WheelPair,
+    encoder_pins,
+    inputs_of,
+    pwm_inputs,
+    pwm_pins,
+    release_inputs,
+    release_pins,
+)
 from .pigpio_client import PigpioClient
 from .pigpio_watchdog import PigpioWatchdog
 
 FULL_DUTY = 1_000_000
+SOFTWARE_RANGE = 1000
+SOFTWARE_LIMIT = (
+    "the PWM is timed by pigpiod, 8 kHz at most: only GPIO 12 or 18 and 13 or 19 have hardware PWM"
+)
 
 
-class PigpiodHalfBridge(HalfBridge):
-    """One half of the bridge, with EN on a hardware PWM pin."""
+class PigpiodStagePins(StagePins):
+    """The inputs of one wheel's power stage, all low at first.
+
+    Args:
+        client: An open connection.
+        levels: The GPIOs of the inputs that are set by level.
+        pwm: Those of the inputs that take a duty.
+        pwm_hz: Its frequency.
+        by_hardware: Whether all of them have a channel of the PWM hardware; else the daemon times
+            the edges, in steps of 5 us.
+    """
 
     def __init__(
-        self, client: PigpioClient, enable: int, inputs: tuple[int, int], pwm_hz: int
+        self,
+        client: PigpioClient,
+        levels: Mapping[str, int],
+        pwm: Mapping[str, int],
+        pwm_hz: int,
+        *,
+        by_hardware: bool,
     ) -> None:
-        super().__init__()
+        super().__init__([*levels, *pwm])
         self._client = client
-        self._enable = enable
-        self._gpios = inputs
+        self._levels = levels
+        self._pwm = pwm
         self._pwm_hz = pwm_hz
-        self._duty: int | None = None
-        self.set_enable(0.0)
-        for gpio in inputs:
+        self._by_hardware = by_hardware
+        self._sent: dict[str, int] = {}
+        if not by_hardware:
+            for gpio in pwm.values():
+                client.call("set_PWM_frequency", gpio, pwm_hz)
+                client.call("set_PWM_range", gpio, SOFTWARE_RANGE)
+        for name in pwm:
+            self.set_input(name, 0.0)
+        for name, gpio in levels.items():
             client.call("set_mode", gpio, client.library.OUTPUT)
-            client.call("write", gpio, 0)
+            self.set_input(name, 0.0)
 
-    def set_inputs(self, in1: bool, in2: bool) -> None:
-        """Set the levels of IN1 and IN2."""
-        for gpio, level in zip(self._gpios, (in1, in2), strict=True):
-            self._client.call("write", gpio, int(level))
-
-    def set_enable(self, duty: float) -> None:
-        """Set the hardware PWM on EN; sent only when it changes."""
-        wanted = round(duty * FULL_DUTY)
-        if wanted != self._duty:
-            self._client.call("hardware_PWM", self._enable, self._pwm_hz, wanted)
-            self._duty = wanted
+    def set_input(self, name: str, duty: float) -> None:
+        """Set a level or a duty; sent only when it changes."""
+        full = 1 if name in self._levels else FULL_DUTY if self._by_hardware else SOFTWARE_RANGE
+        wanted = round(duty * full)
+        if wanted == self._sent.get(name):
+            return
+        if name in self._levels:
+            self._client.call("write", self._levels[name], wanted)
+        elif self._by_hardware:
+            self._client.call("hardware_PWM", self._pwm[name], self._pwm_hz, wanted)
+        else:
+            self._client.call("set_PWM_dutycycle", self._pwm[name], wanted)
+        self._sent[name] = wanted
 
     def forget(self) -> None:
-        """Note that the watchdog has pulled EN low: the next duty must be sent again."""
-        self._duty = None
+        """Note that the watchdog has pulled inputs low: all must be sent again."""
+        self._sent.clear()
+
+    def release(self, names: Iterable[str]) -> None:
+        """Pull these low."""
+        for name in names:
+            self.set_input(name, 0.0)
 
 
 class PigpiodGpio(Gpio):
@@ -59,12 +104,14 @@ class PigpiodGpio(Gpio):
         LinkLost: The daemon no longer answers.
     """
 
-    left: PigpiodHalfBridge
-    right: PigpiodHalfBridge
+    left: PigpiodStagePins
+    right: PigpiodStagePins
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
-        self._pins = settings.pins
-        self._pins.check_hardware_pwm()
+        self.board = settings.board
+        if isinstance(settings.pins, Pins):
+            settings.pins.check_hardware_pwm()
+        self._pressed = self.board.estop_contact is ContactKind.NORMALLY_CLOSED
         self._client = PigpioClient(settings.host, settings.port)
         try:
             self._start(parameters)
@@ -86,7 +133,8 @@ class PigpiodGpio(Gpio):
 
     def contact_is_open(self) -> bool:
         """High means open, by the pull-up; true if none is fitted."""
-        return self._pins.estop is None or bool(self._client.call("read", self._pins.estop))
+        estop = self.board.estop
+        return estop is None or bool(self._client.call("read", estop)) == self._pressed
 
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
@@ -97,28 +145,40 @@ class PigpiodGpio(Gpio):
     def close(self) -> None:
         """Pull EN low; if the daemon cannot be reached, its watchdog script does so."""
         with suppress(WheelwireError, self._client.library.error):
-            self.left.set_enable(0.0)
-            self.right.set_enable(0.0)
+            self.left.release(release_inputs(self.board))
+            self.right.release(release_inputs(self.board))
             self._watchdog.close()
         self._client.close()
 
     def _start(self, parameters: Mapping[str, float]) -> None:
-        client, pins = self._client, self._pins
-        enables = (pins.left_pwm, pins.right_pwm)
-        # First: from here on EN goes low by itself if this process dies.
-        self._watchdog = PigpioWatchdog(client, enables)
-        pwm_hz = round(parameters["pwm_frequency_hz"])
-        self.left = PigpiodHalfBridge(client, enables[0], (pins.left_dir1, pins.left_dir2), pwm_hz)
-        self.right = PigpiodHalfBridge(
-            client, enables[1], (pins.right_dir1, pins.right_dir2), pwm_hz
+        client, board = self._client, self.board
+        # First: from here on the motors are held off if this process dies.
+        self._watchdog = PigpioWatchdog(client, release_pins(board))
+        gpios = pwm_pins(board)
+        channels = {PWM_CHANNEL.get(gpio) for gpio in gpios}
+        by_hardware = None not in channels and len(channels) == len(gpios)
+        if not by_hardware:
+            self.limits = (SOFTWARE_LIMIT,)
+        self.left, self.right = (
+            PigpiodStagePins(
+                client,
+                {n: getattr(wheel, n) for n in inputs_of(board) if n not in pwm_inputs(board)},
+                {n: getattr(wheel, n) for n in pwm_inputs(board)},
+                round(parameters["pwm_frequency_hz"]),
+                by_hardware=by_hardware,
+            )
+            for wheel in (board.left, board.right)
         )
+        if board.standby is not None:
+            client.call("set_mode", board.standby, client.library.OUTPUT)
+            client.call("write", board.standby, 1)
         filter_us = round(parameters["glitch_filter_ns"] / 1000)
         self._decoders = [
-            self._decoder(pins.left_enc_a, pins.left_enc_b, filter_us),
-            self._decoder(pins.right_enc_a, pins.right_enc_b, filter_us),
+            self._decoder(*encoder_pins(board.left), filter_us),
+            self._decoder(*encoder_pins(board.right), filter_us),
         ]
-        if pins.estop is not None:
-            self._input(pins.estop)
+        if board.estop is not None:
+            self._input(board.estop)
 
     def _decoder(self, gpio_a: int, gpio_b: int, filter_us: int) -> QuadratureDecoder:
         """Decode the levels in the daemon's reports: a callback would read a pin too late."""

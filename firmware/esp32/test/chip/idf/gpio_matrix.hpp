@@ -22,7 +22,8 @@ struct FakeMatrix {
   };
 
   std::map<uint32_t, uint32_t> registers;
-  std::map<int, bool> levels;  // of plain outputs
+  std::map<int, bool> levels;   // of plain outputs
+  std::map<int, bool> enabled;  // which pins the chip drives, as far as registers say
   std::map<uint32_t, Output> outputs;
   bool pwm_runs = false;
   std::set<int> ever_high;
@@ -33,19 +34,27 @@ struct FakeMatrix {
       if (!(value & uint32_t{1} << bit)) continue;
       if (address == GPIO_OUT_W1TC_REG) levels[bit] = false;
       if (address == GPIO_OUT1_W1TC_REG) levels[32 + bit] = false;
+      if (address == GPIO_ENABLE_W1TS_REG) enabled[bit] = true;
+      if (address == GPIO_ENABLE1_W1TS_REG) enabled[32 + bit] = true;
+      if (address == GPIO_ENABLE_W1TC_REG) enabled[bit] = false;
+      if (address == GPIO_ENABLE1_W1TC_REG) enabled[32 + bit] = false;
     }
     look();
   }
 
   /// Some PWM periods pass: which pins are high in them?
   void look() {
-    for (int pin = 0; pin < 40; ++pin) {
-      const auto route =
-          registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
-      if (route == registers.end()) continue;
-      if (route->second == SIG_GPIO_OUT_IDX ? levels[pin] : is_high(route->second))
-        ever_high.insert(pin);
-    }
+    for (int pin = 0; pin < 40; ++pin)
+      if (can_be_high(pin)) ever_high.insert(pin);
+  }
+
+  /// Whether the pin is high at some time of a PWM period.
+  bool can_be_high(int pin) {
+    const auto route = registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
+    const auto enable = enabled.find(pin);
+    if (enable != enabled.end() && !enable->second) return false;
+    if (route == registers.end() || route->second == SIG_GPIO_OUT_IDX) return levels[pin];
+    return is_high(route->second);
   }
 
   /// An output that rises stays high until it falls, which it does at once with a compare of 0.

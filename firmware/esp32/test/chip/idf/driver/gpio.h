@@ -21,5 +21,6 @@ inline esp_err_t gpio_config(const gpio_config_t*) { return ESP_OK; }
 inline int gpio_get_level(gpio_num_t) { return 0; }
 inline esp_err_t gpio_set_level(gpio_num_t pin, uint32_t level) {
   fake_matrix.levels[pin] = level != 0;
+  fake_matrix.look();
   return ESP_OK;
 }

@@ -5,7 +5,8 @@
 #include "gpio_matrix.hpp"
 
 using mcpwm_timer_handle_t = void*;
-using mcpwm_oper_handle_t = FakeMatrix::Output*;
+/// An operator's newest output.
+using mcpwm_oper_handle_t = FakeMatrix::Output**;
 using mcpwm_cmpr_handle_t = uint32_t*;
 using mcpwm_gen_handle_t = FakeMatrix::Output*;
 
@@ -51,7 +52,7 @@ struct mcpwm_gen_compare_event_action_t {
   mcpwm_action_t action;
 };
 
-/// An operator is its only output.
+/// Each comparator is followed by its generator: together they are an output.
 inline esp_err_t mcpwm_new_timer(const mcpwm_timer_config_t*, mcpwm_timer_handle_t*) {
   return ESP_OK;
 }
@@ -62,9 +63,9 @@ inline esp_err_t mcpwm_timer_start_stop(mcpwm_timer_handle_t, mcpwm_start_t) {
   return ESP_OK;
 }
 inline esp_err_t mcpwm_new_operator(const mcpwm_operator_config_t*, mcpwm_oper_handle_t* channel) {
-  const auto signal = static_cast<uint32_t>(kFirstPwmSignal + fake_matrix.outputs.size());
-  *channel = &fake_matrix.outputs[signal];
-  (*channel)->signal = signal;
+  static FakeMatrix::Output* newest[16];
+  static int count = 0;
+  *channel = &newest[count++ % 16];
   return ESP_OK;
 }
 inline esp_err_t mcpwm_operator_connect_timer(mcpwm_oper_handle_t, mcpwm_timer_handle_t) {
@@ -72,7 +73,10 @@ inline esp_err_t mcpwm_operator_connect_timer(mcpwm_oper_handle_t, mcpwm_timer_h
 }
 inline esp_err_t mcpwm_new_comparator(mcpwm_oper_handle_t channel, const mcpwm_comparator_config_t*,
                                       mcpwm_cmpr_handle_t* comparator) {
-  *comparator = &channel->compare;
+  const auto signal = static_cast<uint32_t>(kFirstPwmSignal + fake_matrix.outputs.size());
+  *channel = &fake_matrix.outputs[signal];
+  (*channel)->signal = signal;
+  *comparator = &(*channel)->compare;
   return ESP_OK;
 }
 inline esp_err_t mcpwm_comparator_set_compare_value(mcpwm_cmpr_handle_t comparator,
@@ -84,9 +88,9 @@ inline esp_err_t mcpwm_comparator_set_compare_value(mcpwm_cmpr_handle_t comparat
 inline esp_err_t mcpwm_new_generator(mcpwm_oper_handle_t channel,
                                      const mcpwm_generator_config_t* config,
                                      mcpwm_gen_handle_t* output) {
-  *output = channel;
+  *output = *channel;
   fake_matrix.write(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(config->gen_gpio_num),
-                    channel->signal);
+                    (*channel)->signal);
   return ESP_OK;
 }
 inline esp_err_t mcpwm_generator_set_action_on_timer_event(mcpwm_gen_handle_t output,

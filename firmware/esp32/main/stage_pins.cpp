@@ -1,0 +1,129 @@
+#include "stage_pins.hpp"
+
+#include "driver/gpio.h"
+#include "release_pins.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr int kGroup = 0;
+// 80 MHz gives 4000 steps at 20 kHz, but overflows the 16-bit counter below 1.2 kHz; there 5 MHz is
+// used.
+constexpr uint32_t kFineHz = 80'000'000;
+constexpr uint32_t kCoarseHz = 5'000'000;
+constexpr uint32_t kCounterEnd = 65'535;
+
+uint32_t resolution_for(uint32_t frequency_hz) {
+  return kFineHz / frequency_hz <= kCounterEnd ? kFineHz : kCoarseHz;
+}
+
+/// Whether an input of the stage ever takes a duty.
+bool takes_pwm(const StageTable& stage, size_t input) {
+  for (const auto& row : stage.rows)
+    if (row[input] == StageLevel::kPwm) return true;
+  return false;
+}
+
+bool make_low_output(int pin) {
+  gpio_set_level(static_cast<gpio_num_t>(pin), 0);
+  const gpio_config_t config = {
+      .pin_bit_mask = mask_of(pin),
+      .mode = GPIO_MODE_OUTPUT,
+      .pull_up_en = GPIO_PULLUP_DISABLE,
+      .pull_down_en = GPIO_PULLDOWN_DISABLE,
+      .intr_type = GPIO_INTR_DISABLE,
+  };
+  return gpio_config(&config) == ESP_OK;
+}
+
+}  // namespace
+
+bool PwmTimer::create(uint32_t frequency_hz) {
+  const uint32_t resolution_hz = resolution_for(frequency_hz);
+  period_ticks_ = resolution_hz / frequency_hz;
+  const mcpwm_timer_config_t config = {
+      .group_id = kGroup,
+      .clk_src = MCPWM_TIMER_CLK_SRC_DEFAULT,
+      .resolution_hz = resolution_hz,
+      .count_mode = MCPWM_TIMER_COUNT_MODE_UP,
+      .period_ticks = period_ticks_,
+      .intr_priority = 0,
+      .flags = {},
+  };
+  return mcpwm_new_timer(&config, &timer_) == ESP_OK;
+}
+
+bool PwmTimer::run() {
+  return mcpwm_timer_enable(timer_) == ESP_OK &&
+         mcpwm_timer_start_stop(timer_, MCPWM_TIMER_START_NO_STOP) == ESP_OK;
+}
+
+bool StagePins::start(const PwmTimer& timer, const BoardDescription& board, size_t wheel) {
+  const StageTable& stage = *table_of(board.stage);
+  period_ticks_ = timer.period_ticks();
+  mcpwm_oper_handle_t channel = nullptr;
+  const mcpwm_operator_config_t config = {.group_id = kGroup, .intr_priority = 0, .flags = {}};
+  if (mcpwm_new_operator(&config, &channel) != ESP_OK ||
+      mcpwm_operator_connect_timer(channel, timer.handle()) != ESP_OK)
+    return false;
+  standby_ = board.standby;
+  bool started = standby_ < 0 || make_low_output(standby_);
+  for (size_t i = 0; i < kStageInputs; ++i) {
+    Input& input = inputs_[i];
+    input.pin = board.pin(input_of(wheel, i));
+    if (input.pin < 0) continue;
+    started = make_low_output(input.pin) && started;
+    if (takes_pwm(stage, i)) started = start_pwm(channel, input) && started;
+  }
+  started_ = started;
+  return started;
+}
+
+bool StagePins::start_pwm(mcpwm_oper_handle_t channel, Input& input) {
+  mcpwm_comparator_config_t comparator_config = {};
+  comparator_config.flags.update_cmp_on_tez = true;  // A period keeps the duty it began with.
+  if (mcpwm_new_comparator(channel, &comparator_config, &input.comparator) != ESP_OK ||
+      mcpwm_comparator_set_compare_value(input.comparator, 0) != ESP_OK)
+    return false;
+  mcpwm_gen_handle_t output = nullptr;
+  const mcpwm_generator_config_t generator_config = {.gen_gpio_num = input.pin, .flags = {}};
+  if (mcpwm_new_generator(channel, &generator_config, &output) != ESP_OK) return false;
+  const mcpwm_gen_timer_event_action_t rise = {
+      .direction = MCPWM_TIMER_DIRECTION_UP,
+      .event = MCPWM_TIMER_EVENT_EMPTY,
+      .action = MCPWM_GEN_ACTION_HIGH,
+  };
+  const mcpwm_gen_compare_event_action_t fall = {
+      .direction = MCPWM_TIMER_DIRECTION_UP,
+      .comparator = input.comparator,
+      .action = MCPWM_GEN_ACTION_LOW,
+  };
+  // The driver has routed the pin to its output: noted for later, and taken back.
+  input.pwm_route = REG_READ(output_route_register(input.pin));
+  hold_low(words_of(mask_of(input.pin)));
+  // The falling edge first: an output with only a rising one would stay high.
+  return mcpwm_generator_set_action_on_compare_event(output, fall) == ESP_OK &&
+         mcpwm_generator_set_action_on_timer_event(output, rise) == ESP_OK;
+}
+
+void StagePins::set(const StageOutputs& outputs) {
+  if (!started_) return;  // All inputs stay low.
+  if (standby_ >= 0) gpio_set_level(static_cast<gpio_num_t>(standby_), 1);
+  for_each_input(outputs_, outputs, [this](StageInput input, uint16_t duty_q15) {
+    set_input(inputs_[static_cast<size_t>(input)], duty_q15);
+  });
+  outputs_ = outputs;
+}
+
+void StagePins::set_input(const Input& input, uint16_t duty_q15) {
+  if (input.pin < 0) return;
+  if (input.comparator == nullptr) {
+    gpio_set_level(static_cast<gpio_num_t>(input.pin), duty_q15 != 0);
+    return;
+  }
+  // At full duty the counter never reaches the comparator, and the pin stays high.
+  mcpwm_comparator_set_compare_value(input.comparator, duty_q15 * period_ticks_ / INT16_MAX);
+  REG_WRITE(output_route_register(input.pin), duty_q15 == 0 ? SIG_GPIO_OUT_IDX : input.pwm_route);
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,51 @@
+// The inputs of one wheel's power stage on the chip's pins: by level, or by the motor-control PWM
+// (MCPWM) where the stage takes a duty.
+#pragma once
+
+#include "board_rules.hpp"
+#include "driver/mcpwm_prelude.h"
+#include "hal.hpp"
+
+namespace wheelwire {
+
+/// One timer for both wheels: they have the same frequency and are in phase.
+class PwmTimer {
+ public:
+  bool create(uint32_t frequency_hz);
+  /// Call after both wheels have started: creating a PWM output routes a pin to it, and the pin
+  /// must not rise then.
+  bool run();
+  mcpwm_timer_handle_t handle() const { return timer_; }
+  uint32_t period_ticks() const { return period_ticks_; }
+
+ private:
+  mcpwm_timer_handle_t timer_ = nullptr;
+  uint32_t period_ticks_ = 0;
+};
+
+/// A pin is routed to the PWM only while a duty is wanted, and is a plain low output otherwise, not
+/// a PWM of 0 %: so a pin that the dead-man pulled low stays low until a control step drives again.
+class StagePins final : public StagePort {
+ public:
+  bool start(const PwmTimer& timer, const BoardDescription& board, size_t wheel);
+
+  void set(const StageOutputs& outputs) override;
+
+ private:
+  struct Input {
+    int pin = -1;
+    mcpwm_cmpr_handle_t comparator = nullptr;  ///< nullptr: by level.
+    uint32_t pwm_route = 0;  ///< Signal in the GPIO matrix while it follows the PWM.
+  };
+
+  static bool start_pwm(mcpwm_oper_handle_t channel, Input& input);
+  void set_input(const Input& input, uint16_t duty_q15);
+
+  Input inputs_[kStageInputs];
+  int standby_ = -1;
+  StageOutputs outputs_;
+  uint32_t period_ticks_ = 0;
+  bool started_ = false;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,162 @@
+#include "board_keeper.hpp"
+
+#include "built_in_boards.hpp"
+#include "check.hpp"
+#include "memory_store.hpp"
+#include "parameters.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::test;
+
+namespace {
+
+/// The built-in board with another pin for the left IN1.
+BoardDescription variant(int8_t in1) {
+  BoardDescription board = kBoardOfEsp32;
+  board.left_in1 = in1;
+  return board;
+}
+
+struct Packed {
+  explicit Packed(const BoardDescription& board) { write_board(board, bytes); }
+  uint8_t bytes[BoardDescription::kSize];
+};
+
+/// A store whose power is cut at a write: from then on nothing is written.
+class CutStore final : public ParameterStore {
+ public:
+  explicit CutStore(MemoryStore& store) : store_(store) {}
+  int writes_left = 1000;
+
+  size_t load(uint8_t* out, size_t capacity) override { return store_.load(out, capacity); }
+  bool save(const uint8_t* data, size_t size) override {
+    return writes_left-- > 0 && store_.save(data, size);
+  }
+  bool erase() override { return writes_left-- > 0 && store_.erase(); }
+
+ private:
+  MemoryStore& store_;
+};
+
+/// A device that starts with what the store holds.
+struct Start {
+  explicit Start(ParameterStore& store, const BoardDescription* built_in = &kBoardOfEsp32)
+      : keeper(store, Board::kEsp32, built_in) {
+    keeper.start();
+  }
+  BoardKeeper keeper;
+};
+
+}  // namespace
+
+TEST(keeper_without_a_stored_board_has_the_images) {
+  MemoryStore store;
+  const Start start(store);
+  CHECK(start.keeper.state() == BoardState::kBuiltIn && start.keeper.board() == kBoardOfEsp32);
+  CHECK(Start(store, nullptr).keeper.state() == BoardState::kNone);
+}
+
+TEST(keeper_tries_a_written_board_and_keeps_it_when_confirmed) {
+  MemoryStore store;
+  Start first(store);
+  CHECK(first.keeper.write(Packed(variant(21)).bytes) == RefusalCode::kNone);
+  CHECK(first.keeper.state() == BoardState::kBuiltIn);  // Until the next start.
+  CHECK(first.keeper.confirm() == RefusalCode::kNoBoardOnTrial);
+
+  Start second(store);
+  CHECK(second.keeper.on_trial() && second.keeper.board().left_in1 == 21);
+  CHECK(second.keeper.write(Packed(variant(22)).bytes) == RefusalCode::kBoardOnTrial);
+  CHECK(second.keeper.confirm() == RefusalCode::kNone);
+  CHECK(second.keeper.state() == BoardState::kStored);
+  CHECK(Start(store).keeper.state() == BoardState::kStored);
+  CHECK(Start(store).keeper.board().left_in1 == 21);
+}
+
+TEST(keeper_returns_to_the_former_board_without_a_confirmation) {
+  MemoryStore store;
+  Start(store).keeper.write(Packed(variant(21)).bytes);
+  {
+    const Start trial(store);
+    CHECK(trial.keeper.on_trial());
+    CHECK(!trial.keeper.is_overdue(kBoardTrialUs - 1) && trial.keeper.is_overdue(kBoardTrialUs));
+  }
+  const Start after(store);
+  CHECK(after.keeper.state() == BoardState::kBuiltIn && after.keeper.board() == kBoardOfEsp32);
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);
+}
+
+TEST(keeper_refuses_what_cannot_be_used) {
+  MemoryStore store;
+  Start start(store);
+  CHECK(start.keeper.write(Packed(kBoardOfEsp32s3).bytes) == RefusalCode::kBoardRefused);
+  CHECK(start.keeper.write(Packed(variant(34)).bytes) == RefusalCode::kBoardRefused);
+  Packed damaged(variant(21));
+  damaged.bytes[20] ^= 1;
+  CHECK(start.keeper.write(damaged.bytes) == RefusalCode::kBoardRefused);
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);
+}
+
+TEST(keeper_of_a_damaged_block_drives_nothing) {
+  MemoryStore store;
+  Start(store).keeper.write(Packed(variant(21)).bytes);
+  uint8_t block[BoardBlock::kSize];
+  const size_t size = store.load(block, sizeof block);
+  CHECK(size == sizeof block);
+  for (size_t i = 0; i < size; ++i) {
+    block[i] ^= 4;
+    MemoryStore damaged;
+    damaged.save(block, size);
+    CHECK(Start(damaged).keeper.state() == BoardState::kNone);
+    block[i] ^= 4;
+  }
+  MemoryStore longer;
+  uint8_t more[BoardBlock::kSize + 1]{};
+  longer.save(more, sizeof more);
+  CHECK(Start(longer).keeper.state() == BoardState::kNone);
+}
+
+/// From the first write of a board to the last, whatever write the power is cut at: the next starts
+/// have the former board or the new one, and never stay on trial.
+TEST(keeper_survives_a_power_cut_at_every_write) {
+  for (const bool confirms : {false, true}) {
+    for (int cut = 0; cut < 8; ++cut) {
+      MemoryStore memory;
+      CutStore store(memory);
+      store.writes_left = cut;
+      {
+        Start start(store);
+        start.keeper.write(Packed(variant(21)).bytes);
+      }
+      {
+        Start start(store);
+        if (confirms && start.keeper.on_trial()) start.keeper.confirm();
+      }
+      // The power is back.
+      const Start next(memory);
+      CHECK(next.keeper.state() != BoardState::kNone);
+      const Start last(memory);
+      CHECK(!last.keeper.on_trial());
+      const bool is_former =
+          last.keeper.state() == BoardState::kBuiltIn && last.keeper.board() == kBoardOfEsp32;
+      const bool is_new =
+          last.keeper.state() == BoardState::kStored && last.keeper.board().left_in1 == 21;
+      CHECK(is_former != is_new);
+      // Confirmed means kept, from the write on that confirms.
+      CHECK(is_new == (confirms && cut >= 3));
+    }
+  }
+}
+
+TEST(keeper_makes_the_boards_numbers_the_defaults) {
+  ParameterSpec specs[kParameterCount];
+  platform_specs(Board::kEsp32, specs);
+  BoardDescription board = kBoardOfEsp32;
+  board.pwm_frequency_hz = 18'000;
+  board.encoder_filter_ns = 250;
+  board.estop = -1;
+  apply_board(board, specs);
+  const Parameters parameters(specs);
+  CHECK(parameters.get(ParameterId::kPwmFrequencyHz) == 18'000);
+  CHECK(parameters.get(ParameterId::kGlitchFilterNs) == 250);
+  CHECK(!parameters.is_on(ParameterId::kEstopInputEnabled));
+}

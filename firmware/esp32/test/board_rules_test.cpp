@@ -1,0 +1,142 @@
+#include "board_rules.hpp"
+
+#include <vector>
+
+#include "check.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+constexpr BoardDescription good() {
+  BoardDescription board;
+  board.version = kBoardVersion;
+  board.chip = Board::kEsp32;
+  board.name[0] = 'x';
+  board.left_enable = 25;
+  board.left_in1 = 26;
+  board.left_in2 = 27;
+  board.left_encoder_a = 18;
+  board.left_encoder_b = 19;
+  board.right_enable = 33;
+  board.right_in1 = 32;
+  board.right_in2 = 4;
+  board.right_encoder_a = 23;
+  board.right_encoder_b = 13;
+  board.estop = 14;
+  board.pwm_frequency_hz = 20'000;
+  board.encoder_filter_ns = 1000;
+  board.pulldowns = mask_of(25) | mask_of(33);
+  return board;
+}
+
+static_assert(first_issue(good()).fault == BoardFault::kNone);
+
+template <typename Change>
+std::vector<BoardIssue> issues(Change change) {
+  BoardDescription board = good();
+  change(board);
+  std::vector<BoardIssue> found;
+  check_board(board, [&found](const BoardIssue& issue) { found.push_back(issue); });
+  return found;
+}
+
+/// Whether a change of a good board has this one fault and no other.
+template <typename Change>
+bool only(BoardFault fault, Change change) {
+  const std::vector<BoardIssue> found = issues(change);
+  return found.size() == 1 && found[0].fault == fault;
+}
+
+}  // namespace
+
+TEST(board_without_a_fault_has_no_issue) {
+  CHECK(issues([](BoardDescription&) {}).empty());
+}
+
+TEST(board_faults_are_found_one_by_one) {
+  using B = BoardDescription;
+  CHECK(only(BoardFault::kVersion, [](B& b) { b.version = 2; }));
+  CHECK(only(BoardFault::kChip, [](B& b) { b.chip = Board::kSimulated; }));
+  CHECK(only(BoardFault::kStage, [](B& b) { b.stage = static_cast<Stage>(9); }));
+  CHECK(only(BoardFault::kName, [](B& b) { b.name[0] = '\0'; }));
+  CHECK(only(BoardFault::kName, [](B& b) { b.name[1] = '\n'; }));
+  CHECK(only(BoardFault::kName, [](B& b) { b.name[2] = 'x'; }));
+  CHECK(only(BoardFault::kCode, [](B& b) { b.encoder_pulls = static_cast<EncoderPulls>(7); }));
+  CHECK(only(BoardFault::kLine, [](B& b) { b.line = BoardLine::kUsb; }));
+  CHECK(only(BoardFault::kPinMissing, [](B& b) { b.left_in2 = -1; }));
+  CHECK(only(BoardFault::kPinMissing, [](B& b) { b.right_encoder_b = -1; }));
+  CHECK(only(BoardFault::kPinWithoutUse, [](B& b) { b.left_dir = 21; }));
+  CHECK(only(BoardFault::kPinWithoutUse, [](B& b) { b.standby = 21; }));
+  CHECK(only(BoardFault::kPinAbsent, [](B& b) { b.left_in1 = 20; }));
+  CHECK(only(BoardFault::kPinAbsent, [](B& b) { b.left_in1 = 99; }));
+  CHECK(only(BoardFault::kPinAbsent, [](B& b) { b.led = -7; }));
+  CHECK(only(BoardFault::kPinOfMemory, [](B& b) { b.left_in1 = 6; }));
+  CHECK(only(BoardFault::kPinOfMemory, [](B& b) { b.left_in1 = 17; }));
+  CHECK(only(BoardFault::kPinOfLink, [](B& b) { b.left_in1 = 3; }));
+  CHECK(only(BoardFault::kPinStrapping, [](B& b) { b.left_in1 = 12; }));
+  CHECK(only(BoardFault::kPinInputOnly, [](B& b) { b.left_in1 = 35; }));
+  CHECK(only(BoardFault::kPinTwice, [](B& b) { b.left_in1 = 27; }));
+  CHECK(only(BoardFault::kNoPullUp, [](B& b) { b.left_encoder_a = 36; }));
+  CHECK(only(BoardFault::kNoPullUpForContact, [](B& b) { b.estop = 39; }));
+  CHECK(only(BoardFault::kNoPullDown, [](B& b) { b.pulldowns = mask_of(25); }));
+  CHECK(only(BoardFault::kPullDownWithoutUse, [](B& b) { b.pulldowns |= mask_of(18); }));
+  CHECK(only(BoardFault::kFrequencyHigh, [](B& b) { b.pwm_frequency_hz = 40'001; }));
+  CHECK(only(BoardFault::kFrequencyLow, [](B& b) { b.pwm_frequency_hz = 99; }));
+  CHECK(only(BoardFault::kFilter, [](B& b) { b.encoder_filter_ns = 12'788; }));
+  CHECK(only(BoardFault::kNoAdc, [](B& b) {
+    b.battery = 21;
+    b.battery_divider_permille = 4000;
+  }));
+  CHECK(only(BoardFault::kDivider, [](B& b) { b.battery = 34; }));
+}
+
+TEST(board_pin_twice_names_both_uses) {
+  const auto found = issues([](BoardDescription& b) { b.estop = 27; });
+  CHECK(found.size() == 1 && found[0].function == BoardPin::kEstop && found[0].pin == 27 &&
+        found[0].other == BoardPin::kLeftIn2);
+}
+
+TEST(board_external_pull_ups_allow_input_only_pins) {
+  CHECK(issues([](BoardDescription& b) {
+          b.left_encoder_a = 36;
+          b.encoder_pulls = EncoderPulls::kExternal;
+        }).empty());
+}
+
+TEST(board_resources_are_counted) {
+  // No chip of today has too few; one that had would be refused.
+  ChipTable chip = *table_of(Board::kEsp32);
+  chip.counters = 1;
+  chip.pwm_outputs = 1;
+  const BoardDescription board = good();
+  std::vector<BoardFault> found;
+  auto report = [&found](const BoardIssue& issue) { found.push_back(issue.fault); };
+  BoardCheck(board, chip, kStageTables[0], report).run();
+  CHECK((found == std::vector{BoardFault::kCounters, BoardFault::kPwmOutputs}));
+}
+
+TEST(board_survives_the_way_to_bytes_and_back) {
+  BoardDescription board = good();
+  uint8_t bytes[BoardDescription::kSize];
+  write_board(board, bytes);
+  BoardDescription back;
+  CHECK(read_board(bytes, sizeof bytes, back) == BoardFault::kNone);
+  board.crc = back.crc;
+  CHECK(back == board);
+}
+
+TEST(board_damaged_anywhere_is_not_read) {
+  uint8_t bytes[BoardDescription::kSize];
+  write_board(good(), bytes);
+  const BoardDescription untouched;
+  for (size_t bit = 0; bit < 8 * sizeof bytes; ++bit) {
+    const auto mask = static_cast<uint8_t>(1 << bit % 8);
+    bytes[bit / 8] ^= mask;
+    BoardDescription back;
+    CHECK(read_board(bytes, sizeof bytes, back) == BoardFault::kDamaged && back == untouched);
+    bytes[bit / 8] ^= mask;
+  }
+  BoardDescription back;
+  CHECK(read_board(bytes, sizeof bytes - 1, back) == BoardFault::kDamaged);
+}

@@ -1,0 +1,389 @@
+"""`wheelwire board`: boards as data: which pins lead to which power stage and encoders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from wheelwire.errors import ConfigurationError, InvalidArgument
+
+from .address import ROBOT_HELP, BaudOption, RobotArgument, complete_robot, resolve
+from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
+from .parameters import RobotCommand
+
+if TYPE_CHECKING:
+    from wheelwire.board import BoardDescription
+    from wheelwire.drivers.base import BaseDriver
+    from wheelwire.drivers.device_board import DeviceBoard
+    from wheelwire_protocol.board import BoardPin
+
+app = typer.Typer()
+
+_Answer = TypeVar("_Answer")
+
+
+def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
+    from wheelwire.board_file import shipped_boards
+
+    for name in shipped_boards():
+        if name.startswith(incomplete):
+            yield name, "a built-in board"
+    for path in sorted(Path().glob(f"{incomplete}*.y*ml")):
+        yield str(path), "a file"
+
+
+NameArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME",
+        help="A built-in board (`wheelwire board list`), or a file.",
+        autocompletion=_complete,
+        show_default=False,
+    ),
+]
+FileArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="FILE",
+        help="A file, or a built-in board's name.",
+        autocompletion=_complete,
+        show_default=False,
+    ),
+]
+
+
+@app.callback(invoke_without_command=True)
+def board(context: typer.Context) -> None:
+    """Show, check and write boards: pins, power stage and encoders as data."""
+    show_help_alone(context)
+
+
+@app.command("list")
+def list_all(as_json: JsonFlag = False) -> None:
+    """List the built-in boards."""
+    from wheelwire.board_file import load_board, shipped_boards
+    from wheelwire_protocol.board import CHIPS, STAGES
+
+    boards = {name: load_board(name) for name in shipped_boards()}
+    if as_json:
+        print_json(
+            [
+                {
+                    "name": name,
+                    "title": found.name,
+                    "chip": CHIPS[found.chip].name,
+                    "stage": found.stage.name.lower(),
+                }
+                for name, found in boards.items()
+            ]
+        )
+        return
+    print_table(
+        "Boards",
+        ("name", "board", "chip", "stage", "for"),
+        [
+            (
+                name,
+                found.name,
+                CHIPS[found.chip].name,
+                found.stage.name.lower(),
+                STAGES[found.stage].parts,
+            )
+            for name, found in boards.items()
+        ],
+    )
+
+
+@app.command("show")
+def show(name: NameArgument, as_json: JsonFlag = False) -> None:
+    """Show what is connected to which pin, and what the power stage does."""
+    from wheelwire.board_file import load_board
+
+    _show(load_board(name), as_json=as_json)
+
+
+def _show(found: BoardDescription, *, as_json: bool) -> None:
+    from wheelwire.board import board_mapping
+    from wheelwire_protocol.board import CHIPS, OUTPUTS, STAGES, Action, Level
+
+    if as_json:
+        print_json(board_mapping(found))
+        return
+    stage = STAGES[found.stage]
+    print_table(
+        f"{found.name}, {CHIPS[found.chip].name}",
+        ("function", "GPIO", "to ground"),
+        [
+            (function.doc, pin, "10 kOhm" if pin in found.pulldowns else "")
+            for function, pin in found.wiring()
+        ],
+    )
+    inputs = [name for name in OUTPUTS if name in stage.inputs]
+    print_table(
+        f"{found.stage.name.lower()}: {stage.parts}",
+        ("", *inputs),
+        [
+            (action.value, *(stage.rows[action].get(name, Level.KEEP).value for name in inputs))
+            for action in Action
+        ],
+    )
+    for what, text in (
+        ("coast", stage.coast),
+        ("brake", stage.brake),
+        ("release", stage.release),
+        ("dead time", stage.dead_time),
+    ):
+        console.print(f"{what}: {text}")
+
+
+@app.command("check")
+def check(file: FileArgument, as_json: JsonFlag = False) -> None:
+    """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
+    from wheelwire.board_file import load_board
+
+    found = load_board(file)
+    problems = found.problems()
+    if as_json:
+        print_json({"board": found.name, "problems": problems})
+    elif problems:
+        for problem in problems:
+            console.print(f"{file}: {problem}", soft_wrap=True)
+    else:
+        console.print(f"{file}: nothing is wrong with this board", soft_wrap=True)
+    if problems:
+        raise typer.Exit(ConfigurationError.exit_code)
+
+
+def _complete_robot_or_board(incomplete: str) -> Iterator[tuple[str, str]]:
+    yield from complete_robot(incomplete)
+    yield from _complete(incomplete)
+
+
+@app.command("write", cls=RobotCommand)
+def write(
+    context: typer.Context,
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[ROBOT] FILE",
+            help=f"{ROBOT_HELP} FILE is a board's file, or a built-in board's name.",
+            show_default=False,
+            autocompletion=_complete_robot_or_board,
+        ),
+    ] = None,
+    baud: BaudOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Store a board in the device, restart it, and keep the board if the device comes back.
+
+    Until then it is on trial: nothing drives, and the former board returns after 10 s.
+    """
+    from wheelwire.board_file import checked_board
+
+    given = list(arguments or ())
+    if not given:
+        raise UsageError("Missing argument 'FILE'", context)
+    if len(given) > 2:
+        raise UsageError(f"Unexpected argument '{given[2]}'", context)
+    wanted = checked_board(given[-1])
+    with resolve(given[0] if len(given) > 1 else None, as_json=as_json).open(baud) as driver:
+        _device_board(driver).take_up(wanted)
+    if as_json:
+        print_json({"board": wanted.name, "written": True})
+    else:
+        console.print(f"{wanted.name}: written, tried and kept", soft_wrap=True)
+
+
+@app.command("read")
+def read(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
+    """Show the board that the device has in force, as a file."""
+    from wheelwire.board import board_mapping
+    from wheelwire.board_file import to_yaml
+
+    with resolve(robot, as_json=as_json).open(baud) as driver:
+        state, found = _device_board(driver).read()
+    if as_json:
+        print_json({"state": state, "board": board_mapping(found) if found else None})
+        return
+    typer.echo(f"# {state.doc}")
+    if found is not None:
+        typer.echo(to_yaml(found), nl=False)
+
+
+def _device_board(driver: BaseDriver) -> DeviceBoard:
+    from wheelwire.drivers.transport_driver import DeviceDriver
+
+    if not isinstance(driver, DeviceDriver):
+        raise InvalidArgument("this robot's driver has no device that could store a board")
+    return driver.board
+
+
+@app.command("init")
+def init(
+    file: Annotated[
+        Path, typer.Argument(metavar="[FILE]", help="The file to write.", show_default=True)
+    ] = Path("board.yaml"),
+    like: Annotated[
+        str | None,
+        typer.Option("--like", help="A built-in board or a file whose pins are the defaults."),
+    ] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Ask for the pins of a board, check each, and write a file.
+
+    Exit code 15 if the board cannot be used as it is.
+    """
+    from wheelwire.board_file import to_yaml
+
+    if file.exists():
+        raise ConfigurationError(f"{file} exists: choose another name, or remove it first")
+    made = _ask_for_board(like)
+    problems = made.problems()
+    try:
+        with file.open("x", encoding="utf-8") as out:
+            out.write(to_yaml(made))
+    except OSError as error:
+        raise ConfigurationError(f"{file}: {error.strerror}") from error
+    if as_json:
+        from wheelwire.board import board_mapping
+
+        print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
+    else:
+        for problem in problems:
+            console.print(f"{file}: {problem}", soft_wrap=True)
+        look = "mend it, then run `wheelwire board check" if problems else "`wheelwire board show"
+        console.print(f"written: {file}; {look} {file}`", soft_wrap=True)
+    if problems:
+        raise typer.Exit(ConfigurationError.exit_code)
+
+
+def _ask_for_board(like: str | None) -> BoardDescription:
+    from wheelwire.board import CHIP_BY_NAME, STAGE_BY_NAME, BoardDescription, WheelPins
+    from wheelwire.board_file import load_board
+    from wheelwire_protocol.board import CHIPS, STAGES, BoardLine, BoardPin, EncoderPulls, Stage
+
+    base = load_board(like) if like else None
+    for stage, table in STAGES.items():
+        typer.echo(f"{stage.name.lower()}: {table.parts}", err=True)
+    chip = CHIP_BY_NAME[
+        _choose("chip", list(CHIP_BY_NAME), CHIPS[base.chip].name if base else "esp32")
+    ]
+    default_stage = base.stage if base else Stage.ENABLE_IN1_IN2
+    stage = STAGE_BY_NAME[_choose("stage", list(STAGE_BY_NAME), default_stage.name.lower())]
+    name = _ask("name", str, base.name if base else None)
+    made = BoardDescription(name, chip, stage, WheelPins(), WheelPins(), encoder_filter_ns=1000)
+    if base is not None:
+        made = replace(
+            made,
+            pwm_frequency_hz=base.pwm_frequency_hz,
+            encoder_pulls=base.encoder_pulls,
+            encoder_filter_ns=base.encoder_filter_ns,
+            battery_divider=base.battery_divider,
+        )
+    made = replace(made, pwm_frequency_hz=min(made.pwm_frequency_hz, _most_hz(made)))
+    if not _confirm("Do the chip's own pull-ups hold the encoders' outputs?", default=True):
+        made = replace(made, encoder_pulls=EncoderPulls.EXTERNAL)
+    wanted = [*STAGES[stage].inputs, "encoder_a", "encoder_b"]
+    for side in ("left", "right"):
+        for pin in wanted:
+            made = _ask_for_pin(made, BoardPin[f"{side}_{pin}".upper()], base)
+    optional = [BoardPin.STANDBY] if STAGES[stage].has_standby else []
+    optional += [BoardPin.ESTOP]
+    optional += [BoardPin.LED] if CHIPS[chip].has_led else []
+    optional += [BoardPin.BATTERY] if CHIPS[chip].adc else []
+    for function in optional:
+        made = _ask_for_pin(made, function, base, optional=True)
+    if made.battery is not None:
+        divider = _ask("battery volts per volt at the pin", float, made.battery_divider)
+        made = replace(made, battery_divider=divider)
+    if CHIPS[chip].usb and _choose("link", ["uart", "usb"], "uart") == "usb":
+        made = replace(made, line=BoardLine.USB)
+    return _ask_for_pull_downs(made, base)
+
+
+def _most_hz(made: BoardDescription) -> int:
+    from wheelwire_protocol.board import STAGES
+
+    return STAGES[made.stage].max_frequency_hz
+
+
+def _ask_for_pin(
+    made: BoardDescription,
+    function: BoardPin,
+    base: BoardDescription | None,
+    *,
+    optional: bool = False,
+) -> BoardDescription:
+    """Ask until the pin can be used, or is left out."""
+    default = base.pin(function) if base else None
+    prompt = f"{function.doc}: GPIO" + (", - for none" if optional else "")
+    while True:
+        text = _ask(prompt, str, "-" if optional and default is None else default)
+        if optional and text.strip() == "-":
+            return made
+        if not text.strip().isdigit() or int(text) > 63:
+            typer.echo("give the number of a GPIO", err=True)
+            continue
+        tried = _with_pin(made, function, int(text))
+        problems = _problems_of(tried, function)
+        if not problems:
+            return tried
+        for problem in problems:
+            typer.echo(problem, err=True)
+        default = None
+
+
+def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDescription:
+    side, _, name = function.name.lower().partition("_")
+    if side not in ("left", "right"):
+        return replace(made, **{side: pin})  # type: ignore[arg-type]
+    wheel = replace(getattr(made, side), **{name: pin})
+    return replace(made, **{side: wheel})
+
+
+def _problems_of(made: BoardDescription, function: BoardPin) -> list[str]:
+    """What is wrong with this pin; that others are missing or unheld is for later."""
+    from wheelwire.board import sentence
+    from wheelwire_protocol.board import BoardFault
+    from wheelwire_protocol.native import check_board
+
+    later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN)
+    return [
+        sentence(issue, made.chip, made.stage)
+        for issue in check_board(made.packed())
+        if issue.pin >= 0 and issue.function == function and issue.fault not in later
+    ]
+
+
+def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
+    from wheelwire_protocol.board import STAGES, BoardPin
+
+    for side in ("left", "right"):
+        for name in STAGES[made.stage].pull_downs:
+            function = BoardPin[f"{side}_{name}".upper()]
+            pin = made.pin(function)
+            question = f"Is there a resistor of 10 kOhm from {function.doc}, GPIO {pin}, to ground?"
+            fitted = base is not None and pin in base.pulldowns
+            if pin is not None and _confirm(question, default=fitted):
+                made = replace(made, pulldowns=made.pulldowns | {pin})
+    return made
+
+
+def _choose(what: str, choices: list[str], default: str) -> str:
+    while True:
+        text = _ask(f"{what} ({', '.join(choices)})", str, default)
+        if text in choices:
+            return text
+        typer.echo(f"choose one of {', '.join(choices)}", err=True)
+
+
+def _ask(what: str, kind: Callable[[Any], _Answer], default: object = None) -> _Answer:
+    return kind(typer.prompt(what, default=default, type=kind, err=True))
+
+
+def _confirm(question: str, *, default: bool) -> bool:
+    return typer.confirm(question, default=default, err=True)

@@ -1,0 +1,153 @@
+"""The board that a device has stored: read, written, tried, confirmed."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol, cast
+
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codes import Group
+from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
+from wheelwire_protocol.schema import schema_hash
+from wheelwire_protocol.types import (
+    BOARD_LAYOUT,
+    BoardConfirm,
+    BoardGet,
+    BoardValue,
+    BoardWrite,
+    GroupGet,
+    GroupInfo,
+    Restart,
+)
+
+from ..board import BoardDescription, unpacked
+from ..errors import BoardNotKept, GroupUnavailable, LinkLost, WheelwireError
+from ..link.requests import Answer, RequestMessage
+
+RESTART_TIMEOUT_S = 8.0
+"""A chip is back within one second; the trial of a board ends after ten."""
+_POLL_S = 0.02
+_FIELDS = len(BOARD_LAYOUT)
+
+
+class RequestingLink(Protocol):
+    """A link that waits for the answer to a request."""
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions since the link was opened."""
+
+    def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer."""
+
+    def check(self) -> None:
+        """Raise why the link is not open, if it is not."""
+
+
+class DeviceBoard:
+    """The board of one device, over its link."""
+
+    def __init__(self, link: RequestingLink) -> None:
+        self._link = link
+
+    def read(self) -> tuple[BoardState, BoardDescription | None]:
+        """Where the board in force is from, and the board; None if there is none.
+
+        Raises:
+            GroupUnavailable: The device has no messages about boards, or of another release.
+            ConfigurationError: The board has codes that are unknown here.
+            LinkLost, RequestTimeout: The device was not reached.
+        """
+        check_group(self._link, Group.BOARD)
+        value = cast("BoardValue", self._link.request(BoardGet(0, 0)))
+        state = BoardState(value.state)
+        if state is BoardState.NONE:
+            return state, None
+        body = BY_TYPE[BoardValue].pack_body(*value)
+        return state, unpacked(body[-_packed_size() :])
+
+    def write(self, board: BoardDescription) -> None:
+        """Store a board, to be tried at the next restart.
+
+        Raises:
+            DeviceRefused: The robot drives, the board breaks a rule of this device, or another
+                one is on trial.
+            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
+        """
+        check_group(self._link, Group.BOARD)
+        unpack = BY_TYPE[BoardWrite].unpack
+        head = bytes(HEADER_SIZE + _size_of_ids())
+        fields = unpack(head + board.packed() + bytes(CRC_SIZE))
+        self._link.request(BoardWrite(0, 0, *fields[-_FIELDS:]))
+
+    def confirm(self) -> None:
+        """Keep the board that is on trial, and let it drive.
+
+        Raises:
+            DeviceRefused: None is on trial.
+            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
+        """
+        check_group(self._link, Group.BOARD)
+        self._link.request(BoardConfirm(0, 0))
+
+    def take_up(self, board: BoardDescription) -> None:
+        """Write a board, restart the device, and keep the board if the device comes back with it.
+
+        Raises:
+            BoardNotKept: The device is back with the former board.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
+        """
+        self.write(board)
+        self.restart()
+        state, found = self.read()
+        if state is not BoardState.TRIAL or found != board:
+            raise BoardNotKept(
+                f"the device came back with another board ({found.name if found else 'none'}): "
+                "the former one is in force; try again"
+            )
+        self.confirm()
+
+    def restart(self) -> None:
+        """Restart the device, and wait until it is back.
+
+        Raises:
+            DeviceRefused: The robot drives, or cannot restart by itself.
+            LinkLost: It did not come back.
+        """
+        before = self._link.sessions
+        self._link.request(Restart(0, 0))
+        end = time.monotonic() + RESTART_TIMEOUT_S
+        error: WheelwireError | None = None
+        while time.monotonic() < end:
+            time.sleep(_POLL_S)
+            if self._link.sessions == before:
+                continue
+            try:
+                self._link.check()
+            except LinkLost as lost:
+                error = lost
+                continue
+            return
+        raise LinkLost(
+            f"the device did not come back within {RESTART_TIMEOUT_S:g} s of its restart"
+            + (f" ({error})" if error else "")
+            + "; if it does not in ten more, take its power away for a moment: the former board "
+            "returns"
+        )
+
+
+def check_group(link: RequestingLink, group: Group) -> None:
+    """Raise `GroupUnavailable` unless both sides have the same messages of a group."""
+    info = cast("GroupInfo", link.request(GroupGet(0, 0, group)))
+    if info.hash != schema_hash(group):
+        raise GroupUnavailable(group.name.lower(), schema_hash(group), info.hash)
+
+
+def _packed_size() -> int:
+    return BY_TYPE[BoardWrite].size - HEADER_SIZE - CRC_SIZE - _size_of_ids()
+
+
+def _size_of_ids() -> int:
+    """Of session_id and request_id, which every request begins with."""
+    return BY_TYPE[BoardGet].size - HEADER_SIZE - CRC_SIZE

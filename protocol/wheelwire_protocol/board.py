@@ -1,0 +1,422 @@
+"""A board: which pins of which chip lead to which power stage and encoders.
+
+What host and firmware must agree on about boards: the codes, the truth tables of the power stages,
+and what each chip's pins can do. The packed struct is in `board_layout`. The rules that a board
+must obey are the core's, in `core/board_rules.hpp`; each has its sentence in `BoardFault`.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from .codes import Board, DocumentedEnum
+
+BOARD_VERSION = 1
+"""Of the packed struct. A device refuses any other."""
+NAME_SIZE = 24
+
+
+class Stage(DocumentedEnum):
+    """What stands between the chip's pins and a motor."""
+
+    ENABLE_IN1_IN2 = 0, "An enable with the PWM and two direction inputs: L298N, L293D."
+    PWM_IN1_IN2 = 1, "A PWM input, whose low level brakes, and two direction inputs: TB6612FNG."
+    IN_IN = 2, "Two inputs, the PWM on one of them: DRV8833, DRV8871, MX1508."
+    HALF_BRIDGES = 3, "Two half bridges with a common enable: BTS7960 (IBT-2)."
+    PWM_DIR = 4, "A PWM and a direction input: Cytron MD10C, MDD10A."
+
+
+class EncoderPulls(DocumentedEnum):
+    """What holds an encoder's outputs high."""
+
+    INTERNAL = 0, "The chip's own pull-ups."
+    EXTERNAL = 1, "Resistors on the board, or outputs that drive both levels."
+
+
+class ContactKind(DocumentedEnum):
+    """What the e-stop contact does when it is pressed."""
+
+    NORMALLY_CLOSED = 0, "It opens; a broken wire is an e-stop, too."
+    NORMALLY_OPEN = 1, "It closes to ground; a broken wire goes unnoticed."
+
+
+class BoardLine(DocumentedEnum):
+    """The line to the host."""
+
+    UART = 0, "UART0, through the board's USB bridge."
+    USB = 1, "The chip's own USB."
+
+
+class BoardState(DocumentedEnum):
+    """Where the board in force is from."""
+
+    NONE = 0, "There is none: nothing is driven."
+    BUILT_IN = 1, "It is the one in the image."
+    STORED = 2, "It was written, and confirmed."
+    TRIAL = 3, "It was written, and waits for its confirmation: nothing drives."
+
+
+class BoardPin(DocumentedEnum):
+    """The functions that a board gives to pins, with the names that users are shown."""
+
+    LEFT_ENABLE = 0, "left.enable"
+    LEFT_IN1 = 1, "left.in1"
+    LEFT_IN2 = 2, "left.in2"
+    LEFT_PWM = 3, "left.pwm"
+    LEFT_DIR = 4, "left.dir"
+    LEFT_ENCODER_A = 5, "left.encoder_a"
+    LEFT_ENCODER_B = 6, "left.encoder_b"
+    RIGHT_ENABLE = 7, "right.enable"
+    RIGHT_IN1 = 8, "right.in1"
+    RIGHT_IN2 = 9, "right.in2"
+    RIGHT_PWM = 10, "right.pwm"
+    RIGHT_DIR = 11, "right.dir"
+    RIGHT_ENCODER_A = 12, "right.encoder_a"
+    RIGHT_ENCODER_B = 13, "right.encoder_b"
+    STANDBY = 14, "standby"
+    ESTOP = 15, "estop.pin"
+    BATTERY = 16, "battery.pin"
+    LED = 17, "led"
+
+
+class BoardFault(DocumentedEnum):
+    """Why a board is refused. `{pin}` is a GPIO, `{function}` what the board uses it for."""
+
+    NONE = 0, "Nothing is wrong."
+    VERSION = 1, "its format is version {value}, this firmware knows {limit}: update the older one"
+    DAMAGED = 2, "its checksum is wrong: write it again"
+    NAME = 3, "name: give it 1 to 24 printable ASCII characters"
+    CHIP = 4, "chip: no such chip is known"
+    OTHER_CHIP = 5, "chip: it is for {chip}, this device is another one"
+    STAGE = 6, "stage: no such power stage is known"
+    PIN_MISSING = 7, "{function}: the stage {stage} needs this pin"
+    PIN_WITHOUT_USE = 8, "{function} = {pin}: the stage {stage} has no such input; leave it out"
+    PIN_ABSENT = 9, "{function} = {pin}: {chip} has no GPIO {pin} on its pins"
+    PIN_TWICE = 10, "{function} = {pin}: GPIO {pin} is {other} already; choose a free one"
+    PIN_OF_MEMORY = (
+        11,
+        "{function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM; choose another",
+    )
+    PIN_OF_LINK = (
+        12,
+        "{function} = {pin}: GPIO {pin} of {chip} carries the line to the computer; choose another",
+    )
+    PIN_STRAPPING = (
+        13,
+        "{function} = {pin}: the level of GPIO {pin} at reset selects how {chip} starts; "
+        "choose another",
+    )
+    PIN_INPUT_ONLY = (
+        14,
+        "{function} = {pin}: GPIO {pin} of {chip} is an input only; choose one that can drive",
+    )
+    NO_PULL_UP = (
+        15,
+        "{function} = {pin}: GPIO {pin} of {chip} has no pull-up of its own, so an open wire "
+        "counts ticks; choose another, or fit resistors to 3.3 V and write "
+        "`encoder_pulls: external`",
+    )
+    NO_PULL_UP_FOR_CONTACT = (
+        16,
+        "{function} = {pin}: GPIO {pin} of {chip} has no pull-up, so an open contact reads as "
+        "nothing; choose another",
+    )
+    NO_ADC = 17, "{function} = {pin}: GPIO {pin} of {chip} cannot measure; choose one of ADC1"
+    NOT_ON_THIS_CHIP = 18, "{function} = {pin}: {chip} has no support for it; leave it out"
+    NO_PULL_DOWN = (
+        19,
+        "{function} = {pin}: the stage {stage} drives whenever this input floats, as it does while "
+        "{chip} is in reset; fit some 10 kOhm to ground and add {pin} to pulldowns",
+    )
+    PULL_DOWN_WITHOUT_USE = (
+        20,
+        "pulldowns: GPIO {pin} is no output of this board; leave it out, or mend the number",
+    )
+    FREQUENCY_HIGH = (
+        21,
+        "pwm_frequency_hz = {value}: the stage {stage} takes {limit} at most",
+    )
+    FREQUENCY_LOW = 22, "pwm_frequency_hz = {value}: choose {limit} at least"
+    COUNTERS = 23, "{chip} has {limit} pulse counters, two wheels need {value}"
+    PWM_OUTPUTS = 24, "{chip} has {limit} PWM outputs, the stage {stage} needs {value}"
+    FILTER = 25, "encoder_filter_ns = {value}: the chip's filter ends at {limit}"
+    DIVIDER = (
+        26,
+        "battery.divider = {value} thousandths: choose 1 to 20, battery volts per volt at the pin",
+    )
+    LINE = 27, "link: {chip} has no USB of its own, and a Raspberry Pi none at all; write uart"
+    CODE = 28, "a code is unknown to this firmware: update it"
+
+
+PIN_FUNCTIONS: tuple[str, ...] = tuple(f.name.lower() for f in BoardPin)
+"""The fields of the packed struct with a pin, in the order of `BoardPin`."""
+CODES: tuple[type[DocumentedEnum], ...] = (
+    Stage,
+    EncoderPulls,
+    ContactKind,
+    BoardLine,
+    BoardState,
+    BoardPin,
+    BoardFault,
+)
+"""Those of the group BOARD."""
+NO_PIN = -1
+OUTPUTS = ("enable", "in1", "in2", "pwm", "dir")
+"""What a wheel's power stage may have for inputs."""
+
+
+class Level(enum.Enum):
+    """What an input of a power stage gets."""
+
+    LOW = "low"
+    HIGH = "high"
+    PWM = "PWM"
+    KEEP = "as before"
+
+
+class Action(enum.Enum):
+    """What a wheel is to do: a row of a truth table."""
+
+    COAST = "coast"
+    FORWARD = "forward"
+    REVERSE = "reverse"
+    BRAKE = "brake"
+
+
+@dataclass(frozen=True)
+class StageTable:
+    """A power stage as data.
+
+    Attributes:
+        parts: Integrated circuits and modules with such inputs.
+        inputs: Those of each wheel.
+        rows: The level of each input for each action.
+        pull_downs: Inputs that nothing in the stage holds low.
+        max_frequency_hz: Of the PWM.
+        frequency_source: Where that limit is from.
+        pwm_outputs: The chip's PWM outputs that each wheel takes.
+        can_coast: Whether the motor can turn freely while the stage is supplied.
+        has_standby: Whether one more input switches both wheels' outputs off. It may be left
+            unconnected to the chip, tied high.
+        coast, brake, release, dead_time: What these mean on it, in sentences.
+    """
+
+    parts: str
+    inputs: tuple[str, ...]
+    rows: Mapping[Action, Mapping[str, Level]]
+    pull_downs: tuple[str, ...]
+    max_frequency_hz: int
+    frequency_source: str
+    pwm_outputs: int
+    can_coast: bool
+    coast: str
+    brake: str
+    release: str
+    dead_time: str
+    has_standby: bool = False
+
+
+def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, Level]]:
+    letters = {"0": Level.LOW, "1": Level.HIGH, "p": Level.PWM, "-": Level.KEEP}
+    return MappingProxyType(
+        {
+            Action(name): MappingProxyType(
+                {pin: letters[letter] for pin, letter in zip(inputs, row, strict=True)}
+            )
+            for name, row in rows.items()
+        }
+    )
+
+
+_ONE_PERIOD = (
+    "A change of direction, or from drive to brake, takes one control period in coast, so that no "
+    "input changes while current flows."
+)
+_BUILT_IN = "The part keeps its two switches apart by itself. "
+
+_ENABLE_IN1_IN2 = ("enable", "in1", "in2")
+_PWM_IN1_IN2 = ("pwm", "in1", "in2")
+_IN_IN = ("in1", "in2")
+_HALF_BRIDGES = ("enable", "in1", "in2")
+_PWM_DIR = ("pwm", "dir")
+
+STAGES: Mapping[Stage, StageTable] = MappingProxyType(
+    {
+        Stage.ENABLE_IN1_IN2: StageTable(
+            parts="L298N, L293D",
+            inputs=_ENABLE_IN1_IN2,
+            rows=_rows(_ENABLE_IN1_IN2, coast="0--", forward="p10", reverse="p01", brake="100"),
+            pull_downs=("enable",),
+            max_frequency_hz=40_000,
+            frequency_source="L298 data sheet, commutation frequency",
+            pwm_outputs=1,
+            can_coast=True,
+            coast="EN low: all four switches are off. So is the off time of the PWM.",
+            brake="EN high, both inputs low: the motor is shorted through the lower switches.",
+            release="EN low.",
+            dead_time=_ONE_PERIOD,
+        ),
+        Stage.PWM_IN1_IN2: StageTable(
+            parts="TB6612FNG",
+            inputs=_PWM_IN1_IN2,
+            rows=_rows(_PWM_IN1_IN2, coast="000", forward="p10", reverse="p01", brake="011"),
+            pull_downs=(),
+            max_frequency_hz=100_000,
+            frequency_source="TB6612FNG data sheet, switching frequency",
+            pwm_outputs=1,
+            can_coast=True,
+            coast="Both inputs low. PWM low alone brakes.",
+            brake="Both inputs high, or PWM low, as in the PWM's off time.",
+            release="Both inputs low, and standby if it is connected.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            has_standby=True,
+        ),
+        Stage.IN_IN: StageTable(
+            parts="DRV8833, DRV8871, MX1508",
+            inputs=_IN_IN,
+            rows=_rows(_IN_IN, coast="00", forward="p0", reverse="0p", brake="11"),
+            pull_downs=(),
+            max_frequency_hz=50_000,
+            frequency_source="our limit, below the 200 kHz of the DRV8871's data sheet",
+            pwm_outputs=2,
+            can_coast=True,
+            coast="Both inputs low. So is the off time of the PWM.",
+            brake="Both inputs high.",
+            release="Both inputs low, and nSLEEP (standby) if it is connected.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+            has_standby=True,
+        ),
+        Stage.HALF_BRIDGES: StageTable(
+            parts="BTS7960 (IBT-2)",
+            inputs=_HALF_BRIDGES,
+            rows=_rows(_HALF_BRIDGES, coast="000", forward="1p0", reverse="10p", brake="100"),
+            pull_downs=("enable",),
+            max_frequency_hz=25_000,
+            frequency_source="BTS7960 data sheet, up to 25 kHz",
+            pwm_outputs=2,
+            can_coast=True,
+            coast="Enable (R_EN and L_EN together) low: both half bridges are off.",
+            brake="Enable high, both inputs low: so the off time of the PWM brakes.",
+            release="Enable low.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+        ),
+        Stage.PWM_DIR: StageTable(
+            parts="Cytron MD10C, MDD10A",
+            inputs=_PWM_DIR,
+            rows=_rows(_PWM_DIR, coast="0-", forward="p1", reverse="p0", brake="00"),
+            pull_downs=("pwm",),
+            max_frequency_hz=20_000,
+            frequency_source="Cytron MDD10A user's manual",
+            pwm_outputs=1,
+            can_coast=False,
+            coast="There is none: PWM low shorts the motor.",
+            brake="PWM low.",
+            release="PWM low, which brakes.",
+            dead_time=_BUILT_IN + _ONE_PERIOD,
+        ),
+    }
+)
+
+
+@dataclass(frozen=True)
+class ChipTable:
+    """What a chip, on its usual modules, does with its pins. Sets are of GPIO numbers.
+
+    Attributes:
+        name: As in a board's file.
+        title: As in sentences.
+        existing: Those that lead out of the chip.
+        strapping: Their level at reset selects how the chip starts.
+        memory: Of flash and PSRAM.
+        input_only: Without an output driver and without pull resistors.
+        adc: Those that can measure a voltage while everything else runs.
+        uart: Of the line through the board's USB bridge.
+        usb: Of the chip's own USB; empty if it has none.
+        counters: Pulse counters.
+        pwm_outputs: Of its motor-control PWM.
+        has_led: Whether the firmware can show its state on an LED.
+    """
+
+    name: str
+    title: str
+    existing: frozenset[int]
+    strapping: frozenset[int]
+    memory: frozenset[int]
+    input_only: frozenset[int]
+    adc: frozenset[int]
+    uart: frozenset[int]
+    usb: frozenset[int]
+    counters: int
+    pwm_outputs: int
+    has_led: bool = True
+
+
+def _span(first: int, last: int) -> frozenset[int]:
+    return frozenset(range(first, last + 1))
+
+
+CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
+    {
+        Board.ESP32: ChipTable(
+            name="esp32",
+            title="the ESP32",
+            existing=_span(0, 39) - {20, 24, 28, 29, 30, 31, 37, 38},
+            strapping=frozenset({0, 2, 5, 12, 15}),
+            memory=_span(6, 11) | {16, 17},  # 16 and 17: the PSRAM of a WROVER module
+            input_only=_span(34, 39),
+            adc=_span(32, 39),
+            uart=frozenset({1, 3}),
+            usb=frozenset(),
+            counters=8,
+            pwm_outputs=12,
+        ),
+        Board.ESP32S3: ChipTable(
+            name="esp32s3",
+            title="the ESP32-S3",
+            existing=_span(0, 48) - _span(22, 25),
+            strapping=frozenset({0, 3, 45, 46}),
+            memory=_span(26, 37),  # 33 to 37: octal flash or PSRAM (modules N..R8)
+            input_only=frozenset(),
+            adc=_span(1, 10),
+            uart=frozenset({43, 44}),
+            usb=frozenset({19, 20}),
+            counters=4,
+            pwm_outputs=12,
+        ),
+        Board.ESP32C6: ChipTable(
+            name="esp32c6",
+            title="the ESP32-C6",
+            existing=_span(0, 30) - {14},
+            strapping=frozenset({4, 5, 8, 9, 15}),
+            memory=_span(24, 30),
+            input_only=frozenset(),
+            adc=_span(0, 6),
+            uart=frozenset({16, 17}),
+            usb=frozenset({12, 13}),
+            counters=4,
+            pwm_outputs=6,
+        ),
+        # Its pins are moved and counted by the computer itself, as many as there are.
+        Board.LINUX: ChipTable(
+            name="raspberry-pi",
+            title="the Raspberry Pi",
+            existing=_span(0, 27),
+            strapping=frozenset(),
+            memory=frozenset(),
+            input_only=frozenset(),
+            adc=frozenset(),
+            uart=frozenset(),
+            usb=frozenset(),
+            counters=28,
+            pwm_outputs=28,
+            has_led=False,
+        ),
+    }
+)
+
+MIN_FREQUENCY_HZ = 100
+MAX_FILTER_NS = 12_787
+"""1023 cycles of 80 MHz."""

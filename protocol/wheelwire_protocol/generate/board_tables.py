@@ -1,0 +1,187 @@
+"""The firmware's header about boards: the packed struct, power stages and chips as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..board import (
+    BOARD_VERSION,
+    CHIPS,
+    MAX_FILTER_NS,
+    MIN_FREQUENCY_HZ,
+    NAME_SIZE,
+    OUTPUTS,
+    STAGES,
+    Action,
+    BoardPin,
+    ChipTable,
+    Level,
+    Stage,
+    StageTable,
+)
+from ..board_layout import BOARD_SIZE, board_fields
+from ..codes import Board
+from .cpp import cpp_member
+from .text import banner, constant_name
+
+
+def _mask(pins: Iterable[int]) -> str:
+    return f"0x{sum(1 << pin for pin in pins):x}"
+
+
+def _struct() -> list[str]:
+    fields = board_fields()
+    return [
+        "/// A board as it travels and is kept. Fields that are codes may be unknown ones.",
+        "struct BoardDescription {",
+        f"  static constexpr size_t kSize = {BOARD_SIZE};",
+        "",
+        *[cpp_member(f, "-1" if f.format == "b" else "") for f in fields],
+        "",
+        "  bool operator==(const BoardDescription&) const = default;",
+        "",
+        "  /// The GPIO of a function; -1: none.",
+        "  constexpr int pin(BoardPin function) const {",
+        "    switch (function) {",
+        *[
+            line
+            for f in BoardPin
+            for line in (
+                f"      case BoardPin::{constant_name(f.name)}:",
+                f"        return {f.name.lower()};",
+            )
+        ],
+        "    }",
+        "    return -1;",
+        "  }",
+        "",
+        "  /// Writes kSize bytes.",
+        "  void encode(uint8_t* out) const {",
+        *[f"    wire::put(out, {f.name});" for f in fields],
+        "  }",
+        "",
+        "  /// Reads kSize bytes.",
+        "  static BoardDescription decode(const uint8_t* in) {",
+        "    BoardDescription board;",
+        *[f"    wire::get(in, board.{f.name});" for f in fields],
+        "    return board;",
+        "  }",
+        "};",
+        "",
+    ]
+
+
+def _levels(table: StageTable, action: Action) -> str:
+    row = table.rows[action]
+    levels = (row.get(pin, Level.KEEP).name for pin in OUTPUTS)
+    return "{" + ", ".join(f"StageLevel::{constant_name(level)}" for level in levels) + "}"
+
+
+def _stage_row(stage: Stage, table: StageTable) -> str:
+    rows = ", ".join(_levels(table, action) for action in Action)
+    inputs, pull_downs = (
+        _mask(OUTPUTS.index(pin) for pin in pins) for pins in (table.inputs, table.pull_downs)
+    )
+    flags = f"{str(table.can_coast).lower()}, {str(table.has_standby).lower()}"
+    return (
+        f"    // {stage.name}\n"
+        f"    {{{{{rows}}}, {inputs}, {pull_downs}, {table.max_frequency_hz}, "
+        f"{table.pwm_outputs}, {flags}}},"
+    )
+
+
+def _chip_row(chip: Board, table: ChipTable) -> str:
+    sets = (
+        table.existing,
+        table.strapping,
+        table.memory,
+        table.input_only,
+        table.adc,
+        table.uart,
+        table.usb,
+    )
+    numbers = ", ".join(map(_mask, sets))
+    return (
+        f"    {{Board::{constant_name(chip.name)}, {numbers}, {table.counters}, "
+        f"{table.pwm_outputs}, {str(table.has_led).lower()}}},"
+    )
+
+
+def generate() -> str:
+    """The text of `board_tables.hpp`."""
+    lines = [
+        f"// {banner('Boards')}",
+        "#pragma once",
+        "",
+        '#include "protocol.hpp"',
+        "",
+        "namespace wheelwire {",
+        "",
+        f"constexpr uint8_t kBoardVersion = {BOARD_VERSION};",
+        f"constexpr size_t kBoardNameSize = {NAME_SIZE};",
+        f"constexpr uint32_t kMinPwmFrequencyHz = {MIN_FREQUENCY_HZ};",
+        f"constexpr uint32_t kMaxFilterNs = {MAX_FILTER_NS};",
+        f"constexpr size_t kBoardPinCount = {len(BoardPin)};",
+        "",
+    ]
+    lines += _struct()
+    lines += [
+        "/// The inputs of one wheel's power stage, in the order of a board's pins.",
+        "enum class StageInput : uint8_t {",
+        *[f"  {constant_name(pin)}," for pin in OUTPUTS],
+        "};",
+        f"constexpr size_t kStageInputs = {len(OUTPUTS)};",
+        "",
+        "/// What an input gets; kKeep: it stays, or does not exist.",
+        "enum class StageLevel : uint8_t {",
+        *[f"  {constant_name(level.name)}," for level in Level],
+        "};",
+        "",
+        "enum class StageAction : uint8_t {",
+        *[f"  {constant_name(action.name)}," for action in Action],
+        "};",
+        "",
+        "/// Sets of inputs are bits, by StageInput.",
+        "struct StageTable {",
+        f"  StageLevel rows[{len(Action)}][kStageInputs];  ///< By StageAction.",
+        "  uint8_t inputs;",
+        "  uint8_t pull_downs;  ///< Inputs that nothing in the stage holds low.",
+        "  uint32_t max_frequency_hz;",
+        "  uint8_t pwm_outputs;  ///< For each wheel.",
+        "  bool can_coast;",
+        "  bool has_standby;",
+        "};",
+        "",
+        "/// By Stage.",
+        f"constexpr size_t kStages = {len(STAGES)};",
+        "constexpr StageTable kStageTables[kStages] = {",
+        *[_stage_row(stage, table) for stage, table in STAGES.items()],
+        "};",
+        "",
+        "/// GPIO numbers as bits.",
+        "using PinMask = uint64_t;",
+        "",
+        "/// What a chip and its usual modules do with their pins.",
+        "struct ChipTable {",
+        "  Board chip;",
+        "  PinMask existing;",
+        "  PinMask strapping;   ///< Their level at reset selects how the chip starts.",
+        "  PinMask memory;      ///< Flash and PSRAM.",
+        "  PinMask input_only;  ///< No output driver and no pull resistors.",
+        "  PinMask adc;",
+        "  PinMask uart;",
+        "  PinMask usb;  ///< Of the chip's own USB.",
+        "  uint8_t counters;",
+        "  uint8_t pwm_outputs;",
+        "  bool has_led;",
+        "};",
+        "",
+        f"constexpr size_t kChips = {len(CHIPS)};",
+        "constexpr ChipTable kChipTables[kChips] = {",
+        *[_chip_row(chip, table) for chip, table in CHIPS.items()],
+        "};",
+        "",
+        "}  // namespace wheelwire",
+        "",
+    ]
+    return "\n".join(lines)

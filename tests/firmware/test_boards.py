@@ -1,0 +1,220 @@
+"""Boards in a device, in virtual time: written, tried, kept or given up; and every power stage."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from support.virtual import VirtualRobot
+from wheelwire.board import BoardDescription, unpacked
+from wheelwire.board_file import load_board, shipped_boards
+from wheelwire.errors import DeviceRefused
+from wheelwire_protocol.board import BoardState, Stage
+from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codes import Fault, Group, RefusalCode, ResetReason, SupervisorState
+from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
+from wheelwire_protocol.schema import schema_hash
+from wheelwire_protocol.types import (
+    BOARD_LAYOUT,
+    BoardConfirm,
+    BoardGet,
+    BoardValue,
+    BoardWrite,
+    GroupGet,
+    GroupInfo,
+    Restart,
+)
+
+TRIAL_S = 10.0
+
+
+def written(board: BoardDescription) -> BoardWrite:
+    """The message that stores a board."""
+    body = bytes(HEADER_SIZE + 6) + board.packed() + bytes(CRC_SIZE)
+    return BoardWrite(0, 0, *BY_TYPE[BoardWrite].unpack(body)[-len(BOARD_LAYOUT) :])
+
+
+def in_force(robot: VirtualRobot) -> tuple[BoardState, str]:
+    """Where the board is from, and its name."""
+    value = cast("BoardValue", robot.request(BoardGet(0, 0)))
+    packed = BY_TYPE[BoardValue].pack_body(*value)[7:]
+    state = BoardState(value.state)
+    return state, unpacked(packed).name if state is not BoardState.NONE else ""
+
+
+def restart(robot: VirtualRobot) -> None:
+    """Restart by request; the session is open again."""
+    boot = robot.sim.get("boot_id")
+    robot.request(Restart(0, 0))
+    robot.run_until(lambda: robot.sim.get("boot_id") != boot)
+    robot.samples.clear()
+    robot.run_until(lambda: bool(robot.samples))
+
+
+def with_board(name: str, store: Path) -> VirtualRobot:
+    """A robot that has kept a board, restarted, and drives with it."""
+    robot = VirtualRobot(1, store, wheels_free=1).open()
+    robot.request(written(load_board(name)))
+    restart(robot)
+    robot.request(BoardConfirm(0, 0))
+    return robot
+
+
+def refused(robot: VirtualRobot, message: object) -> RefusalCode:
+    with pytest.raises(DeviceRefused) as error:
+        robot.request(message)  # type: ignore[arg-type]
+    return RefusalCode(error.value.code)
+
+
+def test_a_device_has_its_images_board_at_first() -> None:
+    robot = VirtualRobot().open()
+    assert in_force(robot) == (BoardState.BUILT_IN, "L298N, ESP32-DevKitC")
+
+
+def test_the_groups_of_a_device_have_their_hashes() -> None:
+    robot = VirtualRobot().open()
+    for group in Group:
+        info = cast("GroupInfo", robot.request(GroupGet(0, 0, group)))
+        assert (info.group, info.hash) == (group, schema_hash(group))
+    assert cast("GroupInfo", robot.request(GroupGet(0, 0, 200))).hash == 0
+
+
+def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
+    robot = VirtualRobot(1, tmp_path / "store", wheels_free=1).open()
+    robot.request(written(load_board("tb6612")))
+    assert in_force(robot)[0] is BoardState.BUILT_IN  # until the restart
+    restart(robot)
+    assert in_force(robot) == (BoardState.TRIAL, "TB6612FNG")
+    # On trial nothing drives.
+    with pytest.raises(DeviceRefused) as error:
+        robot.drive(0.2, 0.2, 0.3)
+    assert error.value.code == RefusalCode.BOARD_ON_TRIAL
+    assert robot.sim.get("left.duty") == 0.0
+    robot.request(BoardConfirm(0, 0))
+    assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
+    robot.drive(0.2, 0.2, 0.5)
+    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
+    robot.sim.reset(ResetReason.POWER_ON)
+    robot.run(1.0)
+    assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
+
+
+def test_without_a_confirmation_the_former_board_returns(tmp_path: Path) -> None:
+    robot = with_board("drv8833", tmp_path / "store")
+    robot.request(written(load_board("tb6612")))
+    restart(robot)
+    assert in_force(robot)[0] is BoardState.TRIAL
+    boot = robot.sim.get("boot_id")
+    robot.run(TRIAL_S - 1.0)
+    assert robot.sim.get("boot_id") == boot
+    robot.run(2.0)
+    assert robot.sim.get("boot_id") != boot
+    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+
+
+@pytest.mark.parametrize("reason", [ResetReason.PANIC, ResetReason.TASK_WATCHDOG])
+def test_a_chip_that_dies_on_trial_comes_back_with_the_former_board(
+    tmp_path: Path, reason: ResetReason
+) -> None:
+    robot = with_board("drv8833", tmp_path / "store")
+    robot.request(written(load_board("tb6612")))
+    restart(robot)
+    robot.sim.reset(reason)
+    robot.run(1.0)
+    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+
+
+def test_a_board_is_written_only_while_stopped(tmp_path: Path) -> None:
+    robot = with_board("l298n", tmp_path / "store")
+    robot.drive(0.2, 0.2, 0.2)
+    for message in (written(load_board("tb6612")), Restart(0, 0), BoardConfirm(0, 0)):
+        assert refused(robot, message) == RefusalCode.NOT_STOPPED
+        robot.drive(0.2, 0.2, 0.1)
+
+
+def test_a_device_that_is_about_to_restart_does_not_drive() -> None:
+    robot = VirtualRobot(wheels_free=1).open()
+    robot.request(Restart(0, 0))
+    robot.set_velocity(0.2, 0.2)
+    robot.run(0.03)
+    assert robot.sim.get("left.duty") == 0.0
+    with pytest.raises(DeviceRefused, match="still starting"):
+        robot.set_velocity(0.2, 0.2)
+
+
+def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too() -> None:
+    robot = VirtualRobot().open()
+    board = load_board("l298n")
+    wrong = BoardDescription(**{**board.__dict__, "pulldowns": frozenset()})
+    assert refused(robot, written(wrong)) == RefusalCode.BOARD_REFUSED
+    damaged = written(board)._replace(left_in1=27)
+    assert refused(robot, damaged) == RefusalCode.BOARD_REFUSED
+    assert refused(robot, BoardConfirm(0, 0)) == RefusalCode.NO_BOARD_ON_TRIAL
+
+
+def test_a_store_that_fails_changes_nothing(tmp_path: Path) -> None:
+    robot = with_board("drv8833", tmp_path / "store")
+    robot.sim.set("board_store_failing", 1)
+    assert refused(robot, written(load_board("tb6612"))) == RefusalCode.STORE_FAILED
+    robot.sim.set("board_store_failing", 0)
+    restart(robot)
+    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+
+
+def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    with_board("drv8833", store)
+    kept = store.with_name("store.board")
+    data = bytearray(kept.read_bytes())
+    data[10] ^= 1
+    kept.write_bytes(data)
+    robot = VirtualRobot(1, store, wheels_free=1).open()
+    assert robot.state() is SupervisorState.FAULT
+    assert Fault.NO_BOARD in robot.sample.faults
+    assert in_force(robot) == (BoardState.NONE, "")
+    robot.request(written(load_board("drv8833")))
+    restart(robot)
+    robot.request(BoardConfirm(0, 0))
+    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    assert robot.state() is SupervisorState.IDLE
+
+
+@pytest.mark.parametrize("name", shipped_boards())
+def test_every_board_drives_brakes_and_reverses(tmp_path: Path, name: str) -> None:
+    robot = with_board(name, tmp_path / "store")
+    for speed in (0.2, -0.2, 0.3):
+        robot.drive(speed, speed, 1.0)
+        assert robot.sample.left_mps == pytest.approx(speed, abs=0.04)
+        assert robot.sample.right_mps == pytest.approx(speed, abs=0.04)
+    robot.stop()
+    robot.run(1.0)
+    assert robot.sample.left_mps == robot.sample.right_mps == 0.0
+    assert robot.sim.get("hard_switches") == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "wired"),
+    [
+        (name, stage)
+        for name in ("l298n", "tb6612", "drv8833", "bts7960", "mdd10a")
+        for stage in Stage
+        if stage != load_board(name).stage
+    ],
+)
+def test_the_board_of_another_stage_is_noticed(tmp_path: Path, name: str, wired: Stage) -> None:
+    robot = with_board(name, tmp_path / "store")
+    robot.sim.set("wired_stage", wired)
+    restart(robot)
+    followed = []
+    with suppress(DeviceRefused):  # a fault, which is noticed, too
+        for speed in (0.2, -0.2):
+            robot.drive(speed, speed, 1.0)
+            followed.append(abs(robot.sample.left_mps - speed) < 0.04)
+    robot.stop()
+    robot.run(0.005)
+    # It does not follow both ways, or does not brake when it is told to.
+    brakes = robot.sim.get("left.shorted") == 1.0
+    assert followed != [True, True] or not brakes or robot.sample.faults

@@ -1,0 +1,108 @@
+"""`wheelwire board write` and `read` on a simulated device behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.command import check_error, run, run_json
+from wheelwire import errors, open_driver
+from wheelwire.board import board_mapping
+from wheelwire.board_file import load_board
+from wheelwire.drivers import device_board
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import Group
+from wheelwire_protocol.types import GROUP_HASHES, GroupGet
+
+
+@pytest.fixture
+def simulator(tmp_path: Path) -> Iterator[Simulator]:
+    with Simulator(store=tmp_path / "store") as simulator:
+        yield simulator
+
+
+def keep_driving(robot: DeviceDriver) -> None:
+    """For half a second."""
+    for _ in range(50):
+        robot.set_velocity(0.1, 0.0)
+        robot.read()
+
+
+def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:
+    before = run_json("board", "read", simulator.port)
+    assert before["state"] == "BUILT_IN"
+    result = run("board", "write", simulator.port, "tb6612")
+    assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and kept\n")
+    after = run_json("board", "read", simulator.port)
+    assert after == {"state": "STORED", "board": board_mapping(load_board("tb6612"))}
+    simulator.reset()
+    assert run_json("board", "read", simulator.port) == after
+
+
+def test_what_is_read_is_a_file_that_can_be_written(simulator: Simulator, tmp_path: Path) -> None:
+    text = run("board", "read", simulator.port).stdout
+    file = tmp_path / "read.yaml"
+    file.write_text(text)
+    assert load_board(file) == load_board("l298n")
+    assert run_json("board", "write", simulator.port, str(file)) == {
+        "board": "L298N, ESP32-DevKitC",
+        "written": True,
+    }
+
+
+def test_the_robot_drives_with_the_board_that_was_written(simulator: Simulator) -> None:
+    assert run("board", "write", simulator.port, "mdd10a").returncode == 0
+    result = run("drive", simulator.port, "--linear", "0.2", "--seconds", "1", "--json")
+    assert result.returncode == 0, result.stderr
+    assert simulator.get("hard_switches") == 0
+
+
+def test_a_wrong_board_is_refused_before_anything_is_written(
+    simulator: Simulator, tmp_path: Path
+) -> None:
+    file = tmp_path / "wrong.yaml"
+    file.write_text(json.dumps(board_mapping(load_board("l298n")) | {"led": 36}))
+    result = run("board", "write", simulator.port, str(file))
+    assert result.returncode == errors.ConfigurationError.exit_code
+    assert "led = 36: GPIO 36 of the ESP32 is an input only" in result.stderr
+    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"
+
+
+def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
+    with open_driver("serial", port=simulator.port) as robot:
+        assert isinstance(robot, DeviceDriver)
+        robot.board.write(load_board("drv8833"))
+        robot.board.restart()
+        assert robot.board.read()[0] is BoardState.TRIAL
+        with pytest.raises(errors.DeviceRefused, match="on trial"):
+            keep_driving(robot)
+    simulator.reset()  # as when it crashed, or after ten seconds
+    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"
+
+
+@pytest.mark.parametrize("device_has", ["others", "none"])
+def test_a_device_with_other_messages_about_boards_drives_all_the_same(
+    simulator: Simulator, monkeypatch: pytest.MonkeyPatch, device_has: str
+) -> None:
+    group = Group.BOARD if device_has == "others" else 77
+    monkeypatch.setitem(GROUP_HASHES, Group.BOARD, 0x0BADBEEF)
+    monkeypatch.setattr(device_board, "GroupGet", lambda s, r, _: GroupGet(s, r, group))
+    with open_driver("serial", port=simulator.port) as robot:
+        assert isinstance(robot, DeviceDriver)
+        keep_driving(robot)
+        assert robot.read().left_mps > 0.05
+        robot.stop()
+        with pytest.raises(
+            errors.GroupUnavailable, match=f"0x0badbeef, the device has {device_has}"
+        ):
+            robot.board.read()
+        keep_driving(robot)
+
+
+def test_a_driver_without_a_device_has_no_board() -> None:
+    check_error(run("board", "read", "/dev/nothing"), errors.PortUnavailable)
