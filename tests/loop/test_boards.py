@@ -11,7 +11,9 @@ import pytest
 from support.command import check_error, run, run_json
 from wheelwire import errors, open_driver
 from wheelwire.board import board_mapping
-from wheelwire.board_file import load_board
+from wheelwire.board_file import load_board, shipped_boards
+from wheelwire.commissioning.board_choice import choose_board
+from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.drivers import device_board
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
@@ -106,3 +108,40 @@ def test_a_device_with_other_messages_about_boards_drives_all_the_same(
 
 def test_a_driver_without_a_device_has_no_board() -> None:
     check_error(run("board", "read", "/dev/nothing"), errors.PortUnavailable)
+
+
+class Chooser:
+    """Answers with one board."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.asked: list[Question] = []
+
+    def answer(self, question: Question) -> str:
+        self.asked.append(question)
+        return question.parse(self.name)
+
+
+def offer(simulator: Simulator, person: Chooser) -> list[str]:
+    """What a set-up says of the board."""
+    said: list[str] = []
+    with open_driver("serial", port=simulator.port) as robot:
+        choose_board(robot, person, said.append)
+    return said
+
+
+def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen(simulator: Simulator) -> None:
+    person = Chooser("tb6612")
+    assert offer(simulator, person) == ["TB6612FNG: written, tried and kept"]
+    (question,) = person.asked
+    assert set(question.choices) == {*shipped_boards(), KEEP} - {"pi4b"}
+    assert "keep: L298N, ESP32-DevKitC" in question.text
+    assert run_json("board", "read", simulator.port)["state"] == "STORED"
+    assert offer(simulator, person) == ["board: TB6612FNG"]
+    assert len(person.asked) == 1
+
+
+@pytest.mark.parametrize("answer", [KEEP, "l298n"])
+def test_a_set_up_leaves_the_board_that_is_in_force(simulator: Simulator, answer: str) -> None:
+    assert offer(simulator, Chooser(answer)) == []
+    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"

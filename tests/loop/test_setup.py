@@ -95,6 +95,8 @@ def person(simulator: Simulator, tmp_path: Path) -> Iterator[TypingTerminal]:
     """A person at a terminal, who was asked for the first time."""
     environment = {"XDG_STATE_HOME": str(tmp_path)}
     with TypingTerminal("setup", simulator.port, environment=environment) as terminal:
+        terminal.wait_for("Which board is it?")
+        terminal.press(b"\n")
         terminal.wait_for("hang free")
         terminal.press(b"y\n")
         yield terminal

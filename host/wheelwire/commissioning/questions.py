@@ -21,11 +21,13 @@ WHEEL_AND_WAY = tuple(f"{side} {way}" for side in SIDES for way in ("forward", "
 NONE, BOTH = "none", "both"
 HAND = "hand"
 TURNED, HELD, SKIP = "turned", "held", "skip"
+KEEP = "keep"
 
 ANSWER_KEYS = (
     "raised",
     "first",
     "second",
+    "board",
     "counts_per_revolution",
     "wheel_radius",
     "wheel_separation",

@@ -13,6 +13,7 @@ from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, OutputFailed
 from ..parameter_file import ParameterFile, number_text
 from ..parameters import Trial, definition_of
+from .board_choice import choose_board
 from .counts import COUNTS, ask_counts
 from .gains import tuned
 from .identification import identify
@@ -137,6 +138,8 @@ class _SetUp:
     """The duty that set each wheel in motion, of a wiring found in this run."""
 
     def run(self) -> Findings:
+        if not self.options.on_the_floor:
+            choose_board(self.robot, self.person, self.say)
         try:
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:

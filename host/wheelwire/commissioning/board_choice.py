@@ -1,0 +1,58 @@
+"""Which board a robot has: asked until one was chosen."""
+
+from __future__ import annotations
+
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import Board
+
+from ..board import BoardDescription
+from ..board_file import load_board, shipped_boards
+from ..drivers.base import BaseDriver
+from ..drivers.transport_driver import DeviceDriver
+from ..errors import GroupUnavailable
+from .inspection import Say
+from .questions import KEEP, Person, Question
+
+
+def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
+    """Ask which board the robot has, and store it there, unless the robot has one stored.
+
+    Args:
+        robot: A robot without a device that stores boards is left as it is.
+        person: Answers `board` with a built-in board's name or `keep`.
+        say: Called with a line on what is done.
+
+    Raises:
+        BoardNotKept, DeviceRefused, LinkLost, RequestTimeout: As `DeviceBoard.take_up`.
+    """
+    if not isinstance(robot, DeviceDriver):
+        return
+    try:
+        state, present = robot.board.read()
+    except GroupUnavailable:
+        return  # the device has its pins otherwise
+    if state is BoardState.STORED and present is not None:
+        say(f"board: {present.name}")
+        return
+    offered = _boards_for(robot.info.device.board)
+    as_it_is = f"{KEEP}: {present.name}" if present else f"{KEEP}: none, nothing drives"
+    answer = person.answer(
+        Question(
+            "board",
+            f"Which board is it? docs/boards/NAME.svg shows each; {as_it_is}.",
+            (*offered, KEEP),
+            KEEP,
+        )
+    )
+    if answer == KEEP or offered[answer] == present:
+        return
+    robot.board.take_up(offered[answer])
+    say(f"{offered[answer].name}: written, tried and kept")
+
+
+def _boards_for(chip: Board) -> dict[str, BoardDescription]:
+    """The built-in boards for a chip, by name; a simulated one takes all but a computer's."""
+    boards = {name: load_board(name) for name in shipped_boards()}
+    if chip is Board.SIMULATED:
+        return {n: board for n, board in boards.items() if board.chip is not Board.LINUX}
+    return {n: board for n, board in boards.items() if board.chip is chip}
