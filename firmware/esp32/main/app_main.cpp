@@ -4,6 +4,7 @@
 #include "control_task.hpp"
 #include "device.hpp"
 #include "drive_watchdog.hpp"
+#include "either_line.hpp"
 #include "esp_core_dump.h"
 #include "housekeeping.hpp"
 #include "identity.hpp"
@@ -12,6 +13,7 @@
 #include "nvs_store.hpp"
 #include "release_pins.hpp"
 #include "sdkconfig.h"
+#include "soc/soc_caps.h"
 #include "task_watchdog.hpp"
 
 #if CONFIG_WHEELWIRE_SIMULATED_PLANT
@@ -25,7 +27,6 @@ using Machine = wheelwire::WiredRobot;
 namespace wheelwire {
 namespace {
 
-Line line;
 NvsStore store{"parameters"};
 NvsStore board_store{"board"};
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
@@ -60,9 +61,29 @@ void choose_board() {
   release_motors();
 }
 
+/// Where the host is. Nobody has said so yet while the image's own board is in force, or none.
+Line& choose_line() {
+  static UartLine uart;
+#if SOC_USB_SERIAL_JTAG_SUPPORTED
+  static UsbLine usb;
+  static EitherLine either{uart, usb};
+  switch (keeper.state()) {
+    case BoardState::kTrial:
+    case BoardState::kStored:
+      if (keeper.board().line == BoardLine::kUsb) return usb;
+      return uart;
+    case BoardState::kNone:
+    case BoardState::kBuiltIn:
+      return either;
+  }
+#endif
+  return uart;
+}
+
 void start() {
   store.start();
   choose_board();
+  Line& line = choose_line();
   const bool has_board = keeper.state() != BoardState::kNone;
   const bool has_line = line.start();
   static Machine machine{keeper.board()};

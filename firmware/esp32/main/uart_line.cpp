@@ -1,4 +1,4 @@
-// The line on UART0, behind a DevKit's USB bridge.
+// The line on UART0.
 #include "byte_queue.hpp"
 #include "driver/uart.h"
 #include "driver/uart_select.h"
@@ -24,7 +24,7 @@ constexpr uint8_t kReceiveTimeout = 2;
 // Not the driver's own send buffer: it blocks when full, and does not say how full it is.
 ByteQueue<kSendBuffer> to_send;
 
-// Written once by Line::notify before the callback is set.
+// Written once by UartLine::notify before the callback is set.
 TaskHandle_t listener;
 uint32_t listener_bits;
 
@@ -34,7 +34,7 @@ IRAM_ATTR void on_bytes(uart_port_t, uart_select_notif_t event, BaseType_t* woke
 
 }  // namespace
 
-bool Line::start() {
+bool UartLine::start() {
   uart_config_t config = {};
   config.baud_rate = kBaudRate;
   config.data_bits = UART_DATA_8_BITS;
@@ -50,24 +50,24 @@ bool Line::start() {
          uart_set_rx_timeout(kPort, kReceiveTimeout) == ESP_OK;
 }
 
-void Line::notify(TaskHandle_t task, uint32_t bits) {
+void UartLine::notify(TaskHandle_t task, uint32_t bits) {
   listener = task;
   listener_bits = bits;
   uart_set_select_notif_callback(kPort, on_bytes);
 }
 
-size_t Line::read(uint8_t* out, size_t capacity) {
+size_t UartLine::read(uint8_t* out, size_t capacity) {
   const int size = uart_read_bytes(kPort, out, capacity, 0);
   return size > 0 ? static_cast<size_t>(size) : 0;
 }
 
-bool Line::write(const uint8_t* data, size_t size) {
+bool UartLine::write(const uint8_t* data, size_t size) {
   if (!to_send.put(data, size)) return false;
   push();
   return true;
 }
 
-void Line::push() {
+void UartLine::push() {
   while (to_send.front_size() > 0) {
     const int sent =
         uart_tx_chars(kPort, reinterpret_cast<const char*>(to_send.front()), to_send.front_size());
@@ -76,6 +76,6 @@ void Line::push() {
   }
 }
 
-uint32_t Line::bytes_per_second() const { return kBaudRate / kBitsPerByte; }
+uint32_t UartLine::bytes_per_second() const { return kBaudRate / kBitsPerByte; }
 
 }  // namespace wheelwire

@@ -1,4 +1,4 @@
-// The line on the chip's own USB (USB-Serial-JTAG), which ESP32-S3 and ESP32-C6 have.
+// The line on the chip's own USB.
 #include "driver/usb_serial_jtag.h"
 #include "driver/usb_serial_jtag_select.h"
 #include "esp_attr.h"
@@ -10,7 +10,7 @@ namespace {
 constexpr uint32_t kReceiveBuffer = 2048;
 constexpr uint32_t kSendBuffer = 1024;
 
-// Written once by Line::notify before the callback is set.
+// Written once by UsbLine::notify before the callback is set.
 TaskHandle_t listener;
 uint32_t listener_bits;
 
@@ -20,7 +20,7 @@ void on_bytes(usj_select_notif_t event, BaseType_t* woken) {
 
 }  // namespace
 
-bool Line::start() {
+bool UsbLine::start() {
   usb_serial_jtag_driver_config_t config = {
       .tx_buffer_size = kSendBuffer,
       .rx_buffer_size = kReceiveBuffer,
@@ -28,23 +28,19 @@ bool Line::start() {
   return usb_serial_jtag_driver_install(&config) == ESP_OK;
 }
 
-void Line::notify(TaskHandle_t task, uint32_t bits) {
+void UsbLine::notify(TaskHandle_t task, uint32_t bits) {
   listener = task;
   listener_bits = bits;
   usb_serial_jtag_set_select_notif_callback(on_bytes);
 }
 
-size_t Line::read(uint8_t* out, size_t capacity) {
+size_t UsbLine::read(uint8_t* out, size_t capacity) {
   const int size = usb_serial_jtag_read_bytes(out, capacity, 0);
   return size > 0 ? static_cast<size_t>(size) : 0;
 }
 
-bool Line::write(const uint8_t* data, size_t size) {
+bool UsbLine::write(const uint8_t* data, size_t size) {
   return usb_serial_jtag_write_bytes(data, size, 0) == static_cast<int>(size);
 }
-
-void Line::push() {}  // The driver's interrupt does it.
-
-uint32_t Line::bytes_per_second() const { return 0; }
 
 }  // namespace wheelwire

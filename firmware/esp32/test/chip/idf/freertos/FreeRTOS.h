@@ -1,0 +1,2 @@
+// Stand-in for ESP-IDF's header of this name.
+#pragma once

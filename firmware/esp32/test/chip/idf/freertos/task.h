@@ -1,0 +1,4 @@
+// Stand-in for ESP-IDF's header of this name.
+#pragma once
+
+using TaskHandle_t = void*;
