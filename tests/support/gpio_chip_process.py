@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from support.gpio_chip.factory import SOCKET
+from support.plant.bridge import Wiring
 from support.stand_in import TESTS, StandIn
 
 SITE = TESTS / "support" / "gpio_chip" / "site"
@@ -17,12 +18,16 @@ class GpioChip(StandIn):
     Args:
         directory: An empty directory.
         kernel_pwm: Whether to create `pwm` in it, like /sys/class/pwm.
+        wiring: Of the driver board behind it.
     """
 
-    def __init__(self, directory: Path, kernel_pwm: bool = True) -> None:
+    def __init__(
+        self, directory: Path, kernel_pwm: bool = True, wiring: Wiring | None = None
+    ) -> None:
         self.pwm_directory = directory / "pwm"
         path = directory / "chip"
-        arguments = [str(self.pwm_directory)] if kernel_pwm else []
+        arguments = [(wiring or Wiring()).to_json()]
+        arguments += [str(self.pwm_directory)] if kernel_pwm else []
         super().__init__("support.gpio_chip", str(path), *arguments)
         python_path = [str(TESTS), str(SITE), os.environ.get("PYTHONPATH", "")]
         self.environment = {

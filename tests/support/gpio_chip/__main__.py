@@ -1,4 +1,4 @@
-"""`python -m support.gpio_chip SOCKET [PWM_DIRECTORY]`: told what to do on its standard input.
+"""`python -m support.gpio_chip SOCKET WIRING [PWM_DIRECTORY]`: told what to do on its input.
 
 Each line is a command, each answer a line of JSON; the end of the input is the end of the chip.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from support.gpio_chip.factory import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
 from support.gpio_chip.world import World
+from support.plant.bridge import Wiring
 
 
 def answer(world: World, line: str) -> dict[str, object]:
@@ -37,8 +38,8 @@ def answer(world: World, line: str) -> dict[str, object]:
 
 
 def main() -> None:
-    pwm = PwmDirectory(Path(sys.argv[2])) if len(sys.argv) > 2 else None
-    world = World(Path(sys.argv[1]), pwm)
+    pwm = PwmDirectory(Path(sys.argv[3])) if len(sys.argv) > 3 else None
+    world = World(Path(sys.argv[1]), pwm, Wiring.of_json(sys.argv[2]))
     threading.Thread(target=world.run, daemon=True).start()
     print(json.dumps(answer(world, "truth")), flush=True)  # noqa: T201
     for line in sys.stdin:

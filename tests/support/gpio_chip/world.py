@@ -11,11 +11,12 @@ import numpy as np
 from support.gpio_chip.chip import Chip
 from support.gpio_chip.factory import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
+from support.plant.bridge import Wiring
 from support.plant.encoder import LEVELS, Edge
 from support.plant.motor import MotorModel
 from support.plant.robot import ModelRobot
 from wheelwire.linux_mcu.encoder import A
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.linux_mcu.pins import PWM_CHANNEL, Pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
@@ -30,8 +31,9 @@ _LEVEL = np.array([LEVELS[i][_CHANNEL[i]] for i in range(CYCLE)])
 class World:
     """Moves the robot as the pins say and reports its encoders' edges."""
 
-    def __init__(self, path: Path, pwm: PwmDirectory | None) -> None:
+    def __init__(self, path: Path, pwm: PwmDirectory | None, wiring: Wiring) -> None:
         self.pwm = pwm
+        self.wiring = wiring
         self.pins = Pins()
         self.robot = ModelRobot(MotorModel(), 360, clock_us())
         self.driven = False
@@ -51,13 +53,7 @@ class World:
 
     def apply_pins(self) -> None:
         with self._lock:
-            pins, lines = self.pins, self.chip.lines
-            for wheel, enable, in1, in2 in (
-                (self.robot.left, pins.left_pwm, pins.left_dir1, pins.left_dir2),
-                (self.robot.right, pins.right_pwm, pins.right_dir1, pins.right_dir2),
-            ):
-                wheel.set_inputs(lines[in1].level > 0, lines[in2].level > 0)
-                wheel.set_enable(self.pwm.duty(enable) if self.pwm else lines[enable].level)
+            self.wiring.apply(self._duty, self.robot.wheels)
             driven = any(wheel.driven for wheel in self.robot.wheels)
             if driven != self.driven:
                 self.driven, self.driven_changed_us = driven, clock_us()
@@ -104,6 +100,11 @@ class World:
             data = data[EVENT.size * 64 :]
         self._spun += due
         self._spun_to_us += round(due / ticks_per_s * 1e6)
+
+    def _duty(self, gpio: int) -> float:
+        if self.pwm and gpio in PWM_CHANNEL:
+            return self.pwm.duty(gpio)
+        return self.chip.lines[gpio].level
 
     def _gpio(self, side: int, a: bool) -> int:
         pins = self.pins

@@ -13,6 +13,7 @@ import threading
 from support.pigpiod.daemon import Daemon
 from support.pigpiod.pins import PinBank
 from support.pigpiod.world import World
+from support.plant.bridge import Wiring
 
 
 def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
@@ -43,10 +44,11 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, default=0)
     parser.add_argument("--counts", type=int, default=360)
+    parser.add_argument("--wiring", default=Wiring().to_json())
     parser.add_argument("-t", choices=["0", "1"], default="1")
     arguments = parser.parse_args()
     bank = PinBank(pwm_is_clock=arguments.t == "0")
-    daemon = Daemon(bank, World(bank, arguments.counts))
+    daemon = Daemon(bank, World(bank, arguments.counts, Wiring.of_json(arguments.wiring)))
     port = daemon.listen(arguments.port)
     threading.Thread(target=daemon.world.run, daemon=True).start()
     say({"port": port})

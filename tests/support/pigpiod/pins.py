@@ -11,6 +11,7 @@ PLLD_HZ = 750_000_000
 BAD_USER_GPIO = -2
 BAD_GPIO = -3
 BAD_DUTYCYCLE = -8
+BAD_DUTYRANGE = -21
 NOT_HPWM_GPIO = -95
 BAD_HPWM_FREQ = -96
 BAD_HPWM_DUTY = -97
@@ -38,6 +39,7 @@ class PinBank:
         self._hardware: dict[int, tuple[int, int]] = {}
         self._dma_hz: dict[int, int] = {}
         self._dma_duty: dict[int, int] = {}
+        self._dma_range: dict[int, int] = {}
 
     def set_mode(self, gpio: int, mode: int) -> int:
         if gpio > LAST_USER_GPIO:
@@ -76,8 +78,19 @@ class PinBank:
         self._dma_hz[gpio] = min(DMA_FREQUENCIES_HZ, key=lambda there: abs(there - frequency_hz))
         return self._dma_hz[gpio]
 
+    def dma_range(self, gpio: int) -> int:
+        """The duty that is always on."""
+        return self._dma_range.get(gpio, 255)
+
+    def set_dma_range(self, gpio: int, full: int) -> int:
+        """Set the duty that is always on; returns the steps that there are."""
+        if not 25 <= full <= 40_000:
+            return BAD_DUTYRANGE
+        self._dma_range[gpio] = full
+        return self.real_range(gpio)
+
     def set_dma_duty(self, gpio: int, duty: int) -> int:
-        if not 0 <= duty <= 255:
+        if not 0 <= duty <= self.dma_range(gpio):
             return BAD_DUTYCYCLE
         self._hardware.pop(gpio, None)
         self._dma_duty[gpio] = duty
@@ -99,7 +112,7 @@ class PinBank:
         if gpio in self._hardware:
             return self._hardware[gpio][1] * steps // 1_000_000 / steps
         if gpio in self._dma_duty:
-            return self._dma_duty[gpio] * steps // 255 / steps
+            return self._dma_duty[gpio] * steps // self.dma_range(gpio) / steps
         return float(self.level(gpio))
 
     def level(self, gpio: int) -> bool:

@@ -8,6 +8,7 @@ import time
 from support.pigpiod.pins import PinBank
 from support.pigpiod.reports import Notification, Sampler
 from support.pigpiod.spinner import Spinner
+from support.plant.bridge import Wiring
 from support.plant.encoder import Edge
 from support.plant.motor import MotorModel
 from support.plant.robot import ModelRobot
@@ -30,7 +31,8 @@ class World:
         spinner: Turns the wheels in place of the motors, once it is set.
     """
 
-    def __init__(self, bank: PinBank, counts_per_revolution: int) -> None:
+    def __init__(self, bank: PinBank, counts_per_revolution: int, wiring: Wiring) -> None:
+        self._wiring = wiring
         self.robot = ModelRobot(MotorModel(), counts_per_revolution, clock_us())
         self.spinner: Spinner | None = None
         self.driven_changed_us = 0
@@ -69,11 +71,7 @@ class World:
     def apply_pins(self) -> None:
         """Apply the outputs' levels to the bridge as soon as they change."""
         before = any(wheel.driven for wheel in self.robot.wheels)
-        pins, level = self._pins, self._bank.level
-        self.robot.left.set_inputs(level(pins.left_dir1), level(pins.left_dir2))
-        self.robot.right.set_inputs(level(pins.right_dir1), level(pins.right_dir2))
-        self.robot.left.set_enable(self._bank.enable(pins.left_pwm))
-        self.robot.right.set_enable(self._bank.enable(pins.right_pwm))
+        self._wiring.apply(self._bank.enable, self.robot.wheels)
         if before != any(wheel.driven for wheel in self.robot.wheels):
             self.driven_changed_us = clock_us()
 

@@ -1,0 +1,169 @@
+"""Every power stage on a computer's own pins: the board's struct decides what moves."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from support.gpio_chip_process import GpioChip
+from support.pigpio_process import PigpioProcess
+from support.plant.bridge import Wiring
+from support.processes import children
+from support.stand_in import StandIn
+from support.waiting import wait_until
+from wheelwire.board import BoardDescription, WheelPins
+from wheelwire.board_file import load_board
+from wheelwire.drivers.l298n import L298NDriver
+from wheelwire.drivers.pigpio import PigpioDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.linux_mcu.gpio.base import release_pins
+from wheelwire_protocol.board import Stage
+
+PATIENT = {"overrun_limit_us": 1e6, "ttl_max_s": 5}
+CORE_TIMEOUT_MS = 5000
+TTL_S = 5.0
+SPEED_MPS = 0.2
+TRAVEL = 100
+"""Ticks, of 360 a turn."""
+
+PI = load_board("pi4b")
+PWM, ENABLE, IN1, IN2, STANDBY = (18, 19), (12, 13), (23, 5), (24, 6), 25
+
+
+def board(
+    stage: Stage, pulldowns: tuple[int, ...] = (), **inputs: tuple[int, int]
+) -> BoardDescription:
+    left, right = (
+        replace(
+            WheelPins(encoder_a=wheel.encoder_a, encoder_b=wheel.encoder_b),
+            **{name: pins[side] for name, pins in inputs.items()},
+        )
+        for side, wheel in enumerate((PI.left, PI.right))
+    )
+    return replace(
+        PI, name=stage.name, stage=stage, left=left, right=right, pulldowns=frozenset(pulldowns)
+    )
+
+
+BOARDS = [
+    board(Stage.ENABLE_IN1_IN2, ENABLE, enable=ENABLE, in1=IN1, in2=IN2),
+    replace(board(Stage.PWM_IN1_IN2, pwm=PWM, in1=IN1, in2=IN2), standby=STANDBY),
+    replace(board(Stage.IN_IN, in1=IN1, in2=IN2), standby=STANDBY),
+    board(Stage.HALF_BRIDGES, ENABLE, enable=ENABLE, in1=IN1, in2=IN2),
+    board(Stage.PWM_DIR, PWM, pwm=PWM, dir=IN1),
+]
+
+
+def wiring_of(board: BoardDescription) -> Wiring:
+    def inputs(wheel: WheelPins) -> dict[str, int]:
+        names = ("enable", "in1", "in2", "pwm", "dir")
+        return {n: pin for n in names if (pin := getattr(wheel, n)) is not None}
+
+    return Wiring(board.stage.name.lower(), inputs(board.left), inputs(board.right), board.standby)
+
+
+Rig = tuple[DeviceDriver, StandIn]
+Open = Callable[[BoardDescription], AbstractContextManager[Rig]]
+
+
+@pytest.fixture(params=["l298n", "pigpio"])
+def open_rig(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Open:
+    """Opens a driver on a board's pins, with that kind of board behind them."""
+
+    @contextmanager
+    def library(board: BoardDescription) -> Iterator[Rig]:
+        with GpioChip(tmp_path, kernel_pwm=False, wiring=wiring_of(board)) as chip:
+            for name, value in chip.environment.items():
+                monkeypatch.setenv(name, value)
+            with L298NDriver(
+                pins=board,
+                pwm_directory=chip.pwm_directory,
+                parameters=PATIENT,
+                core_timeout_ms=CORE_TIMEOUT_MS,
+            ) as robot:
+                yield robot, chip
+
+    @contextmanager
+    def daemon(board: BoardDescription) -> Iterator[Rig]:
+        with (
+            PigpioProcess("--wiring", wiring_of(board).to_json()) as process,
+            PigpioDriver(
+                "127.0.0.1",
+                process.port,
+                pins=board,
+                parameters=PATIENT,
+                core_timeout_ms=CORE_TIMEOUT_MS,
+            ) as robot,
+        ):
+            yield robot, process
+
+    return library if request.param == "l298n" else daemon
+
+
+def travel(stand_in: StandIn) -> tuple[int, int]:
+    left, right = stand_in.truth()["ticks"]
+    return left, right
+
+
+def is_driven(stand_in: StandIn) -> bool:
+    return bool(stand_in.truth()["driven"])
+
+
+def drive(robot: DeviceDriver, stand_in: StandIn, speed_mps: float) -> None:
+    """Until both wheels have gone some way."""
+    sign = 1 if speed_mps > 0 else -1
+    start = travel(stand_in)
+
+    def has_moved() -> bool:
+        robot.set_velocity(speed_mps, 0.0, ttl=TTL_S)
+        ways = [sign * (b - a) for a, b in zip(start, travel(stand_in), strict=True)]
+        return min(ways) > TRAVEL
+
+    wait_until(has_moved)
+
+
+@pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
+def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescription) -> None:
+    assert board.problems() == []
+    with open_rig(board) as (robot, stand_in):
+        drive(robot, stand_in, SPEED_MPS)
+        drive(robot, stand_in, -SPEED_MPS)
+        assert not robot.read().faults
+        robot.stop()
+        wait_until(lambda: not is_driven(stand_in))
+        left, right = robot.read().left_ticks, robot.read().right_ticks
+        assert (left, right) == pytest.approx(travel(stand_in), abs=40)
+        robot.close()
+        assert not is_driven(stand_in)
+
+
+@pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
+def test_each_stage_is_released_when_its_core_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, board: BoardDescription
+) -> None:
+    with GpioChip(tmp_path, kernel_pwm=False, wiring=wiring_of(board)) as chip:
+        for name, value in chip.environment.items():
+            monkeypatch.setenv(name, value)
+        before = set(children(os.getpid()))
+        with L298NDriver(
+            pins=board,
+            pwm_directory=chip.pwm_directory,
+            parameters=PATIENT,
+            core_timeout_ms=CORE_TIMEOUT_MS,
+        ) as robot:
+            drive(robot, chip, SPEED_MPS)
+            (guard,) = set(children(os.getpid())) - before
+            (core,) = children(guard)
+            os.kill(core, signal.SIGKILL)
+            # Standby may be high again: the driver starts its process anew.
+            inputs = set(release_pins(board)) - {board.standby}
+            wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
+            assert not is_driven(chip)
