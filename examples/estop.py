@@ -26,7 +26,7 @@ def wait_for_release(robot: wheelwire.BaseDriver) -> None:
 
 
 def main() -> None:
-    """Drive forward for some seconds, not counting the time of an e-stop."""
+    """Drive forward for some seconds, not counting an e-stop or a lost link."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--port", default="/dev/ttyUSB0")
     parser.add_argument("--seconds", type=float, default=5.0)
@@ -43,8 +43,9 @@ def main() -> None:
                 wait_for_release(robot)
             except wheelwire.LinkLost as lost:
                 print(f"waiting: {lost}")  # the driver opens the port again by itself
+            else:
+                driven_s += 0.05
             time.sleep(0.05)
-            driven_s += 0.05
     print("done")
 
 

@@ -54,7 +54,8 @@ def stop_by_silence(_rig: Rig) -> None:
 
 
 def stop_by_estop(rig: Rig) -> None:
-    assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
+    # On a busy computer no answer may come within the second that a call waits for it.
+    wait(lambda: rig.graph.call(SetBool, f"{NODE}/estop", data=True).success, "the e-stop")
 
 
 def stop_by_deactivation(rig: Rig) -> None:

@@ -15,6 +15,7 @@
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 #include "task_watchdog.hpp"
+#include "twin_store.hpp"
 
 #if CONFIG_WHEELWIRE_SIMULATED_PLANT
 #include "simulated_robot.hpp"
@@ -27,8 +28,10 @@ using Machine = wheelwire::WiredRobot;
 namespace wheelwire {
 namespace {
 
-NvsStore store{"parameters"};
-NvsStore board_store{"board"};
+NvsStore parameter_slots[2]{NvsStore{"parameters.0"}, NvsStore{"parameters.1"}};
+NvsStore board_slots[2]{NvsStore{"board.0"}, NvsStore{"board.1"}};
+TwinStore store{parameter_slots[0], parameter_slots[1]};
+TwinStore board_store{board_slots[0], board_slots[1]};
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
 ParameterSpec specs[kParameterCount];
 Battery battery;
@@ -52,7 +55,6 @@ uint32_t capabilities(bool has_battery) {
 
 /// Decides which board is in force. Nothing has been driven yet.
 void choose_board() {
-  board_store.start();
   keeper.start();
   platform_specs(kImageBoard.chip, specs);
   if (keeper.state() == BoardState::kNone) return;
@@ -81,7 +83,10 @@ Line& choose_line() {
 }
 
 void start() {
-  store.start();
+  for (NvsStore* slots : {parameter_slots, board_slots}) {
+    slots[0].start();
+    slots[1].start();
+  }
   choose_board();
   Line& line = choose_line();
   const bool has_board = keeper.state() != BoardState::kNone;

@@ -52,15 +52,13 @@ bool NvsStore::save(const uint8_t* data, size_t size) {
 
 bool NvsStore::erase() {
   const SlowOperation flash_write;
-  // Storage that cannot be read is formatted: no entry can be removed from it.
-  if (faults_ != 0) {
-    if (open_) nvs_close(handle_);
-    open_ = false;
-    return nvs_flash_erase() == ESP_OK && open();
-  }
+  // Storage that cannot be opened is formatted, unless another block's erasure has done so.
+  if (!open_ && !open()) return nvs_flash_erase() == ESP_OK && open();
   const esp_err_t result = nvs_erase_key(handle_, key_);
   if (result != ESP_OK && result != ESP_ERR_NVS_NOT_FOUND) return false;
-  return nvs_commit(handle_) == ESP_OK;
+  if (nvs_commit(handle_) != ESP_OK) return false;
+  faults_ = 0;
+  return true;
 }
 
 }  // namespace wheelwire

@@ -1,5 +1,4 @@
-// A block in the chip's non-volatile storage (NVS): the parameters, or the board. The core adds
-// version and CRC; NVS replaces the block as a whole or not at all.
+// A block in the chip's non-volatile storage (NVS): a slot of the parameters, or of the board.
 #pragma once
 
 #include "hal.hpp"
@@ -7,7 +6,8 @@
 
 namespace wheelwire {
 
-/// Erases only when the host asks for it: a block that cannot be read may still be needed.
+/// Erases only when the host asks for it: a block that cannot be read may still be needed. A cut of
+/// the power may lose the block: a TwinStore has two.
 class NvsStore final : public ParameterStore {
  public:
   /// `key`: of the block, at most 15 letters.
