@@ -35,6 +35,7 @@ bool NvsStore::open() {
 }
 
 size_t NvsStore::load(uint8_t* out, size_t capacity) {
+  const SlowOperation flash_read;
   if (!open_) return 0;
   size_t size = 0;
   esp_err_t result = nvs_get_blob(handle_, key_, nullptr, &size);

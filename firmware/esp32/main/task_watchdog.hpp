@@ -10,7 +10,7 @@ bool start_task_watchdog();
 bool watch_this_task();
 void feed_task_watchdog();
 
-/// While one exists, tasks may stall for longer: a flash write stalls both cores, and erasing a
+/// While one exists, tasks may stall for longer: flash access stalls both cores, and erasing a
 /// sector takes up to some hundred milliseconds. The core writes only while stopped, and the
 /// dead-man holds EN low meanwhile.
 class SlowOperation {
