@@ -83,10 +83,8 @@ Line& choose_line() {
 }
 
 void start() {
-  for (NvsStore* slots : {parameter_slots, board_slots}) {
-    slots[0].start();
-    slots[1].start();
-  }
+  for (NvsStore& slot : parameter_slots) slot.start();
+  for (NvsStore& slot : board_slots) slot.start();
   choose_board();
   Line& line = choose_line();
   const bool has_board = keeper.state() != BoardState::kNone;
