@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,9 +26,9 @@ METHOD = f"""\
 Client, node and peer are processes on loopback (Fast DDS, UDP and shared memory as they come), the
 robot is the firmware's core on a pseudo-terminal, which sends 200 states a second. The peer is a
 bare rclpy node: its subscriber of `Twist` does nothing, its timer publishes an empty `Odometry` 50
-times a second. Latency is from the publication of `cmd_vel` to the control step that accepts the
-setpoint, by the simulator, which tells each millisecond; the peer's ends in its callback.
-{ROUNDS - 1} interleaved rounds of {COMMANDS} commands.
+times a second. Latency is from the publication of `cmd_vel` to the arrival of its setpoint at the
+other end of the node's port; the peer's ends in its callback. {ROUNDS - 1} interleaved rounds of
+{COMMANDS} commands, 100 a second.
 """
 MOTORS = """
 From the publication of `cmd_vel`, or the call of the service `~/estop`, in another process until a
@@ -39,7 +40,6 @@ nobody else calls: from the call of its only service to the callback, which does
 MOTORS_COUNT = 300
 MOTORS_ROWS = ("command", "e-stop", "the peer's service")
 MOTORS_HZ = 200.0
-TRUTH_HZ = 1000.0
 STOP_LIMIT_MS = 5.0
 COMMAND_LIMIT_MS = 2.5
 CPU_LIMIT_PERCENT = 6.0
@@ -56,17 +56,19 @@ def show_latency(folder: Path) -> list[Target]:
     from support.ros import open_graph
     from support.ros_load import Commander, RobotCommander, bare_node, interrupt
     from support.ros_process import RobotNode
+    from support.stand_in import StandIn
     from wheelwire.simulation.simulator import Simulator
 
     with (
         open_graph() as graph,
-        Simulator(truth_hz=TRUTH_HZ) as simulator,
-        RobotNode(graph, port=simulator.port, publish_rate=MOTORS_HZ),
+        Simulator() as simulator,
+        closing(StandIn("support.wire_tap", simulator.port)) as tap,
+        RobotNode(graph, port=tap.first_answer["port"], publish_rate=MOTORS_HZ),
         bare_node(graph, folder / "bare", 50.0) as bare,
     ):
         graph.wait_active()
         commanders: dict[str, Commander | RobotCommander] = {
-            "cmd_vel to the setpoint accepted": RobotCommander(graph, simulator),
+            "cmd_vel to the setpoint on the wire": RobotCommander(graph, tap),
             "the peer: to its callback": Commander(graph, "bare_cmd_vel", folder / "bare"),
         }
         for _ in range(ROUNDS):

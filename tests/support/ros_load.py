@@ -19,13 +19,17 @@ from std_srvs.srv import SetBool
 
 from support import stop_host
 from support.load import cpu_s
-from support.ros import TIMEOUT_S, Graph, wait
+from support.ros import Graph, wait
 from support.ros_process import RobotNode
+from support.stand_in import StandIn
 from wheelwire.link.info import quantile
 from wheelwire.simulation.simulator import Simulator, TrueState
 
 PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
+COMMANDS_HZ = 100.0
+FIRST_MPS, STEP_MPS = 0.2, 0.0001
+"""Of commands that can be told apart."""
 DRIVEN_S = 0.4
 """A command that has not driven a motor by then was not obeyed: it is valid for half a second."""
 WATCH_S = 3.0
@@ -128,45 +132,35 @@ except (KeyboardInterrupt, ExternalShutdownException):
 
 
 class RobotCommander:
-    """Publishes commands, and sees the simulated robot accept each: its deadline changes.
+    """Publishes commands, no two alike, on their way through a node to a robot.
 
     Args:
         graph: Of the client.
-        simulator: It prints its true state each millisecond.
+        tap: The node's port, a `support.wire_tap`.
     """
 
-    def __init__(self, graph: Graph, simulator: Simulator) -> None:
+    def __init__(self, graph: Graph, tap: StandIn) -> None:
         self._publisher = graph.publisher(Twist, "cmd_vel")
-        self._simulator = simulator
-        self._latencies_s: list[float] = []
+        self._tap = tap
+        self._published_s: list[float] = []
 
     def send(self, count: int) -> None:
         """Publish commands one after the other."""
         for _ in range(count):
-            time.sleep(PAUSE_S * (1 + random.random()))
-            (*_, before) = self._states()
-            begin_s = time.monotonic()
-            self._publisher.publish(Twist(linear=Vector3(x=0.2)))
-            self._latencies_s.append(self._accepted_s(before) - begin_s)
+            time.sleep(_pause_s())
+            number = len(self._published_s)
+            self._published_s.append(time.monotonic())
+            self._publisher.publish(Twist(linear=Vector3(x=FIRST_MPS + number * STEP_MPS)))
 
     def latencies_s(self, skipped: int) -> list[float]:
-        """Latencies of all commands, except the first `skipped`."""
-        return self._latencies_s[skipped:]
-
-    def _accepted_s(self, before: TrueState) -> float:
-        while True:
-            for state in self._states():
-                if state.deadline_us != before.deadline_us:
-                    return state.host_us / 1e6
-
-    def _states(self) -> list[TrueState]:
-        states: list[TrueState] = []
-        end_s = time.monotonic() + TIMEOUT_S
-        while not states:
-            assert time.monotonic() < end_s, "the simulator prints no states"
-            time.sleep(0.0005)
-            states = self._simulator.take_states()
-        return states
+        """Latencies of all commands that reached the port, except the first `skipped`."""
+        asked_s = self._tap.command("asked")
+        found = []
+        for number, published_s in list(enumerate(self._published_s))[skipped:]:
+            reached_s = asked_s.get(str(round((FIRST_MPS + number * STEP_MPS) * 1e6)))
+            if reached_s is not None:
+                found.append(reached_s - published_s)
+        return found
 
 
 class Commander:
@@ -186,7 +180,7 @@ class Commander:
     def send(self, count: int) -> None:
         """Publish commands one after the other."""
         for _ in range(count):
-            time.sleep(PAUSE_S * (1 + random.random()))
+            time.sleep(_pause_s())
             number = Vector3(x=0.2, y=float(len(self._published_s)))
             self._published_s.append(time.monotonic())
             self._publisher.publish(Twist(linear=number))
@@ -195,6 +189,11 @@ class Commander:
         """Latencies of all commands seen, except the first `skipped`."""
         seen = {int(float(n)): s for n, s in json.loads(self._file.read_text()).items()}
         return [s - self._published_s[n] for n, s in seen.items() if n >= skipped]
+
+
+def _pause_s() -> float:
+    """Between commands, at random, to meet every phase of periodic work."""
+    return (0.5 + random.random()) / COMMANDS_HZ
 
 
 class MotorLatencies(NamedTuple):
