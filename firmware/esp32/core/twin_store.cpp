@@ -44,10 +44,12 @@ bool TwinStore::save(const uint8_t* data, size_t size) {
 }
 
 bool TwinStore::erase() {
-  const bool first_erased = slots_[0]->erase();
-  const bool second_erased = slots_[1]->erase();
-  if (first_erased && second_erased) faults_ = 0;
-  return first_erased && second_erased;
+  // The one in force last: until it is gone, a cut of the power leaves it and not the one before.
+  uint32_t number;
+  const int last = find(number) == 0 ? 0 : 1;
+  const bool both_erased = slots_[1 - last]->erase() && slots_[last]->erase();
+  if (both_erased) faults_ = 0;
+  return both_erased;
 }
 
 TwinStore::Slot TwinStore::read(int slot) {

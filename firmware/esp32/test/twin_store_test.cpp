@@ -101,6 +101,20 @@ TEST(a_slot_that_keeps_nothing_is_told) {
   CHECK(bench.load() == kOld);
 }
 
+TEST(an_erasure_that_is_cut_leaves_the_block_in_force) {
+  for (int newest = 0; newest < 2; ++newest) {
+    Bench bench;
+    CHECK(bench.save({9}) && bench.save(kOld));
+    if (newest == 0) CHECK(bench.save(kNew));
+    const Block in_force = newest == 0 ? kNew : kOld;
+    bench.slots[newest].memory.failing = true;  // The power fails before it is its turn.
+    CHECK(!bench.store.erase());
+    CHECK(bench.load() == in_force);
+    bench.slots[newest].memory.failing = false;
+    CHECK(bench.store.erase() && bench.load().empty());
+  }
+}
+
 TEST(two_damaged_slots_are_a_fault_and_two_empty_ones_are_not) {
   Bench bench;
   CHECK(bench.save(kOld) && bench.save(kNew));
