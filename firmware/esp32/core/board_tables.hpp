@@ -6,7 +6,6 @@
 namespace wheelwire {
 
 constexpr uint8_t kBoardVersion = 1;
-constexpr size_t kBoardNameSize = 24;
 constexpr uint32_t kMinPwmFrequencyHz = 100;
 constexpr uint32_t kMaxFilterNs = 12787;
 constexpr size_t kBoardPinCount = 18;
@@ -45,8 +44,6 @@ struct BoardDescription {
   uint16_t battery_divider_permille{};  ///< Battery volts per volt at the pin, times 1000.
   uint64_t pulldowns{};                 ///< GPIOs with an external pull-down, as bits.
   uint32_t crc{};                       ///< CRC-32 of the bytes before it, as in a frame.
-
-  bool operator==(const BoardDescription&) const = default;
 
   /// The GPIO of a function; -1: none.
   constexpr int pin(BoardPin function) const {
@@ -90,6 +87,8 @@ struct BoardDescription {
     }
     return -1;
   }
+
+  bool operator==(const BoardDescription&) const = default;
 
   /// Writes kSize bytes.
   void encode(uint8_t* out) const {
@@ -284,8 +283,7 @@ struct ChipTable {
   bool has_led;
 };
 
-constexpr size_t kChips = 4;
-constexpr ChipTable kChipTables[kChips] = {
+constexpr ChipTable kChipTables[] = {
     {Board::kEsp32, 0x9f0eefffff, 0x9025, 0x30fc0, 0xfc00000000, 0xff00000000, 0xa, 0x0, 8, 12,
      true},
     {Board::kEsp32s3, 0x1fffffc3fffff, 0x600000000009, 0x3ffc000000, 0x0, 0x7fe, 0x180000000000,

@@ -9,7 +9,6 @@ from ..board import (
     CHIPS,
     MAX_FILTER_NS,
     MIN_FREQUENCY_HZ,
-    NAME_SIZE,
     OUTPUTS,
     STAGES,
     Action,
@@ -21,7 +20,7 @@ from ..board import (
 )
 from ..board_layout import BOARD_SIZE, board_fields
 from ..codes import Board
-from .cpp import cpp_member
+from .cpp import cpp_codec, cpp_member
 from .text import banner, constant_name
 
 
@@ -38,8 +37,6 @@ def _struct() -> list[str]:
         "",
         *[cpp_member(f, "-1" if f.format == "b" else "") for f in fields],
         "",
-        "  bool operator==(const BoardDescription&) const = default;",
-        "",
         "  /// The GPIO of a function; -1: none.",
         "  constexpr int pin(BoardPin function) const {",
         "    switch (function) {",
@@ -55,19 +52,7 @@ def _struct() -> list[str]:
         "    return -1;",
         "  }",
         "",
-        "  /// Writes kSize bytes.",
-        "  void encode(uint8_t* out) const {",
-        *[f"    wire::put(out, {f.name});" for f in fields],
-        "  }",
-        "",
-        "  /// Reads kSize bytes.",
-        "  static BoardDescription decode(const uint8_t* in) {",
-        "    BoardDescription board;",
-        *[f"    wire::get(in, board.{f.name});" for f in fields],
-        "    return board;",
-        "  }",
-        "};",
-        "",
+        *cpp_codec("BoardDescription", "board", fields),
     ]
 
 
@@ -118,7 +103,6 @@ def generate() -> str:
         "namespace wheelwire {",
         "",
         f"constexpr uint8_t kBoardVersion = {BOARD_VERSION};",
-        f"constexpr size_t kBoardNameSize = {NAME_SIZE};",
         f"constexpr uint32_t kMinPwmFrequencyHz = {MIN_FREQUENCY_HZ};",
         f"constexpr uint32_t kMaxFilterNs = {MAX_FILTER_NS};",
         f"constexpr size_t kBoardPinCount = {len(BoardPin)};",
@@ -176,8 +160,7 @@ def generate() -> str:
         "  bool has_led;",
         "};",
         "",
-        f"constexpr size_t kChips = {len(CHIPS)};",
-        "constexpr ChipTable kChipTables[kChips] = {",
+        "constexpr ChipTable kChipTables[] = {",
         *[_chip_row(chip, table) for chip, table in CHIPS.items()],
         "};",
         "",

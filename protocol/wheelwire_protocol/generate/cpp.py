@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterable
 
 from ..board import CODES as BOARD_CODES
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
@@ -60,9 +61,29 @@ def cpp_member(field: Field, initial: str = "") -> str:
     return f"  {kind} {field.name}{array}{{{initial}}};  ///< {field.docs}{unit}"
 
 
+def cpp_codec(struct: str, variable: str, fields: Iterable[Field]) -> list[str]:
+    """The end of a struct whose fields travel in their order, from its comparison on."""
+    names = [field.name for field in fields]
+    return [
+        f"  bool operator==(const {struct}&) const = default;",
+        "",
+        "  /// Writes kSize bytes.",
+        "  void encode(uint8_t* out) const {",
+        *[f"    wire::put(out, {name});" for name in names],
+        "  }",
+        "",
+        "  /// Reads kSize bytes.",
+        f"  static {struct} decode(const uint8_t* in) {{",
+        f"    {struct} {variable};",
+        *[f"    wire::get(in, {variable}.{name});" for name in names],
+        f"    return {variable};",
+        "  }",
+        "};",
+        "",
+    ]
+
+
 def _message(message: Message) -> list[str]:
-    put = [f"    wire::put(out, {field.name});" for field in message.fields]
-    get = [f"    wire::get(in, message.{field.name});" for field in message.fields]
     return [
         f"/// {message.doc}",
         f"struct {message.name} {{",
@@ -71,21 +92,7 @@ def _message(message: Message) -> list[str]:
         "",
         *[cpp_member(field) for field in message.fields],
         "",
-        f"  bool operator==(const {message.name}&) const = default;",
-        "",
-        "  /// Writes kSize bytes.",
-        "  void encode(uint8_t* out) const {",
-        *put,
-        "  }",
-        "",
-        "  /// Reads kSize bytes.",
-        f"  static {message.name} decode(const uint8_t* in) {{",
-        f"    {message.name} message;",
-        *get,
-        "    return message;",
-        "  }",
-        "};",
-        "",
+        *cpp_codec(message.name, "message", message.fields),
     ]
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
@@ -23,34 +22,11 @@ EACH = 500
 Write = Callable[[SerialTransport, bytes], int]
 
 
-@pytest.fixture
-def device(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "port") as device:
-        yield device
-
-
-@pytest.fixture
-def robot(device: PtyDevice) -> Iterator[SerialDriver]:
-    with SerialDriver(str(device.path)) as robot:
-        yield robot
-
-
 def instead_of_writing(monkeypatch: pytest.MonkeyPatch, stand_in: Callable[[Write], Write]) -> None:
     monkeypatch.setattr(SerialTransport, "write", stand_in(SerialTransport.write))
 
 
-def test_the_caller_writes_the_frame(robot: SerialDriver, monkeypatch: pytest.MonkeyPatch) -> None:
-    writers: list[int] = []
-
-    def note(write: Write) -> Write:
-        def noting(self: SerialTransport, data: bytes) -> int:
-            writers.append(threading.get_ident())
-            return write(self, data)
-
-        return noting
-
-    instead_of_writing(monkeypatch, note)
-
+def test_the_caller_writes_the_frame(robot: SerialDriver, writers: list[int]) -> None:
     def drive() -> bool:  # what waits for the port at this moment goes first, by its own thread
         robot.set_velocity(0.1, 0.0)
         return threading.get_ident() in writers

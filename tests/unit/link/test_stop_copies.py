@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 
 import pytest
 
@@ -15,39 +13,17 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import requests
 from wheelwire.link.requests import COPY_ID
-from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.types import Estop, SetDuty, Stop
-
-
-@pytest.fixture
-def device(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "port") as device:
-        yield device
-
-
-@pytest.fixture
-def robot(device: PtyDevice) -> Iterator[SerialDriver]:
-    with SerialDriver(str(device.path)) as robot:
-        yield robot
 
 
 @pytest.mark.parametrize(("method", "kind"), [("stop", Stop), ("estop", Estop)])
 def test_the_caller_writes_a_copy_before_the_one_that_is_acknowledged(
     robot: SerialDriver,
     device: PtyDevice,
-    monkeypatch: pytest.MonkeyPatch,
+    writers: list[int],
     method: str,
     kind: type[Stop | Estop],
 ) -> None:
-    writers: list[int] = []
-    write = SerialTransport.write
-
-    def noting(self: SerialTransport, data: bytes) -> int:
-        writers.append(threading.get_ident())
-        return write(self, data)
-
-    monkeypatch.setattr(SerialTransport, "write", noting)
-
     def stop() -> bool:  # what waits for the port at this moment goes first, by its own thread
         getattr(robot, method)()
         return threading.get_ident() in writers

@@ -72,11 +72,9 @@ Rig = tuple[DeviceDriver, StandIn]
 Open = Callable[[BoardDescription], AbstractContextManager[Rig]]
 
 
-@pytest.fixture(params=["l298n", "pigpio"])
-def open_rig(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Open:
-    """Opens a driver on a board's pins, with that kind of board behind them."""
+@pytest.fixture
+def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
+    """Opens `l298n` on a board's pins, with that kind of board behind them."""
 
     @contextmanager
     def library(board: BoardDescription) -> Iterator[Rig]:
@@ -91,21 +89,28 @@ def open_rig(
             ) as robot:
                 yield robot, chip
 
-    @contextmanager
-    def daemon(board: BoardDescription) -> Iterator[Rig]:
-        with (
-            PigpioProcess("--wiring", wiring_of(board).to_json()) as process,
-            PigpioDriver(
-                "127.0.0.1",
-                process.port,
-                pins=board,
-                parameters=PATIENT,
-                core_timeout_ms=CORE_TIMEOUT_MS,
-            ) as robot,
-        ):
-            yield robot, process
+    return library
 
-    return library if request.param == "l298n" else daemon
+
+@contextmanager
+def daemon(board: BoardDescription) -> Iterator[Rig]:
+    """`pigpio`, likewise."""
+    with (
+        PigpioProcess("--wiring", wiring_of(board).to_json()) as process,
+        PigpioDriver(
+            "127.0.0.1",
+            process.port,
+            pins=board,
+            parameters=PATIENT,
+            core_timeout_ms=CORE_TIMEOUT_MS,
+        ) as robot,
+    ):
+        yield robot, process
+
+
+@pytest.fixture(params=["l298n", "pigpio"])
+def open_rig(request: pytest.FixtureRequest, open_library: Open) -> Open:
+    return open_library if request.param == "l298n" else daemon
 
 
 def travel(stand_in: StandIn) -> tuple[int, int]:
@@ -147,23 +152,14 @@ def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescri
 
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
 def test_each_stage_is_released_when_its_core_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, board: BoardDescription
+    open_library: Open, board: BoardDescription
 ) -> None:
-    with GpioChip(tmp_path, kernel_pwm=False, wiring=wiring_of(board)) as chip:
-        for name, value in chip.environment.items():
-            monkeypatch.setenv(name, value)
-        before = set(children(os.getpid()))
-        with L298NDriver(
-            pins=board,
-            pwm_directory=chip.pwm_directory,
-            parameters=PATIENT,
-            core_timeout_ms=CORE_TIMEOUT_MS,
-        ) as robot:
-            drive(robot, chip, SPEED_MPS)
-            (guard,) = set(children(os.getpid())) - before
-            (core,) = children(guard)
-            os.kill(core, signal.SIGKILL)
-            # Standby may be high again: the driver starts its process anew.
-            inputs = set(release_pins(board)) - {board.standby}
-            wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
-            assert not is_driven(chip)
+    with open_library(board) as (robot, chip):
+        drive(robot, chip, SPEED_MPS)
+        (guard,) = (pid for pid in children(os.getpid()) if children(pid))
+        (core,) = children(guard)
+        os.kill(core, signal.SIGKILL)
+        # Standby may be high again: the driver starts its process anew.
+        inputs = set(release_pins(board)) - {board.standby}
+        wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
+        assert not is_driven(chip)
