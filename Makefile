@@ -75,9 +75,9 @@ $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests
 
 ros: $(VENV)/ros-installed  ## ROS 2 Jazzy from PyPI (Linux on x86-64 only), for the tests of the node
 
-# One more than the cores: many of the tests wait for a robot that moves in real time.
-JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
-test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64: make test [JOBS=3]
+# Two more than the cores: many of the tests wait for a robot that moves in real time.
+JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
+test: cpp-tests  ## Every test; those of the ROS node on Linux on x86-64: make test [JOBS=4]
 ifeq ($(shell uname -sm),Linux x86_64)
 	@$(MAKE) --no-print-directory ros || echo "ROS 2 cannot be had here: the tests of its node are skipped"
 endif
