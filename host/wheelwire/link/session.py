@@ -454,7 +454,7 @@ class Session:
         return self._encoder.encode(setpoint)
 
     def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
-        self._setpoints.clear()
+        self._setpoints.on_stop()
         if self.phase is Phase.OPEN:
             self._requests.submit(message, done, now_us)
             return

@@ -73,6 +73,15 @@ class SetpointSender:
         """What was sent is not to be sent again."""
         self._unseen = None
 
+    def on_stop(self) -> None:
+        """A stop goes out: what was sent before it, or refused, is past.
+
+        What is latched stays known: the copy of an e-stop that its caller wrote may have latched
+        the device already.
+        """
+        self._unseen = None
+        self._refusal = None
+
     def check(self) -> None:
         """Find out before sending that the device will not drive.
 

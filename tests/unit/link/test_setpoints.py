@@ -198,6 +198,21 @@ def test_a_latched_device_is_sent_no_setpoint(state: SupervisorState, code: Refu
     assert line.sent_of(SetWheelVelocity) == []
 
 
+@pytest.mark.parametrize("kind", [Stop, Estop])
+def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(kind: type[Stop | Estop]) -> None:
+    # The copy that the caller wrote has latched the device before the port's thread has its turn.
+    line = VirtualLine().open()
+    line.device.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, line.now_us)
+    line.run(0.002)
+    if kind is Estop:
+        line.session.estop(lambda _: None, line.now_us)
+    else:
+        line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
+    with pytest.raises(DeviceRefused) as told:
+        line.drive()
+    assert told.value.code == RefusalCode.ESTOPPED
+
+
 @pytest.mark.parametrize("told_first", ["state", "refusal"])
 def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -> None:
     line = VirtualLine().open()
