@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from math import isfinite
 
 from ..arguments import LONGEST_WAIT_S, is_number
 from ..errors import InvalidCommand, WheelwireError, shown
@@ -43,8 +44,10 @@ class Driving(ABC):
         """
         expiry_us = self._expiry_us(ttl, stamp)
         linear, angular = _finite("linear", linear), _finite("angular", angular)
+        # Asked for once: a parameter may change between two uses.
         geometry = self.geometry
         left, right = geometry.wheel_velocities(Twist(linear, angular))
+        # Finite numbers can overflow in the conversion.
         wheels = WheelVelocities(_finite("left", left), _finite("right", right))
         self._drive_velocity(geometry.saturate(wheels), expiry_us)
 
@@ -105,7 +108,10 @@ class Driving(ABC):
     def _expiry_us(self, ttl: float, stamp: float | None) -> int:
         """When a command of `stamp` expires. Called first: the call's own time counts too."""
         now_us = self._now_us()
-        life_us = round(_checked_ttl(ttl) * 1e6)
+        # Nearly every ttl is a plain float within the bounds, and needs no further check.
+        if type(ttl) is not float or not 0.0 < ttl <= LONGEST_WAIT_S:
+            ttl = _checked_ttl(ttl)
+        life_us = round(ttl * 1e6)
         if stamp is None:
             return now_us + life_us
         age_us = now_us - _finite("stamp", stamp) * 1e6
@@ -120,6 +126,7 @@ class Driving(ABC):
                 f"the command is {age_us / 1e6:.3g} s old and its ttl is {life_us / 1e6:g} s: "
                 "send it sooner after its stamp, or give it a longer ttl"
             )
+        # Not below 0: rounding must not give a command more life than its ttl.
         return now_us - max(0, round(age_us)) + life_us
 
     def __repr__(self) -> str:
@@ -138,6 +145,8 @@ class Driving(ABC):
 
 
 def _finite(name: str, value: float) -> float:
+    if type(value) is float and isfinite(value):  # what nearly every setpoint is made of
+        return value
     if not is_number(value):
         raise InvalidCommand(f"{name} = {shown(value)}: give a finite number")
     return float(value)
@@ -146,4 +155,5 @@ def _finite(name: str, value: float) -> float:
 def _checked_ttl(ttl: float) -> float:
     if not (is_number(ttl) and ttl > 0):
         raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
+    # Shortened and not refused: the device shortens a life that long in any case.
     return min(float(ttl), LONGEST_WAIT_S)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -23,10 +24,10 @@ GEOMETRY = tuple(
 
 
 class LinkedRobot(Driving):
-    """A robot behind `_link`, which watches the parameters of `GEOMETRY`."""
+    """A robot behind `_link`, which watches at least the parameters of `GEOMETRY`."""
 
     _link: BaseLink | VirtualLink
-    _geometry: tuple[tuple[float, ...], DifferentialDrive | None] = (), None
+    _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
 
     @property
     def info(self) -> LinkInfo:
@@ -36,10 +37,12 @@ class LinkedRobot(Driving):
     @property
     def geometry(self) -> DifferentialDrive:
         """The robot's current dimensions and limits, as the device has them."""
-        values = self._link.values(GEOMETRY)
+        values = self._link.watched_values
         known, geometry = self._geometry  # set_velocity asks each time
-        if geometry is None or values != known:
-            geometry = DifferentialDrive(*map(decimal_of_float32, values))
+        # By identity, which is enough: the link replaces the values as a whole.
+        if geometry is None or values is not known:
+            geometry = DifferentialDrive(*[decimal_of_float32(values[p]) for p in GEOMETRY])
+            # Both in one assignment: no thread finds new values beside the old geometry.
             self._geometry = values, geometry
         return geometry
 

@@ -42,6 +42,7 @@ class Waiters:
 
     def notify_all(self) -> None:
         """Have everybody look again."""
+        # The coroutines run in a later iteration of the loop, so the set does not change here.
         for waiting in self._waiting:
             _resolve(waiting, None)
 
@@ -54,6 +55,7 @@ class Waiters:
                 return False
             waiting = loop.create_future()
             self._waiting.add(waiting)
+            # It resolves the same future: when time is up, `ready` is asked once more, too.
             timer = loop.call_at(end_s, _resolve, waiting, None)
             try:
                 await waiting
@@ -93,6 +95,7 @@ class AsyncPort(ServedPort):
         """The descriptor that is waited for."""
         self._reads = self._writes = False
         """What it is waited for."""
+        # Last: from then on a fork of the process may call `abandon`, which needs what is above.
         super().__init__(open_port, baud_rate, session, changed, latest_sample, is_wanted)
 
     def start(self, name: str) -> None:
@@ -103,6 +106,7 @@ class AsyncPort(ServedPort):
     def wake(self) -> None:
         """Have a turn soon, in which the session is looked at."""
         self._work_pending = True
+        # One turn does for all who ask before it begins.
         if self._soon is None:
             self._soon = self._loop.call_soon(self._step)
 
@@ -113,6 +117,7 @@ class AsyncPort(ServedPort):
         reason why the serving ended.
         """
         self._calls.append((task, done))
+        # Without a port there are no turns; the session then has the reason for the error.
         if self._transport is None:
             self._do_calls(host_clock_us())
         else:
@@ -120,6 +125,7 @@ class AsyncPort(ServedPort):
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser."""
+        # First: the loop's thread may run `_begin_end` before the call below has returned.
         self._finishing = True
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._begin_end)
@@ -127,10 +133,12 @@ class AsyncPort(ServedPort):
     async def wait_for_end(self) -> None:
         """Wait until the port is closed. Cancelling this leaves the closing under way."""
         if self._task is not None:
+            # To await the task itself would cancel it along with the caller.
             await asyncio.wait([self._task])
 
     def give_up(self, error: LinkLost) -> None:
         """Close the port, and open it again."""
+        # A setpoint's write may fail after the port was given up.
         if self._over is None or self._over.done():
             return
         self._detach()
@@ -140,6 +148,8 @@ class AsyncPort(ServedPort):
 
     def abandon(self) -> None:
         """This process was forked: leave the parent's loop and its descriptors alone."""
+        # The child shares the loop's epoll with its parent: to remove a reader here would take it
+        # from the parent as well.
         self._attached = None
         super().abandon()
 
@@ -155,6 +165,7 @@ class AsyncPort(ServedPort):
                 if lost:
                     transport = await self._reopen()
         except asyncio.CancelledError:
+            # While there is a port, `_until` deals with a cancellation.
             _log.debug("%s: ended while there was no port", self.port)
         except Exception as error:
             _log.exception("the link's task failed")
@@ -173,6 +184,7 @@ class AsyncPort(ServedPort):
         try:
             transport = await self._open_in_executor(self._first_baud_rate)
         except Exception as error:
+            # The link ends, and `AsyncLink.open` raises this to its caller.
             self.failure = error
             return None
         self._connect(transport)
@@ -198,6 +210,9 @@ class AsyncPort(ServedPort):
         opened: deque[Transport] = deque()
         given_up = False
 
+        # The executor's thread stores the port before it looks at `given_up`; the coroutine sets
+        # that before it looks for the port. So at least one of them finds it, and `pop` gives it
+        # to one alone.
         def open_port() -> None:
             opened.append(self._open_port(rate))
             if given_up:
@@ -224,6 +239,7 @@ class AsyncPort(ServedPort):
         self._attached = transport.fileno()
         self._transport = transport
         closing: asyncio.Future[None] | None = None
+        # The first turn writes the hello that waits in the session, and has the loop call for more.
         self._step()
         try:
             await self._until(over)
@@ -231,8 +247,10 @@ class AsyncPort(ServedPort):
             # Also when the loop was closed and this coroutine is thrown away.
             self._detach()
             self._transport = None
+            # Before another thread closes it: a closed transport may have no descriptor.
             self._poller.unregister(transport)
             closing = self._in_executor(transport.close)
+        # Not within `finally`: a coroutine that is thrown away must not await anything.
         if closing is not None:
             await self._until(closing)
         return over.result()
@@ -241,8 +259,11 @@ class AsyncPort(ServedPort):
         """Wait for a future. A cancellation, as when the loop ends, stops the robot first."""
         while not done.done():
             try:
+                # To await the future itself would cancel it along with this task.
                 await asyncio.wait([done])
             except asyncio.CancelledError:  # noqa: PERF203 - it goes on waiting
+                # While the port is served, steps send the last stop, and resolve `done` once that
+                # is acknowledged or has timed out.
                 self._finishing = True
                 self._step()
 
@@ -251,6 +272,7 @@ class AsyncPort(ServedPort):
         try:
             return self._loop.run_in_executor(None, close)
         except RuntimeError:
+            # The loop is closed, or its executor was shut down.
             close()
             return None
 
@@ -264,11 +286,15 @@ class AsyncPort(ServedPort):
 
     def _step(self) -> None:
         """Have a turn, and arrange for the next one."""
+        # First: a `wake` during this turn asks for another one.
         self._soon = None
         transport, over = self._transport, self._over
+        # The loop may have queued this call before the port was given up.
         if transport is None or over is None or over.done():
             return
         try:
+            # Asked anew: the loop does not tell a hang-up from data, and a timer comes without
+            # either.
             found = self._poller.poll(0)
             self._turn(transport, found[0][1] if found else 0)
             self._tell_news()
@@ -292,18 +318,23 @@ class AsyncPort(ServedPort):
         """Have the loop call `_step` when something comes, can be written, or is due."""
         now_us = host_clock_us()
         until_us, rests = self._next_wait(now_us)
+        # During a rest what comes stays in the kernel's buffer, and must not wake the loop.
         if self._reads == rests:
             self._reads = not rests
             if rests:
                 self._loop.remove_reader(transport.fileno())
             else:
                 self._loop.add_reader(transport.fileno(), self._step)
+        # Only while something waits to be written: a port nearly always has room, so the loop would
+        # never sleep.
         if self._writes != bool(self._output):
             self._writes = bool(self._output)
             if self._writes:
                 self._loop.add_writer(transport.fileno(), self._step)
             else:
                 self._loop.remove_writer(transport.fileno())
+        # A deadline that has moved on leaves the timer as it is, for most turns move it: at worst a
+        # turn is had for nothing.
         due_s = self._loop.time() + max(0, until_us - now_us) / 1e6
         if self._timer is None or self._timer.when() > due_s:  # an early one does no harm
             if self._timer is not None:
@@ -321,6 +352,7 @@ class AsyncPort(ServedPort):
                 handle.cancel()
         self._timer = self._soon = None
         descriptor, self._attached = self._attached, None
+        # A closed loop watches nothing any more, and raises when it is told to stop.
         if descriptor is None or self._loop.is_closed():
             return
         if self._reads:
@@ -342,6 +374,7 @@ class AsyncLink(BaseLink):
         self.changed = Waiters()
         """Notified of samples and of changes of the session."""
         session = options.session()
+        # Weakly: the task of the port must not keep alive what nobody else refers to any more.
         this = weakref.ref(self)
         self._port = AsyncPort(
             options.opener,
@@ -372,6 +405,7 @@ class AsyncLink(BaseLink):
             await self._wait_for_port()
             await self._wait_until_open()
         except BaseException:
+            # A cancellation, too: the task would go on serving a port that nobody can close.
             await self.close()
             raise
 
@@ -428,12 +462,14 @@ class AsyncLink(BaseLink):
         timeout_s = self._options.connect_timeout_s
         if not await self.changed.wait_for(self._opening_is_decided, timeout_s):
             raise self._why_not_open()
+        # Decided does not mean open: a device may have refused for good.
         self.check()
 
     def _write(self, frame: bytes, now_us: int) -> None:
         try:
             self._port.send(frame, now_us)
         except LinkLost as error:
+            # The write may be the first to find out; whoever asks next must see the loss, too.
             self._port.give_up(error)
             raise
 
@@ -448,12 +484,15 @@ class AsyncLink(BaseLink):
         def done(result: Answer | WheelwireError | None) -> None:
             _resolve(answered, result)
 
+        # `done` may be called in here, before anybody waits.
         self._port.call(task, done)
         try:
             result = await answered
         except asyncio.CancelledError:
+            # A late copy would be carried out after whatever the program does next.
             self._session.withdraw(done)
             raise
+        # The same error may end many calls: tracebacks must not pile up in it.
         if isinstance(result, WheelwireError):
             raise result.with_traceback(None)
         return result

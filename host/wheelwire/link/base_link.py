@@ -38,7 +38,7 @@ class LinkInfo:
     baud_rate: int | None
     """The rate at which the device answered; None if the port has none."""
     low_latency: bool | None
-    """See `transport.Transport`."""
+    """See `transports.Transport`."""
     device: DeviceInfo
 
 
@@ -52,7 +52,8 @@ class LinkOptions:
         baud_rate: Tried first.
         connect_timeout_s: How long to look for the device.
         stream_rate_hz: Rate of the samples; None leaves it to the device.
-        watched: Ids of parameters whose values are always available from `values`.
+        watched: Ids of parameters whose values are always available from
+            `watched_values`.
         board_id: Accept only this board, at whichever free port it answers; `port` may then be
             glob patterns, separated by commas.
         any_board: Whether to continue with another board than the first, if the port leads to one.
@@ -113,6 +114,7 @@ class BaseLink(ABC):
         device, served = self._session.device, self._served
         if device is None:
             raise self._session.error
+        # Not the port's own rate: during a search that is one of those that are tried.
         return LinkInfo(served.port, served.policy.search.rate, served.low_latency, device)
 
     @property
@@ -126,14 +128,15 @@ class BaseLink(ABC):
         """Number of sessions since the link was opened."""
         return self._session.count
 
-    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
-        """The newest values of watched parameters."""
-        self.check()
-        known = self._session.values
-        try:
-            return tuple([known[parameter] for parameter in parameters])
-        except KeyError:  # a new session has just begun
-            raise self._session.error from None
+    @property
+    def watched_values(self) -> Mapping[int, float]:
+        """The newest values of the watched parameters, by id: the same object until one changes."""
+        values = self._session.watched_values
+        # The end of the serving ends the session as well, so there is nothing else to look at.
+        if values is None:
+            self._check_alive()
+            raise self._session.error.with_traceback(None)
+        return values
 
     def known(self, parameter: int) -> float | None:
         """The newest value of a parameter that was reported in this session, if there is one."""
@@ -152,21 +155,24 @@ class BaseLink(ABC):
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
         now_us = host_clock_us()
+        # Before a frame is made, which would be noted for a repeat and so be sent after all.
         self._served.check_room()
-        frame = self._session.velocity_frame(left_mps, right_mps, expiry_us, now_us)
-        self._write(frame, now_us)
+        setpoints = self._session.setpoints
+        self._write(setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Write one duty setpoint; otherwise as `drive_velocity`."""
         now_us = host_clock_us()
         self._served.check_room()
-        self._write(self._session.duty_frame(left, right, expiry_us, now_us), now_us)
+        setpoints = self._session.setpoints
+        self._write(setpoints.duty_frame(left, right, expiry_us, now_us), now_us)
 
     @abstractmethod
     def _write(self, frame: bytes, now_us: int) -> None:
         """Write a setpoint's frame. LinkLost is raised only once everybody can see the loss."""
 
     def _check_alive(self) -> None:
+        # Every call from here on raises the same error: tracebacks must not pile up in it.
         if self._served.end is not None:
             raise self._served.end.with_traceback(None)
 
@@ -175,6 +181,7 @@ class BaseLink(ABC):
     def _opening_is_decided(self) -> bool:
         """A session is open, or waiting for one is in vain."""
         session = self._session
+        # Neither passes by itself while a link is being opened; all else may.
         final = isinstance(session.error, (ProtocolMismatch, DeviceRefused))
         return session.phase is Phase.OPEN or final or self._served.end is not None
 
@@ -189,14 +196,17 @@ class BaseLink(ABC):
         """Why no session was opened within the connect timeout."""
         session, policy = self._session, self._served.policy
         port, tried = self._options.port, policy.search.tried
+        # Whoever answers a hello is a Wheelwire device at this rate, whatever else is wrong.
         if session.answers:
             return RequestTimeout(
                 f"{port} answers, but no session could be opened in "
                 f"{self._options.connect_timeout_s:g} s ({session.error}): allow more time, look "
                 "at the cable"
             )
+        # A port that was lost without a byte says more than that it was silent.
         if not session.bytes_received and policy.lost is not None:
             return PortUnavailable(port, str(policy.lost))
+        # Bytes without an answer: another kind of device, or a rate that was not tried.
         if session.bytes_received:
             return ForeignDevice(port, tried, session.bytes_received)
         return DeviceSilent(port, tried)
@@ -213,4 +223,6 @@ def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
 
 
 def _random_nonce() -> int:
+    # Not from `random`: a program that seeds it would draw the nonces of its last run again, and
+    # the device would take its session for the one that is open.
     return int.from_bytes(os.urandom(4), "little")

@@ -24,6 +24,7 @@ from .requests import ID_MODULUS
 
 WINDOW = 64
 """Exchanges remembered: half a minute at two a second."""
+# Consecutive exchanges, of which a fit takes the one with the shortest round trip.
 GROUP = 4
 FIT_FROM = 4 * GROUP
 """A line through fewer exchanges says nothing about the drift."""
@@ -55,6 +56,7 @@ class SuspendWatch:
         self._boot_clock_us = boot_clock_us or _boot_clock_us
         self._suspended_us: int | None = None
         """The longest that the computer can have been suspended up to the last check."""
+        # The first check only sets what later ones are compared with.
         self.was_suspended(host_clock_us())
 
     def was_suspended(self, now_us: int) -> bool:
@@ -67,6 +69,7 @@ class SuspendWatch:
         former_us, self._suspended_us = self._suspended_us, boot_us - now_us
         if former_us is None or self._suspended_us <= former_us + self.STEP_US:
             return False
+        # `now_us` was read before the boot clock; a reading after it gives the other bound.
         return boot_us - host_clock_us() > former_us + self.STEP_US
 
 
@@ -89,6 +92,7 @@ class Exchange(NamedTuple):
     @property
     def round_trip_us(self) -> int:
         """Time in transit, both directions, without the device's processing time."""
+        # The device may seem to have taken longer than all of it: `SLACK_US` says by how much.
         on_host = self.host_received_us - self.host_sent_us
         return max(0, on_host - (self.device_sent_us - self.device_received_us))
 
@@ -129,6 +133,7 @@ class _Line(NamedTuple):
         return self.a_us + self.b * (host_us - self.origin_us)
 
     def host_us(self, device_us: int) -> int:
+        # The class's formula, with offset(h) written as device time less h, solved for h.
         elapsed = device_us - self.base_us - self.origin_us - self.a_us
         return self.origin_us + round(elapsed / (1 + self.b))
 
@@ -139,6 +144,7 @@ class _Line(NamedTuple):
 
     def bound_us(self, host_us: float) -> float:
         slope = self.error_slope * (host_us - self.origin_us - self.mean_us)
+        # In both directions: a sample may be older than the last exchange, an expiry is later.
         growth = self.growth * abs(host_us - self.last_us)
         return math.hypot(self.error_us, slope) + growth + RESOLUTION_US
 
@@ -198,6 +204,7 @@ class ClockEstimator:
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
         reading = _Reading.of(exchange)
+        # Looked for in every exchange, even in one that is too soon to be kept.
         if any(line.contradicts(reading) for line in self.conversion.lines):
             self._readings.clear()  # a clock was stepped: earlier readings are void
         elif self._has_enough(reading.host_us):
@@ -212,6 +219,7 @@ class ClockEstimator:
         self.conversion = Conversion(lines)  # other threads convert meanwhile
 
     def _has_enough(self, host_us: int) -> bool:
+        # Before there is a line every exchange counts, however soon after the last one.
         fitted = len(self._readings) >= FIT_FROM
         return fitted and host_us < self._readings[-1].host_us + SPACING_US
 
@@ -297,6 +305,7 @@ BURST_TIMEOUT_US = 25_000
 PERIOD_US = 500_000
 OPEN_PINGS = 80
 """Unanswered pings remembered, two seconds of them; older ones count as lost."""
+# Beyond any uptime. An expiry computed from a larger time might not fit into its 64 bits.
 MAX_DEVICE_US = 1 << 62
 SLACK_US = 1000
 """A device may seem to have held a ping this much longer than the whole exchange took."""
@@ -345,6 +354,7 @@ class Synchroniser:
 
     def on_pong(self, pong: Pong, now_us: int) -> Exchange | None:
         """Take an answer that came at `now_us`; None if no ping is open or it is impossible."""
+        # t1 is taken from the pong, so it has to be the time that was sent under this id.
         if self._open.get(pong.request_id) != pong.host_us:
             return None
         # The CRC lets one bad frame in four billion pass, and another host's pong may come: a wrong
@@ -352,8 +362,10 @@ class Synchroniser:
         held_us = pong.sent_us - pong.received_us
         if not 0 <= held_us <= now_us - pong.host_us + SLACK_US or pong.sent_us > MAX_DEVICE_US:
             return None
+        # Only once, even if the line doubles the frame.
         del self._open[pong.request_id]
         exchange = Exchange(pong.host_us, pong.received_us, pong.sent_us, now_us)
         self.clock.add(exchange)
+        # Within the burst the next ping goes out at once: opening a session waits for its end.
         self.due_us = now_us + PERIOD_US if self._burst_left <= 0 else now_us
         return exchange

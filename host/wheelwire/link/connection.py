@@ -22,7 +22,7 @@ from .base_link import PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .port_loop import PortLoop
-from .requests import Answer, RequestMessage
+from .requests import Answer, Done, RequestMessage
 from .served_port import Task
 from .waiting import Notifier
 
@@ -54,6 +54,7 @@ class Link(BaseLink):
     def __init__(self, options: LinkOptions, latest_sample: LatestSample) -> None:
         self._changed = Notifier()
         session = options.session()
+        # Weakly: the port's thread must not keep alive what nobody else refers to any more.
         this = weakref.ref(self)
         self._loop = PortLoop(
             options.opener,
@@ -70,10 +71,14 @@ class Link(BaseLink):
         try:
             # Thread.start() waits for an Event: an exception out of a signal handler in there can
             # leave the new thread waiting for ever. No handler interrupts a thread but the main.
-            _thread.start_new_thread(_start, (self._thread, self._loop))
+            try:
+                _thread.start_new_thread(_start, (self._thread, self._loop))
+            except RuntimeError as error:
+                self._loop.fail(error)
             self._wait_for_port()
             self._wait_until_open()
         except BaseException:
+            # The thread may be running, and would keep the port.
             self.close()
             raise
 
@@ -85,13 +90,17 @@ class Link(BaseLink):
             LinkLost: The link is down, or went down before the answer came.
             RequestTimeout: No answer came.
         """
-        answer = self._call(lambda done, now_us: self._session.request(message, done, now_us))
+        answer = self._call(
+            lambda done, now_us: self._session.request(message, done, now_us),
+            interrupted=self._session.withdraw,
+        )
         return cast("Answer", answer)
 
     def post(self, message: RequestMessage, done: Heard) -> None:
         """Send a request without waiting; the link's thread calls `done` with the result."""
 
         def answered(result: Answer | WheelwireError | None) -> None:
+            # A request always has a result; None is for tasks that have none.
             if result is not None:
                 done(result)
 
@@ -104,12 +113,12 @@ class Link(BaseLink):
             LinkLost: There is no session: whether the stop arrived is unknown.
             RequestTimeout: No acknowledgement came.
         """
-        self._write_at_once(self._session.stop_copy(mode))
+        self._write_at_once(self._session.setpoints.stop_copy(mode))
         self._call(lambda done, now_us: self._session.stop(mode, done, now_us))
 
     def estop(self) -> None:
         """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
-        self._write_at_once(self._session.stop_copy(None))
+        self._write_at_once(self._session.setpoints.stop_copy(None))
         self._call(self._session.estop)
 
     def close(self) -> None:
@@ -142,19 +151,31 @@ class Link(BaseLink):
             with suppress(LinkLost):  # what follows the copy tells
                 self._loop.send(copy, host_clock_us())
 
-    def _call(self, task: Task) -> Answer | None:
-        """Have the port's thread do `task`; return its result, or raise its error."""
+    def _call(self, task: Task, interrupted: Callable[[Done], None] | None = None) -> Answer | None:
+        """Have the port's thread do `task`; return its result, or raise its error.
+
+        When an exception out of a signal handler ends the wait, that thread calls `interrupted`
+        with what `task` was given. Without it the task goes on: a stop is to arrive in any case.
+        """
         self._check_alive()
         self._session.check_connected()
+        # A queue for each call: a result that comes after its caller gave up reaches nobody.
         results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
-        self._loop.call(task, results.put)
+        # For the call and for its withdrawal, which finds the request by it.
+        done = results.put
         try:
+            self._loop.call(task, done)
             result = results.get(timeout=CALL_TIMEOUT_S)
         except Empty:
             raise RequestTimeout(
                 f"the link's thread did not answer for {CALL_TIMEOUT_S:g} s: whether it was done "
                 "is not known; look at the port, and at what keeps this computer busy"
             ) from None
+        except BaseException:
+            if interrupted is not None:
+                self._loop.call(lambda _done, _now_us: interrupted(done), lambda _: None)
+            raise
+        # The same error may end many calls: tracebacks must not pile up in it.
         if isinstance(result, WheelwireError):
             raise result.with_traceback(None)
         return result
@@ -174,6 +195,7 @@ class Link(BaseLink):
     def _wait_until_open(self) -> None:
         if not self._changed.wait_for(self._opening_is_decided, self._options.connect_timeout_s):
             raise self._why_not_open()
+        # Decided does not mean open: a device may have refused for good.
         self.check()
 
 

@@ -71,7 +71,9 @@ class _Asked:
 
     def ask(self) -> None:
         """Say hello, again."""
+        # Behind what the port has not taken yet, or the hello would cut the one before it short.
         self._output += self._encoder.encode(Hello(0, NO_VERSION, schema_hash()))
+        # `listen` finds out when the port is gone.
         with suppress(LinkLost):
             self._output = self._output[self.transport.write(self._output) :]
 
@@ -88,6 +90,7 @@ class _Asked:
 
 def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
     # Path.glob takes no absolute pattern.
+    # A set, because a port that several patterns match can be opened only once.
     names = {name for pattern in ports.split(",") for name in glob(pattern.strip())}  # noqa: PTH207
     for name in sorted(names):
         if _is_free(name):
@@ -111,6 +114,7 @@ def _first_answer(asked: list[_Asked], board_id: str) -> Transport | None:
         poller.register(descriptor, select.POLLIN)
     now_us = due_us = host_clock_us()
     end_us = now_us + IDENTIFY_TIMEOUT_US
+    # It ends early once all have answered: the board is none of them then.
     while now_us < end_us and any(not one.board_id for one in by_descriptor.values()):
         if now_us >= due_us:
             due_us = now_us + HELLO_PERIOD_US

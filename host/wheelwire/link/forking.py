@@ -29,6 +29,7 @@ def abandon_in_child(thing: Abandonable) -> None:
 def _after_fork_in_child() -> None:
     for thing in list(_held):
         thing.abandon()
+    # They are over in this process: a child that it forks has nothing left to abandon.
     _held.clear()
 
 

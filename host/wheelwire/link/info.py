@@ -64,11 +64,13 @@ class BootHistory:
 
     def __init__(self) -> None:
         self.resets = 0
+        # More than frames on their way can belong to; it must not grow with each reset.
         self._boots: deque[int] = deque(maxlen=8)
 
     def enter(self, boot_id: int) -> None:
         """A session with this boot was opened."""
         if self.is_new(boot_id):
+            # The first boot that is heard of is no reset.
             self.resets += bool(self._boots)
             self._boots.append(boot_id)
 
@@ -86,8 +88,10 @@ def device_of_session(hello: DeviceHello) -> DeviceInfo:
         DeviceRefused: It refused for another reason; no session.
         ValueError: The answer contains an unknown code.
     """
+    # Before anything else: in another release the codes may mean something else.
     if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, schema_hash()):
         raise ProtocolMismatch(host_release(), device_release(hello))
+    # Not a DeviceRefused, which ends an opening: this one passes by itself.
     if hello.refusal == RefusalCode.BOOTING:
         raise LinkLost("the device is still starting; wait a moment")
     if hello.refusal != RefusalCode.NONE:
@@ -188,4 +192,5 @@ def quantile(values: Collection[float], fraction: float) -> float:
     if not values:
         return math.nan
     ordered = sorted(values)
+    # Ranks count from 1; the one of fraction 0 would be 0, and is the smallest value.
     return ordered[max(0, math.ceil(fraction * len(ordered)) - 1)]

@@ -33,12 +33,16 @@ class LatestSample:
 
     def __init__(self) -> None:
         self._changed = Notifier()
+        self.notify_all = self._changed.notify_all
+        """Wakes who waits for what was put."""
         self._last: WheelState | None = None
+        # Filled and emptied by one call into C each, so that no lock is needed.
         self._unread: deque[Measurement] = deque(maxlen=1)
         self._current = False
         self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
         self._closed = False
+        # As if long ago: the clock may be near zero just after the computer has started.
         self._asked_us = -ATTENTION_US
         self._iterators: list[ref[SampleIterator]] = []
         """Copied before iterating: other threads add to it."""
@@ -57,6 +61,7 @@ class LatestSample:
             )
         self._last = state
         self._unread.append(measurement)
+        # After the ticks, which another thread reads as soon as it sees this.
         self._current = True
         if self._iterators:
             self._put_into_iterators(measurement)
@@ -65,13 +70,10 @@ class LatestSample:
         for reference in tuple(self._iterators):
             iterator = reference()
             if iterator is None:
+                # Here alone: other threads only append.
                 self._iterators.remove(reference)
             else:
                 iterator.put(measurement)
-
-    def notify_all(self) -> None:
-        """Wake who waits for what was put."""
-        self._changed.notify_all()
 
     def interrupt(self) -> None:
         """The link is interrupted: the sample measured last is no longer current."""
@@ -79,6 +81,7 @@ class LatestSample:
 
     def fail(self, error: WheelwireError) -> None:
         """No further sample will come: raise `error` to everyone who asks from now on."""
+        # First: an iterator that is made meanwhile is in the list below, or sees the failure.
         self._failure = error
         self._unread.clear()
         self._current = False
@@ -165,6 +168,7 @@ class LatestSample:
         self._asked_us = host_clock_us()
         if not ready():
             self._changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
+            # Again: the wait may have been long, and its caller is about to ask for the next.
             self._asked_us = host_clock_us()
 
     def why_none(self, timeout_s: float) -> WheelwireError:

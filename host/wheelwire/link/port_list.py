@@ -85,6 +85,7 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     """Whether some process has `device` open; None when not all processes can be looked into."""
     target = final_name(device)
     answers = {_has_open(process, target) for process in proc.glob("[0-9]*")}
+    # One process that has it open decides, whatever cannot be seen of the others.
     if True in answers:
         return True
     return None if None in answers else False
@@ -98,6 +99,7 @@ def lock_holder(device: str, proc: Path = Path("/proc")) -> str | None:
     with suppress(OSError):
         status = Path(device).stat()
         major, minor = os.major(status.st_dev), os.minor(status.st_dev)
+        # As the kernel writes it: device numbers in hexadecimal, the inode in decimal.
         target = f"{major:02x}:{minor:02x}:{status.st_ino}"
         for line in (proc / "locks").read_text().splitlines():
             # 1: FLOCK  ADVISORY  WRITE 4711 00:16:9 0 EOF
@@ -121,6 +123,7 @@ def _has_open(process: Path, target: str) -> bool | None:
     except FileNotFoundError:  # it has ended
         return False
     except PermissionError:
+        # The process of another user.
         return None
 
 
@@ -134,4 +137,5 @@ def _link_target(file: Path) -> str | None:
 def _stable_names(folder: Path) -> dict[str, str]:
     if not folder.is_dir():
         return {}
+    # Sorted, so that of several names of one port the same one is found each time.
     return {final_name(link): str(link) for link in sorted(folder.iterdir())}

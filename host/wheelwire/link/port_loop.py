@@ -48,7 +48,9 @@ class PortLoop(ServedPort):
         """Gets None once the port has been opened for the first time, or the error."""
         self._begun = threading.Lock()
         """Acquired once and never released, by `run` or by a `finish` that came before it."""
+        # A socket can be polled along with the port, and a signal handler may write to it.
         self._wake_read, self._wake_write = socket.socketpair()
+        # A full buffer must not block whoever wakes the loop, nor an empty one the loop.
         self._wake_read.setblocking(False)
         self._wake_write.setblocking(False)
         self._poller = select.poll()
@@ -56,6 +58,7 @@ class PortLoop(ServedPort):
         self._descriptor = -1
         self._wanted = 0
         """Of the port, and the events that are polled for."""
+        # Last: from then on a fork of the process may call `abandon`, which needs what is above.
         super().__init__(open_port, baud_rate, session, changed, latest_sample, is_wanted)
 
     def wake(self) -> None:
@@ -81,6 +84,7 @@ class PortLoop(ServedPort):
 
         A loop that has not started yet ends here, and `run` then returns at once.
         """
+        # First: the loop looks at it as soon as it is woken.
         self._finishing = True
         self.wake()
         if self._begun.acquire(blocking=False):
@@ -99,6 +103,7 @@ class PortLoop(ServedPort):
                 if lost:
                     transport = self._reopen()
         except BaseException as error:
+            # Told to all who wait: they would otherwise learn nothing but that time ran out.
             _log.exception("the link's thread failed")
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
@@ -131,13 +136,10 @@ class PortLoop(ServedPort):
     def _reopen(self) -> Transport | None:
         """Retry until the port opens; None when the loop is to end."""
         while not self._is_ending():
-            pause_s = self.policy.take_pause_s()
-            if pause_s:
-                self._poller.poll(pause_s * 1000)
-                self._drain_wake_ups()
-                if self._is_ending():
-                    break
-            self._do_calls(host_clock_us())  # they fail with the reason why there is no session
+            self._pause(self.policy.take_pause_s())
+            # It may have been `finish` that ended the pause.
+            if self._is_ending():
+                break
             try:
                 transport = self._open_port(self.policy.rate)
             except WheelwireError as error:
@@ -146,6 +148,22 @@ class PortLoop(ServedPort):
                 self._connect(transport)
                 return transport
         return None
+
+    def _pause(self, pause_s: float) -> None:
+        """Wait that long, or until the loop is to end.
+
+        Calls wake it, and fail with the reason why there is no session; they do not shorten the
+        pause: opening a port may reset the board behind it.
+        """
+        end_us = host_clock_us() + round(pause_s * 1e6)
+        while True:
+            now_us = host_clock_us()
+            self._do_calls(now_us)
+            if now_us >= end_us or self._is_ending():
+                return
+            # Only for wake-ups: the lost port is not registered any more.
+            self._poller.poll((end_us - now_us) / 1000)
+            self._drain_wake_ups()
 
     def _serve(self, transport: Transport) -> bool:
         """Serve until the port is lost (True) or the loop ends (False). Closes the port."""
@@ -159,9 +177,11 @@ class PortLoop(ServedPort):
             self._lose(error)
             return True
         finally:
+            # First, so that no other thread begins a write to a port that is being closed.
             self._transport = None
             self._poller.unregister(self._descriptor)
             transport.close()
+            # A sample may have come in the turn that ended the serving.
             self._tell_news()
         return False
 
@@ -183,15 +203,18 @@ class PortLoop(ServedPort):
             else:
                 self._drain_wake_ups()
                 self._work_pending = True
+        # During the rest `poll` was not asked about data: read at its end without being told to.
         rested = rests and host_clock_us() >= self._coalescing.rest_until_us
         return found | select.POLLIN if rested else found
 
     def _drain_wake_ups(self) -> None:
+        # However many came, one turn does for all of them.
         with suppress(BlockingIOError):
             self._wake_read.recv(4096)
 
     def _terminate(self, end: WheelwireError) -> None:
         super()._terminate(end)
+        # For whoever still waits for the port: the end may have come before it was opened.
         self.opened.put(end)
         self._wake_read.close()
         self._wake_write.close()

@@ -12,6 +12,7 @@ from ..errors import LinkLost, PortUnavailable, WheelwireError, WrongBoard
 from .requests import Answer
 from .session import Phase, Session
 
+# In the order of the protocol's specification: the firmware's own default comes first.
 USUAL_RATES = (921_600, 115_200, 460_800, 230_400, 1_000_000, 2_000_000)
 FIRST_US = 1_000_000
 """Opening a port may reset an ESP32: it needs this long to answer even at the right rate."""
@@ -101,6 +102,7 @@ class PortPolicy:
     """
 
     def __init__(self, now_us: int) -> None:
+        # Of no port: what was tried may be asked for before one is open.
         self.search = BaudSearch(None, now_us)
         self.reconnects = 0
         self.lost: LinkLost | None = None
@@ -110,6 +112,7 @@ class PortPolicy:
         self._longest_pause_s = FIRST_PAUSE_S
         self._answers_before = 0
         self._check_due_us = 0
+        # The one that a warning was given for.
         self._wrong_board = ""
 
     # --- opening -------------------------------------------------------------------------------
@@ -132,11 +135,13 @@ class PortPolicy:
         """The port was opened, at `rate`."""
         if self._was_open:
             self.reconnects += 1
+            # The same search: it knows the rate that was answered, and those that were tried.
             self.search.begin(now_us)
         else:
             self.search = BaudSearch(rate, now_us)
         self._was_open = True
         self._longest_pause_s = longest_pause_s
+        # What was answered before the port was opened again proves nothing about it.
         self._answers_before = session.answers
         self._check_due_us = now_us + CHECK_US
 
@@ -178,6 +183,7 @@ class PortPolicy:
             since_us = session.unanswered_since_us
             if since_us is not None and now_us >= since_us + UNANSWERED_US:
                 raise Unanswered("the device no longer answers; reopening the port")
+        # In HELLO alone: during a session `error` is a former one's.
         if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
             self._pause_s = WRONG_BOARD_PAUSE_S
             raise session.error.with_traceback(None)
@@ -193,6 +199,7 @@ class PortPolicy:
         """The port was closed because of `error`; returns whether a warning of its own is due."""
         # A port that is reopened on suspicion is not lost: its device may be merely silent.
         self.lost = None if isinstance(error, Unanswered) else error
+        # The port is tried again for as long as that board is there: one warning is enough.
         if not isinstance(error, WrongBoard) or error.found == self._wrong_board:
             return False
         self._wrong_board = error.found
@@ -243,6 +250,7 @@ class Coalescing:
 
     def note_read(self, frames: int, now_us: int) -> None:
         """Something was read; `frames` counts all since the start."""
+        # Several frames in a read, or reads in quick succession: a rest would gather several.
         fast = frames > self._frames + 1 or now_us - self._read_us < REST_US // 2
         self._frames, self._read_us = frames, now_us
         self.rest_until_us = now_us + REST_US if fast else 0

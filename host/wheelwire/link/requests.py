@@ -80,6 +80,7 @@ COPY_ID = 0
 """Of the copy of a stop that its caller wrote; no request has it whose answer is waited for."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
+# All other requests are answered by an Ack.
 _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ParameterGet: ParameterValue,
     ParameterSet: ParameterValue,
@@ -111,6 +112,11 @@ class _Request:
     deadline_us: int = 0
 
 
+def _key(answer: Answer) -> tuple[bool, int]:
+    # A stop may have the same id as another request: each kind counts its own.
+    return isinstance(answer, Ack) and answer.message_id in _URGENT_IDS, answer.request_id
+
+
 @dataclass
 class RequestQueue:
     """The requests of one session after the other.
@@ -138,10 +144,12 @@ class RequestQueue:
     @property
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
+        # Those that wait for their turn have no deadline: the end of the one before sends them.
         return min((r.deadline_us for r in self._open.values()), default=None)
 
     def begin_session(self) -> None:
         """Count ids from the start: the device has forgotten the former session's."""
+        # No request is left to be dropped: the end of the former session has aborted them all.
         self._last_ids.clear()
 
     def submit(self, message: RequestMessage, done: Done, now_us: int) -> None:
@@ -180,6 +188,7 @@ class RequestQueue:
 
         for message in messages:
             self.submit(message, count, now_us)
+        # Without an answer to come, nobody else would call it.
         if not messages:
             done(None)
 
@@ -200,11 +209,9 @@ class RequestQueue:
                 )
                 self._finish(key, error, now_us)
 
-    def on_answer(self, answer: Answer, now_us: int) -> RequestMessage | None:
-        """Take an answer of this session; returns the request, None if no open one expects it."""
-        urgent = isinstance(answer, Ack) and answer.message_id in _URGENT_IDS
-        key = urgent, answer.request_id
-        request = self._open.get(key)
+    def answered_by(self, answer: Answer) -> RequestMessage | None:
+        """The open request that an answer of this session belongs to; None if there is none."""
+        request = self._open.get(_key(answer))
         if request is None:
             return None
         # An id alone is not enough: a former host's answer may carry the same one.
@@ -213,13 +220,17 @@ class RequestQueue:
             return None
         if isinstance(answer, Ack) and answer.message_id != message_id(type(request.message)):
             return None
-        self._finish(key, answer, now_us)
         return request.message
+
+    def on_answer(self, answer: Answer, now_us: int) -> None:
+        """Hand an answer for which `answered_by` has found the request to whoever asked."""
+        self._finish(_key(answer), answer, now_us)
 
     def on_refuse(self, refuse: Refuse, now_us: int) -> bool:
         """Take a refusal of this session; False when it refuses no open request."""
         key = refuse.message_id in _URGENT_IDS, refuse.reference
         request = self._open.get(key)
+        # As for an answer, the id alone is not enough.
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
         error = DeviceRefused(refuse.code, subject(request.message))
@@ -238,6 +249,7 @@ class RequestQueue:
             if request.done != done:
                 continue
             if request.urgent:
+                # Nothing waits for its turn behind a stop.
                 del self._open[key]
             else:
                 # Still open, so that the next request does not overtake it on the line.
@@ -257,6 +269,7 @@ class RequestQueue:
             self._begin(self._waiting.popleft(), now_us)
 
     def _begin(self, request: _Request, now_us: int) -> None:
+        # Ids go from 65535 on to 0, which stops leave out: their copies have it.
         request_id = (self._last_ids.get(request.urgent, 0) + 1) % ID_MODULUS
         if request.urgent and request_id == COPY_ID:
             request_id += 1
@@ -267,6 +280,7 @@ class RequestQueue:
 
     def _send(self, request: _Request, now_us: int) -> None:
         request.attempts += 1
+        # The first wait is REPEAT_US for all: only repeats of what is not urgent make it longer.
         doublings = 0 if request.urgent else request.attempts - 1
         request.deadline_us = now_us + min(REPEAT_US << doublings, LONGEST_WAIT_US)
         self.send(request.message)

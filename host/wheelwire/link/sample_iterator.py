@@ -38,12 +38,14 @@ class SampleIterator:
         queue = self._queue
         queue.append(measurement)
         with suppress(IndexError):  # whoever iterates was quicker
+            # By time, not by number: the stream rate is the device's.
             while queue[0].arrived_us < measurement.arrived_us - QUEUE_US:
                 queue.popleft()
                 self.dropped += 1
 
     def end(self, failure: WheelwireError | None) -> None:
         """No sample will come any more: because the driver is closed, or for `failure`."""
+        # First: whoever sees that it is over looks for the reason at once.
         self._failure = failure
         self._over = True
 

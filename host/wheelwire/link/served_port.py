@@ -35,7 +35,9 @@ IDLE_US = 1_000_000
 OUTPUT_LIMIT = 4096
 """Bytes queued for the port at most: older ones would be out of date for a robot."""
 CLOSED = "the link is closed; open it again"
+# With a delimiter at either end.
 MAX_FRAME = MAX_ENCODED + 2
+# `poll` reports these whatever it is asked for, so also during a rest.
 BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
 
 OpenPort: TypeAlias = "Callable[[int], Transport]"
@@ -90,10 +92,12 @@ class ServedPort(ABC):
         self._changed = changed
         self._latest_sample = latest_sample
         self._is_wanted = is_wanted
+        # A deque: any thread may use either of its ends without a lock.
         self._calls: deque[tuple[Task, Done]] = deque()
         self._was_open = False
         self._transport: Transport | None = None
         """The port while it is served."""
+        # Bytes, replaced as a whole: other threads look at it without a lock.
         self._output = b""
         self._frames: deque[bytes] = deque()
         """Setpoints that did not fit into the port's buffer."""
@@ -109,6 +113,7 @@ class ServedPort(ABC):
         """The session may have work: somebody called `wake`, or an answer is pending."""
         self._finishing = False
         self._last_stop = LastStop()
+        # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
     @abstractmethod
@@ -121,6 +126,7 @@ class ServedPort(ABC):
 
     def check_room(self) -> None:
         """Raise LinkLost if a setpoint would only queue up. The other half is kept for requests."""
+        # An upper bound: their sum would iterate over what another thread may be changing.
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
             raise LinkLost("the port accepts no data; the setpoint was not sent")
 
@@ -162,9 +168,10 @@ class ServedPort(ABC):
         """Until when to wait for the port or a wake-up, and whether the port's data is left."""
         until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
         # Asked for at each turn: another thread may have sent a setpoint.
-        repeat_due_us = self._session.setpoint_repeat_due_us
+        repeat_due_us = self._session.setpoints.repeat_due_us
         if repeat_due_us is not None and repeat_due_us < until_us:
             until_us = repeat_due_us
+        # Without the rest: at its end there is something to read, but nothing is due.
         self._wait_due_us = until_us
         if now_us < rest_until_us and self._may_rest(now_us):
             return min(until_us, rest_until_us), True
@@ -187,11 +194,18 @@ class ServedPort(ABC):
         # An unplugged port polls as readable for ever, but gives no data.
         if events & BROKEN and not data:
             raise transport.lost()
+        # Not before the read: an arrival dated too early would break the bound of the clock.
         self._turned_us = now_us = host_clock_us()
         if self._suspend.was_suspended(now_us):  # before what came is stamped by a wrong estimate
             self._renew(now_us)
         if data:
-            self._receive(data, now_us)
+            session, latest = self._session, self._latest_sample
+            # Asked at each read: iterators come and go.
+            session.every_state = latest.is_iterated
+            for measurement in session.receive(data, now_us):
+                latest.put(measurement)
+                self._has_news = True
+            self._coalescing.note_read(session.frames_received, now_us)
         if self._calls:
             self._do_calls(now_us)
         # A setpoint sent since the wait began is to be repeated later than now, or has called
@@ -215,6 +229,7 @@ class ServedPort(ABC):
     def _do_calls(self, now_us: int) -> None:
         while self._calls:
             task, done = self._calls.popleft()
+            # What it has the session say is sent by `_advance`, in this same turn.
             self._work_pending = True
             try:
                 task(done, now_us)
@@ -226,17 +241,10 @@ class ServedPort(ABC):
                 done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
 
     def _refuse_calls(self, error: WheelwireError) -> None:
+        # Until it is empty, not by its length: another thread may be taking calls out as well.
         with suppress(IndexError):
             while True:
                 self._calls.popleft()[1](error)
-
-    def _receive(self, data: bytes, now_us: int) -> None:
-        self._session.every_state = self._latest_sample.is_iterated
-        measurements = self._session.receive(data, now_us)
-        self._coalescing.note_read(self._session.frames_received, now_us)
-        for measurement in measurements:
-            self._latest_sample.put(measurement)
-            self._has_news = True
 
     def _tell_news(self) -> None:
         """Wake who waits for a sample. To be called right before waiting.
@@ -250,12 +258,14 @@ class ServedPort(ABC):
     def _advance(self, transport: Transport, now_us: int) -> None:
         if not self._is_wanted():  # its owner was garbage-collected without close()
             self._finishing = True
+        # Before the session sends anything: this finds out whether the port is to be given up.
         self._check_port(transport, now_us)
         self._session.advance(now_us)
         self._queue_output()
         self._write(transport)  # before the rest: the round trip of a ping has begun
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
+        # While an answer is awaited each turn looks at the session, and the port does not rest.
         self._work_pending = self._session.awaits_answer(now_us)
         self._tell_changes()
 
@@ -287,6 +297,7 @@ class ServedPort(ABC):
         rate = policy.next_rate(now_us)
         if rate is not None:
             transport.set_baud_rate(rate)
+            # Not `rate`: an adapter that cannot have it keeps its own.
             self.baud_rate = transport.baud_rate
 
     def _connect(self, transport: Transport) -> None:
@@ -297,6 +308,9 @@ class ServedPort(ABC):
         self.baud_rate = transport.baud_rate
         self.policy.begin(transport.baud_rate, transport.longest_pause_s, self._session, now_us)
         self._session.connect(now_us)
+        # A caller may have queued one for the former port after it was lost, and was told so.
+        self._frames.clear()
+        # A turn at once: the hello waits in the session.
         self._work_pending, self._due_us = True, 0
 
     def _renew(self, now_us: int) -> None:
@@ -336,6 +350,7 @@ class ServedPort(ABC):
             else:
                 self._latest_sample.interrupt()
                 _link_log.warning("%s: %s", self.port, self._session.error)
+        # Even if it did not change: who opens a link also waits for an error that is final.
         self._changed.notify_all()
 
     def _is_ending(self) -> bool:
@@ -351,6 +366,7 @@ class ServedPort(ABC):
         return self._last_stop.is_over(now_us, all_written=not self._output)
 
     def _terminate(self, end: WheelwireError) -> None:
+        # First: a later call is refused because of it, and whoever is told below looks for it.
         self.end = end
         self._session.disconnect(end)
         self._refuse_calls(end)

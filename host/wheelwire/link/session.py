@@ -15,10 +15,8 @@ uses of the session is one object, which is replaced as a whole.
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from typing import Any, NamedTuple
 
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import (
@@ -54,40 +52,28 @@ from wheelwire_protocol.types import (
     ParameterValue,
     Pong,
     Refuse,
-    SetDuty,
     SetStreamRate,
-    SetWheelVelocity,
     Stop,
     WheelState,
 )
 
 from ..errors import (
     DeviceRefused,
-    InvalidCommand,
     LinkLost,
     WheelwireError,
     WrongBoard,
 )
-from .clock import ClockEstimator, Synchroniser
+from .clock import Synchroniser
 from .info import BootHistory, DeviceInfo, LinkStatistics, RoundTrips, device_of_session
+from .liveness import Liveness
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
-from .setpoints import SETPOINT_IDS, SetpointSender
-from .state_stream import DUTY_SCALE, Measurement, StateStream
+from .setpoints import SETPOINT_IDS, OpenSession, SetpointSender
+from .state_stream import Measurement, StateStream
 from .trial import HeldTrial
 
 HELLO_PERIOD_US = 30_000
-SILENCE_US = 2_000_000
-"""No pong and no state frame for this long: the session is over, say hello again."""
 RETRY_US = 1_000_000
 """Until the next hello after the device opened a session but refused to be prepared."""
-QUIET_US = 100_000
-"""Nothing was received for this long: ping, because a device that was reset sends nothing."""
-IDLE_QUIET_US = 200_000
-"""The same for a device that streams nothing: these pings are all that an idle link costs."""
-STREAM_US = 500_000
-"""A device is not streaming if no state came for this long while other messages did."""
-QUIET_PERIOD_US = 25_000
-"""Between pings until something is received."""
 
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 """What an application means for the values that are on trial."""
@@ -104,15 +90,6 @@ class Phase(enum.Enum):
     PREPARING = enum.auto()
     """The clock is being synchronised, stream rate and parameters are being set."""
     OPEN = enum.auto()
-
-
-class _Opened(NamedTuple):
-    """What a setpoint needs of an open session."""
-
-    session_id: int
-    clock: ClockEstimator
-    command_seqs: count[int]
-    """Shared by setpoints and stops: a stop's number is above those of all setpoints before it."""
 
 
 class Session:
@@ -134,8 +111,11 @@ class Session:
         unanswered_since_us: Since when hellos have gone unanswered; None during a session or
             without a port.
         values: Parameter id -> the newest value reported by the device in this session.
+        watched_values: Parameter id -> value of the watched parameters; None while no session is
+            open. Replaced as a whole when one of them changes.
         bytes_received: Since the start.
         frames_received: Good frames of known messages, since the start.
+        setpoints: Makes the frames of setpoints, for any thread.
         every_state: Whether each state frame counts, or only the newest of those that arrive
             together.
     """
@@ -156,6 +136,7 @@ class Session:
         self.answers = 0
         self.unanswered_since_us: int | None = None
         self.values: dict[int, float] = {}
+        self.watched_values: Mapping[int, float] | None = None
         self.bytes_received = 0
         self.frames_received = 0
         self.every_state = False
@@ -183,20 +164,19 @@ class Session:
         self._boot_id: int | None = None
         """The device's; None outside a session."""
         self._command_seqs = count(1)
-        self._opened: _Opened | None = None
         self._boots = BootHistory()
-        self._heard_us = 0
-        """When something was last received from the device in this session."""
-        self._state_us = 0
-        """When the last state frame came."""
+        self._liveness = Liveness(0)
         self._prepared = False
         self._preparation_failure: WheelwireError | None = None
 
         self._requests = RequestQueue(self._send)
-        self._setpoints = SetpointSender(self._send)
         self._trial = HeldTrial()
+        # The reason is replaced at each loss, so it is looked up when it is needed.
+        self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error)
         self._state_stream = StateStream()
+        # Of no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
+        # Without WheelState, which `receive` collects itself.
         self._handlers: dict[type[AnyMessage], Callable[..., None]] = {
             DeviceHello: self._on_hello,
             Pong: self._on_pong,
@@ -228,7 +208,7 @@ class Session:
             foreign=self._foreign,
             refused=self._refused,
             requests_repeated=self._requests.repeated,
-            setpoints_repeated=self._setpoints.repeated,
+            setpoints_repeated=self.setpoints.repeated,
             sessions=self.count,
             device_resets=self._boots.resets,
             round_trip_p50_us=self._round_trips.quantile_us(0.50),
@@ -255,10 +235,12 @@ class Session:
     def disconnect(self, error: WheelwireError) -> None:
         """The port is gone: every open request fails with `error`."""
         self._end(error)
+        # The rest was meant for this device; another may be behind the next port.
         self._output.clear()
 
     def receive(self, data: bytes, now_us: int) -> list[Measurement]:
         """Process bytes, whatever they are; returns what was measured anew, see `every_state`."""
+        # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         messages = self._decoder.feed(data)
         self.frames_received += len(messages)
@@ -267,6 +249,7 @@ class Session:
         for message in messages:
             if type(message) is WheelState:
                 # Before the session is open the clock is unknown, so a state has no stamp.
+                # The boot is looked at in any phase: a state is a sign of life, or of a reset.
                 if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
                     # A fast stream brings several in one read, and all but the newest are out of
                     # date: they are collected, and one of them becomes a measurement.
@@ -283,6 +266,7 @@ class Session:
                 handler(message, now_us)
         if states:
             self._take_states(states, found, now_us)
+        # At once, not at the next `advance`: the last answer may just have come.
         if self.phase is Phase.PREPARING:
             self._open_when_prepared(now_us)
         return found
@@ -291,18 +275,20 @@ class Session:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
-        elif self._in_session and now_us >= self._heard_us + SILENCE_US:
+        elif self._in_session and now_us >= self._liveness.silent_us:
             silent = LinkLost("the device fell silent; saying hello until it answers")
             self._begin_hello(silent, now_us)
         if self._in_session:
             self._requests.advance(now_us)
-            self._setpoints.advance(now_us)
+            self.setpoints.advance(now_us)
             if now_us >= self._ping_due_us:
                 self._synchroniser.ping(now_us)
             renewal = self._trial.renewal(now_us)
             if renewal is not None:
                 renewal = renewal._replace(session_id=self._id)
+                # Whatever comes of it: a refusal for want of a trial ends the session.
                 self._requests.submit(renewal, lambda _: self._trial.renewed(), now_us)
+            # The last ping of the burst may have been all that was missing.
             self._open_when_prepared(now_us)
 
     @property
@@ -314,19 +300,15 @@ class Session:
             return self._hello_due_us
         others = (
             self._requests.next_deadline_us,
-            self._setpoints.repeat_due_us,
+            self.setpoints.repeat_due_us,
             self._trial.due_us,
         )
         due = [deadline for deadline in others if deadline is not None]
-        return min([self._heard_us + SILENCE_US, self._ping_due_us, *due])
-
-    @property
-    def setpoint_repeat_due_us(self) -> int | None:
-        """When to repeat a setpoint that no state frame has confirmed yet; from any thread."""
-        return self._setpoints.repeat_due_us
+        return min([self._liveness.silent_us, self._ping_due_us, *due])
 
     def awaits_answer(self, now_us: int) -> bool:
         """Whether something may arrive that has to be handled without delay."""
+        # A pong that is read late makes the bound of the clock wider.
         return (
             self.phase is not Phase.OPEN
             or self._requests.next_deadline_us is not None
@@ -352,57 +334,24 @@ class Session:
             # It is raised again and again for hours: tracebacks must not pile up.
             raise self.error.with_traceback(None)
 
-    def velocity_frame(
-        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
-    ) -> bytes:
-        """Encode a velocity setpoint that expires at the host's `expiry_us`; from any thread.
-
-        Returns:
-            Its frame, to be written at once.
-
-        Raises:
-            InvalidCommand: It expires within the error bound of the device's clock.
-            LinkLost: The session is not open.
-            DeviceRefused: The last setpoint was refused, an e-stop or a fault is latched, or a
-                trial of parameters was lost.
-        """
-        return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
-
-    def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
-        """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
-        left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
-        return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
-
     def drive_velocity(
         self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
     ) -> None:
-        """As `velocity_frame`, which goes out with `take_output`."""
-        self._output += self.velocity_frame(left_mps, right_mps, expiry_us, now_us)
+        """As `SetpointSender.velocity_frame`, which goes out with `take_output`."""
+        self._output += self.setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us)
 
     def drive_duty(self, left: float, right: float, expiry_us: int, now_us: int) -> None:
-        """As `duty_frame`, which goes out with `take_output`."""
-        self._output += self.duty_frame(left, right, expiry_us, now_us)
+        """As `SetpointSender.duty_frame`, which goes out with `take_output`."""
+        self._output += self.setpoints.duty_frame(left, right, expiry_us, now_us)
 
     def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
         """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
+        # Numbered from the setpoints' counter, so that those still on their way are void.
         self._stop(Stop(self._id, 0, next(self._command_seqs), mode), done, now_us)
 
     def estop(self, done: Done, now_us: int) -> None:
         """Stop and latch. Without a session it is sent unacknowledged."""
         self._stop(Estop(self._id, 0), done, now_us)
-
-    def stop_copy(self, mode: StopMode | None) -> bytes | None:
-        """A frame that stops at once, or with None latches, beside what `stop` and `estop` send.
-
-        From any thread; to be written at once. None if no session is open.
-        """
-        opened = self._opened
-        if opened is None:
-            return None
-        if mode is None:
-            return self._encoder.encode(Estop(opened.session_id, COPY_ID))
-        command_seq = next(opened.command_seqs)
-        return self._encoder.encode(Stop(opened.session_id, COPY_ID, command_seq, mode))
 
     def request(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send a request; its session_id and request_id are filled in.
@@ -412,13 +361,14 @@ class Session:
             DeviceRefused: It belongs to a trial of parameters that was lost.
         """
         self.check_open()
+        # A revert passes the check: it is how an application leaves a trial that was lost.
         reverts = isinstance(message, ParameterTrial) and message.action == TrialAction.REVERT
         if isinstance(message, _CHANGES) and not reverts:
             self._trial.check(subject(message))
         if isinstance(message, ParameterTrial):
             self._trial.on_request(message)
         if reverts or isinstance(message, (ClearEstop, ClearFault)):
-            self._setpoints.void()  # only what is commanded from now on may move the wheels
+            self.setpoints.void()  # only what is commanded from now on may move the wheels
         self._requests.submit(message._replace(session_id=self._id), done, now_us)
 
     def release_trial(self) -> None:
@@ -429,32 +379,9 @@ class Session:
         """Whoever waits for `done` has given up: no copy of the request is sent any more."""
         self._requests.withdraw(done)
 
-    def _frame(
-        self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
-    ) -> bytes:
-        opened = self._opened
-        if opened is None:  # asked once: the port's thread may end the session meanwhile
-            raise self.error.with_traceback(None)
-        self._trial.check("the setpoint")
-        self._setpoints.check()
-        # The device's clock is known only within a bound. Subtract the bound from the expiry, or
-        # the setpoint could live longer than its ttl.
-        expiry, error_us = opened.clock.host_to_device(expiry_us)
-        bound_us = math.ceil(error_us)
-        sure_us = expiry_us - bound_us
-        if sure_us <= now_us:
-            raise InvalidCommand(
-                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
-                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
-            )
-        # Two threads never get the same number: next() of a count is atomic in CPython.
-        command_seq = next(opened.command_seqs)
-        setpoint = kind(opened.session_id, command_seq, expiry - bound_us, left, right)
-        self._setpoints.note_sent(setpoint, sure_us, now_us)
-        return self._encoder.encode(setpoint)
-
     def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
-        self._setpoints.on_stop()
+        # First, so that no repeat of an earlier setpoint goes out behind the stop.
+        self.setpoints.on_stop()
         if self.phase is Phase.OPEN:
             self._requests.submit(message, done, now_us)
             return
@@ -475,6 +402,7 @@ class Session:
         """End the current session and, after a pause, say hello with a new nonce."""
         self._end(error)
         self.phase = Phase.HELLO
+        # Nobody asks during the pause, so it does not count as silence of the device.
         self.unanswered_since_us = now_us + pause_us
         # A new one, so that a late answer to a former hello cannot begin this session.
         self._nonce = self._draw_nonce()
@@ -489,10 +417,10 @@ class Session:
     def _end(self, error: WheelwireError) -> None:
         self.error = error  # first: other threads read it as soon as they see the phase
         self.phase = Phase.CLOSED
-        self._opened = None
+        self.watched_values = None
+        self.setpoints.end_session()
         self._id, self._boot_id = 0, None
         self.unanswered_since_us = None
-        self._setpoints.clear()
         self._trial.lose()  # first: whoever hears of the end may drive again at once
         self._requests.abort(error)
 
@@ -505,6 +433,7 @@ class Session:
         if self._in_session:  # the answer to a repeated hello
             self._begin_anew_if_reset(hello.boot_id, now_us)
             return
+        # Even a refusal is an answer: the port need not be opened again.
         self.unanswered_since_us = now_us
         try:
             device = device_of_session(hello)
@@ -530,17 +459,22 @@ class Session:
         self.unanswered_since_us = None
         self.count += 1
         self._id, self._boot_id = self._nonce ^ device.boot_id, device.boot_id
-        self._heard_us = self._state_us = now_us
+        self._liveness = Liveness(now_us)
+        # The device may have been reset, which sets its frame numbers back: nothing was lost.
         self._decoder.restart_sequence()
+        # A device that was reset has its saved values again: those known are void.
         self.values.clear()
         self._requests.begin_session()
-        self._setpoints.clear()
+        # Again: a thread that was making a frame when the former session ended may have noted it
+        # for a repeat since.
+        self.setpoints.clear()
         self._command_seqs = count(1)
         # Requests and pings go out together: whichever takes longer decides when it is open.
         self._synchroniser = Synchroniser(self._id, self._send, now_us)
         self._synchroniser.ping(now_us)
         self._prepared = False
         self._preparation_failure = None
+        # Settings before watched values: what is read is then what is in force.
         needed: list[RequestMessage] = [
             ParameterSet(self._id, 0, id_, value) for id_, value in self._settings.items()
         ]
@@ -563,9 +497,18 @@ class Session:
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif self._synchroniser.ready:
-            # In this order: whoever sees the phase may send a setpoint at once.
-            self._opened = _Opened(self._id, self._synchroniser.clock, self._command_seqs)
+            # The phase last: whoever sees it may send a setpoint at once.
+            self._collect_watched()
+            self.setpoints.opened = OpenSession(
+                self._id, self._synchroniser.clock, self._command_seqs, self._encoder
+            )
             self.phase = Phase.OPEN
+
+    def _collect_watched(self) -> None:
+        """Replace the watched values, unless a device's answers have left one out."""
+        known = self.values
+        if all(parameter in known for parameter in self._watched):
+            self.watched_values = {parameter: known[parameter] for parameter in self._watched}
 
     # --- what the device says ------------------------------------------------------------------
 
@@ -574,7 +517,7 @@ class Session:
         ours = self._in_session and session_id == self._id
         # What belongs to a former session is no sign of life of this one.
         if ours:
-            self._heard_us = now_us
+            self._liveness.heard_us = now_us
         else:
             self._foreign += 1
         return ours
@@ -582,7 +525,7 @@ class Session:
     def _is_this_boot(self, boot_id: int, now_us: int) -> bool:
         """As `_is_ours`, but by boot id. An id not seen before means a reset: say hello again."""
         if boot_id == self._boot_id:
-            self._heard_us = now_us
+            self._liveness.heard_us = now_us
             return True
         if self._boot_id is not None:
             self._begin_anew_if_reset(boot_id, now_us)
@@ -595,7 +538,7 @@ class Session:
 
     def _take_states(self, states: list[WheelState], found: list[Measurement], now_us: int) -> None:
         """Add the newest of consecutive state frames to those found, and clear the list."""
-        self._state_us = now_us
+        self._liveness.state_us = now_us
         try:
             newest = self._state_stream.newest(states, self._synchroniser.clock, now_us)
         except ValueError:
@@ -603,9 +546,9 @@ class Session:
         else:
             if newest is not None:
                 found.append(newest)
-                self._setpoints.supervisor = newest.supervisor
-                self._setpoints.faults = newest.faults
-                self._setpoints.on_obeyed(newest.state.command_seq)
+                self.setpoints.supervisor = newest.supervisor
+                self.setpoints.faults = newest.faults
+                self.setpoints.on_obeyed(newest.state.command_seq)
         states.clear()
 
     def _on_pong(self, pong: Pong, now_us: int) -> None:
@@ -624,9 +567,10 @@ class Session:
         if event.code == EventCode.TRIAL_EXPIRED:
             self._begin_after_trial(now_us)
             return
+        # All other events tell the state in `after`, also those about the parameter store.
         try:
-            self._setpoints.supervisor = SupervisorState(event.after)
-            self._setpoints.faults = Fault(event.faults)
+            self.setpoints.supervisor = SupervisorState(event.after)
+            self.setpoints.faults = Fault(event.faults)
         except ValueError:
             self._invalid += 1
 
@@ -634,32 +578,40 @@ class Session:
         if not self._is_ours(refuse.session_id, now_us):
             return
         self._refused += 1
+        # Not told to one request alone: the end of the session fails them all.
         if refuse.code == RefusalCode.NO_SESSION:
             error = LinkLost("the device no longer knows this session; opening a new one")
             self._begin_hello(error, now_us)
             return
         if refuse.message_id in SETPOINT_IDS:
-            self._setpoints.on_refused(refuse)
+            self.setpoints.on_refused(refuse)
         elif not self._requests.on_refuse(refuse, now_us):
             self._foreign += 1
             return
+        # After its caller was told: the end of the session would report a LinkLost instead.
         if refuse.code == RefusalCode.NO_TRIAL:
             self._begin_after_trial(now_us)
 
     def _on_answer(self, answer: Answer, now_us: int) -> None:
         if not self._is_ours(answer.session_id, now_us):
             return
-        request = self._requests.on_answer(answer, now_us)
+        request = self._requests.answered_by(answer)
         if request is None:
+            # The copy of a stop is acknowledged as well; nobody waits for that.
             self._foreign += answer.request_id != COPY_ID
-        elif isinstance(request, ParameterTrial):
+            return
+        # What the answer changes first: whoever asked goes on in another thread once told.
+        if isinstance(request, ParameterTrial):
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self.values[answer.parameter] = answer.value
+            if answer.parameter in self._watched and self.phase is Phase.OPEN:
+                self._collect_watched()
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
             # Until the next state frame tells, assume that the device is no longer latched: else
             # the first setpoint after a clear would be refused here.
-            self._setpoints.clear()
+            self.setpoints.clear()
+        self._requests.on_answer(answer, now_us)
 
     def _begin_after_trial(self, now_us: int) -> None:
         """The device has reverted a trial by itself: all that is known of its values is void."""
@@ -673,7 +625,5 @@ class Session:
 
     @property
     def _ping_due_us(self) -> int:
-        streams = self._heard_us < self._state_us + STREAM_US
-        quiet_us = self._heard_us + (QUIET_US if streams else IDLE_QUIET_US)
-        earliest_us = self._synchroniser.sent_us + QUIET_PERIOD_US
-        return min(self._synchroniser.due_us, max(quiet_us, earliest_us))
+        synchroniser = self._synchroniser
+        return min(synchroniser.due_us, self._liveness.ping_due_us(synchroniser.sent_us))

@@ -1,19 +1,26 @@
-"""Setpoints: whether one may be sent, and its one repeat; never renewed. Sans-IO.
+"""Setpoints: whether one may be sent, its frame, and its one repeat; never renewed. Sans-IO.
 
-Any thread may send one while the port's thread receives, and nothing is locked: what both touch is
-replaced in one assignment.
+Any thread may ask for one and write it while the port's thread receives. Nothing is locked: what
+both touch is replaced in one assignment.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from itertools import count
+from typing import Any, NamedTuple, TypeAlias
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
-from wheelwire_protocol.types import AnyMessage, Refuse, SetDuty, SetWheelVelocity
+from wheelwire_protocol.codes import RefusalCode, StopMode, SupervisorState
+from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
-from ..errors import NO_FAULT, DeviceRefused
+from ..errors import NO_FAULT, DeviceRefused, InvalidCommand, WheelwireError
+from .clock import ClockEstimator
+from .requests import COPY_ID
+from .state_stream import DUTY_SCALE
+from .trial import HeldTrial
 
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
@@ -28,6 +35,16 @@ _LATCHED = {
 }
 
 
+class OpenSession(NamedTuple):
+    """What a setpoint needs of an open session."""
+
+    id: int
+    clock: ClockEstimator
+    command_seqs: count[int]
+    """Shared by setpoints and stops: a stop's number is above those of all setpoints before it."""
+    encoder: Encoder
+
+
 class _Unseen(NamedTuple):
     """Sent, and no state frame has shown yet that the device obeys it."""
 
@@ -37,22 +54,33 @@ class _Unseen(NamedTuple):
 
 
 class SetpointSender:
-    """What is known of the setpoints of a link. The latest wins.
+    """Makes the frames of a link's setpoints, and repeats them. The latest wins.
 
     Args:
         send: Takes a message for the line: the repeats.
+        trial: The trial of parameters; no setpoint goes out once it is lost.
+        why_closed: Gives the reason why no session is open.
 
     Attributes:
+        opened: The open session; None while there is none. Replaced as a whole.
         repeated: How many were sent again.
         supervisor: The newest known; None when it is about to change, or no session is open.
         faults: The newest known to be latched.
     """
 
-    def __init__(self, send: Callable[[AnyMessage], None]) -> None:
+    def __init__(
+        self,
+        send: Callable[[AnyMessage], None],
+        trial: HeldTrial,
+        why_closed: Callable[[], WheelwireError],
+    ) -> None:
+        self.opened: OpenSession | None = None
         self.repeated = 0
         self.supervisor: SupervisorState | None = None
         self.faults = NO_FAULT
         self._send = send
+        self._trial = trial
+        self._why_closed = why_closed
         self._refusal: int | None = None
         self._unseen: _Unseen | None = None
 
@@ -61,6 +89,12 @@ class SetpointSender:
         """When `advance` has something to do."""
         unseen = self._unseen
         return None if unseen is None else unseen.repeat_due_us
+
+    def end_session(self) -> None:
+        """The session is over: nothing can be sent, and what is known of the device is void."""
+        # First, so that no other thread begins a frame of this session.
+        self.opened = None
+        self.clear()
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
@@ -82,12 +116,48 @@ class SetpointSender:
         self._unseen = None
         self._refusal = None
 
+    def velocity_frame(
+        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
+    ) -> bytes:
+        """Encode a velocity setpoint that expires at the host's `expiry_us`; from any thread.
+
+        Returns:
+            Its frame, to be written at once.
+
+        Raises:
+            InvalidCommand: It expires within the error bound of the device's clock.
+            LinkLost: The session is not open.
+            DeviceRefused: The last setpoint was refused, an e-stop or a fault is latched, or a
+                trial of parameters was lost.
+        """
+        return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
+
+    def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
+        """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
+        left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
+        return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
+
+    def stop_copy(self, mode: StopMode | None) -> bytes | None:
+        """A frame that stops at once, or with None latches, beside the stop that is acknowledged.
+
+        From any thread; to be written at once. None if no session is open.
+        """
+        # Read once: the port's thread may end the session meanwhile.
+        opened = self.opened
+        if opened is None:
+            return None
+        if mode is None:
+            return opened.encoder.encode(Estop(opened.id, COPY_ID))
+        command_seq = next(opened.command_seqs)
+        return opened.encoder.encode(Stop(opened.id, COPY_ID, command_seq, mode))
+
     def check(self) -> None:
         """Find out before sending that the device will not drive.
 
         Raises:
             DeviceRefused: The last setpoint was refused (told once), or the device is latched.
         """
+        # Told once, or one setpoint that came late would keep back all that follow.
         refusal, self._refusal = self._refusal, None
         if refusal is None and self.supervisor is not None:
             refusal = _LATCHED.get(self.supervisor)
@@ -95,15 +165,13 @@ class SetpointSender:
             faults = self.faults if refusal == RefusalCode.FAULT else NO_FAULT
             raise DeviceRefused(refusal, "the setpoint", faults)
 
-    def note_sent(self, setpoint: Setpoint, expiry_host_us: int, now_us: int) -> None:
-        """A setpoint goes out; its number and its expiry on the device's clock are in it."""
-        self._unseen = _Unseen(setpoint, expiry_host_us, now_us + REPEAT_AFTER_US)
-
     def advance(self, now_us: int) -> None:
         """Send an unseen setpoint once more, with its own number and expiry, while it is valid."""
+        # Read once: another thread may replace it meanwhile.
         unseen = self._unseen
         if unseen is None or now_us < unseen.repeat_due_us:
             return
+        # An expired one would be refused, and `check` would then refuse the next for it.
         if now_us < unseen.expiry_host_us:
             self.repeated += 1
             self._send(unseen.setpoint)
@@ -112,13 +180,40 @@ class SetpointSender:
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
         unseen = self._unseen
+        # An older one says nothing about the newest, which may be lost.
         if unseen is not None and unseen.setpoint.command_seq == command_seq:
             self._forget(unseen)
 
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
         self._refusal = refuse.code
+        # It arrived, so it is not sent again.
         self.on_obeyed(refuse.reference)
+
+    def _frame(
+        self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
+    ) -> bytes:
+        opened = self.opened
+        if opened is None:  # asked once: the port's thread may end the session meanwhile
+            raise self._why_closed().with_traceback(None)
+        self._trial.check("the setpoint")
+        self.check()
+        # The device's clock is known only within a bound. Subtract the bound from the expiry, or
+        # the setpoint could live longer than its ttl.
+        device_expiry_us, error_us = opened.clock.conversion.host_to_device(expiry_us)
+        bound_us = math.ceil(error_us)
+        sure_us = expiry_us - bound_us
+        if sure_us <= now_us:
+            raise InvalidCommand(
+                f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
+                f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
+            )
+        # Two threads never get the same number: next() of a count is atomic in CPython.
+        command_seq = next(opened.command_seqs)
+        setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
+        # Before it is written: the state frame that shows it may come at any moment after.
+        self._unseen = _Unseen(setpoint, sure_us, now_us + REPEAT_AFTER_US)
+        return opened.encoder.encode(setpoint)
 
     def _forget(self, unseen: _Unseen) -> None:
         # Another thread may have sent the next one meanwhile. In the instant between the two

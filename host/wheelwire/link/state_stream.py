@@ -109,4 +109,5 @@ class StateStream:
                 newest = state
         if newest is None:
             return None
+        # The estimate of this moment: later exchanges must not move a sample that is made later.
         return Measurement(newest, self._t_us, clock.conversion, now_us)

@@ -116,11 +116,15 @@ class Transport(ABC):
         """
         try:
             nowhere = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
-            os.dup2(nowhere, self.fileno(), inheritable=False)
-            os.close(nowhere)
+            try:
+                # In one step, so that the number is never free. It also closes the port itself.
+                os.dup2(nowhere, self.fileno(), inheritable=False)
+            finally:
+                os.close(nowhere)
         except OSError:  # no descriptor is left to do it with, or it is closed already
             close()
         else:
+            # `close` is a method of what is wrapped: one of this object would keep it alive.
             weakref.finalize(self, close)
 
 
@@ -133,6 +137,7 @@ class SerialTransport(Transport):
         # Defaults on purpose: DTR and RTS both asserted leave an ESP32 running, and any order of
         # clearing them before the opening passes through its reset state.
         try:
+            # `exclusive` takes a lock that other programs may ignore; `_hold` does more.
             self._serial = serial.serial_for_url(
                 port, baudrate=baud_rate, timeout=0, exclusive=True
             )
@@ -150,6 +155,7 @@ class SerialTransport(Transport):
         # for as long as its other end is open. There the lock that pyserial takes has to do.
         self._exclusive = not final_name(port).startswith(PSEUDO_TERMINALS)
         self._settings: list[object] | None = None
+        # Anything but a terminal has no settings to hold.
         if os.isatty(self._fd):
             try:
                 self._hold(baud_rate)
@@ -160,13 +166,16 @@ class SerialTransport(Transport):
     def _hold(self, baud_rate: int) -> None:
         """Keep other programs out, and undo what the last one left."""
         if self._exclusive:
+            # Whoever opens it from here on is refused, but for root.
             fcntl.ioctl(self._fd, termios.TIOCEXCL)
+        # In this order: input, output, control and local flags, both speeds, characters.
         settings = termios.tcgetattr(self._fd)
         # pyserial sets most of these flags, but not BRKINT and its like.
         raw = [0, 0, settings[2], 0, *settings[4:]]
         if raw != settings:
             termios.tcsetattr(self._fd, termios.TCSANOW, raw)
             self._serial.baudrate = baud_rate  # one that termios cannot tell, too
+        # Read back, because a driver need not take every flag that it was given.
         self._settings = termios.tcgetattr(self._fd)
 
     def fileno(self) -> int:
@@ -191,6 +200,7 @@ class SerialTransport(Transport):
         except (OSError, termios.error) as error:
             raise self.lost(error) from error
         self.baud_rate = baud_rate
+        # A change of our own, which `check` must not take for another program's.
         self._settings = self._settings and self._read_settings()
 
     def check(self) -> None:
@@ -213,6 +223,7 @@ class SerialTransport(Transport):
             self._serial.dtr = False
         with suppress(OSError, termios.error):
             if self._exclusive and os.isatty(self._fd):
+                # The flag is the terminal's: it lasts as long as any process has it open.
                 fcntl.ioctl(self._fd, termios.TIOCNXCL)
         self._release(self._serial.close)
 
@@ -220,14 +231,16 @@ class SerialTransport(Transport):
         """Close the descriptors; modem lines, settings and the lock are left as they are."""
         with suppress(OSError, termios.error):
             self._serial.close()
+        self._fd = -1  # the number may be another file's soon
 
     def _ask_low_latency(self) -> bool | None:
         try:
             self._serial.set_low_latency_mode(True)
         except (OSError, ValueError) as error:
-            # pyserial keeps the errno in the text only; a pty has no such flag, and needs none.
-            return None if "Inappropriate ioctl" in str(error) else False
+            # A pty has no such flag, and needs none.
+            return None if _is_no_terminal(error) else False
         except (AttributeError, NotImplementedError):
+            # Only pyserial's own ports on Linux can ask.
             return None
         return True
 
@@ -252,6 +265,7 @@ class SocketTransport(Transport):
             return b""
         except OSError as error:
             raise self.lost(error) from error
+        # Nothing means the end of the stream, unlike on a terminal.
         if not data:
             raise self.lost()
         return data
@@ -301,12 +315,14 @@ def _connect(port: str, connect: Callable[[str], socket.socket]) -> socket.socke
 def _connect_tcp(url: str) -> socket.socket:
     try:
         parts = urlsplit(url)
+        # Asking for the port raises when it is not a number from 0 to 65535.
         host, port = parts.hostname, parts.port
     except ValueError:
         host = port = None
     if not host or not port:
         raise ValueError("write it as socket://HOST:PORT, such as socket://192.168.1.7:3333")
     connection = socket.create_connection((host, port), timeout=SOCKET_TIMEOUT_S)
+    # Else a setpoint could wait in the kernel until the one before it is acknowledged.
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
 
@@ -323,13 +339,18 @@ def _connect_unix(port: str) -> socket.socket:
 
 
 def _unavailable(port: str, error: Exception) -> PortUnavailable:
-    # pyserial keeps the errno, but buries that of a termios.error in its text.
     number = getattr(error, "errno", None)
-    if number is None and "Inappropriate ioctl" in str(error):
+    if number is None and _is_no_terminal(error):
         number = errno.ENOTTY
+    # From a serial port: EBUSY where it is held exclusively, EAGAIN where it is locked.
     if number in (errno.EBUSY, errno.EAGAIN):
         return PortUnavailable(port, _in_use(port))
     return PortUnavailable(port, _REMEDIES.get(number or 0, _text(error)))
+
+
+def _is_no_terminal(error: Exception) -> bool:
+    # pyserial keeps the number of a termios.error only in its text, which is the system's.
+    return os.strerror(errno.ENOTTY) in str(error)
 
 
 def _in_use(port: str) -> str:

@@ -67,8 +67,10 @@ class HeldTrial:
 
     def renewal(self, now_us: int) -> ParameterTrial | None:
         """The request to send now, if any. `renewed` is to be called when it is over."""
-        if self.due_us is None or now_us < self.due_us:
+        due_us = self.due_us  # once: another thread may release it at any moment
+        if due_us is None or now_us < due_us:
             return None
+        # None beside it until it is over: the request is repeated as it is.
         self._renewing = True
         self._wait(now_us)
         return ParameterTrial(0, 0, TrialAction.RENEW, self._timeout_s)

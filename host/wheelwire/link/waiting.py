@@ -22,6 +22,7 @@ class Notifier:
 
     def notify_all(self) -> None:
         """Have everybody look again. Never waits."""
+        # As many as wait at this moment: who is woken may be waiting again before this ends.
         for _ in range(len(self._waiting)):
             with suppress(KeyError):  # who waited has just given up
                 self._waiting.pop().release()
@@ -38,6 +39,7 @@ class Notifier:
 
     def _wait(self, ready: Callable[[], bool], timeout_s: float) -> None:
         woken = threading.Lock()
+        # Held from the start: to acquire it once more is to wait until `notify_all` releases it.
         woken.acquire(blocking=False)
         self._waiting.add(woken)
         try:

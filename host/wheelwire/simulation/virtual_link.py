@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from wheelwire_protocol.codes import StopMode
@@ -41,6 +41,7 @@ class VirtualLink:
         self._sim = sim
         self._session = Session(lambda: int.from_bytes(os.urandom(4), "little"), None, watched)
         self._plugged = False
+        # The first connection, in `plug` below, is no reconnection.
         self._reconnects = -1
         self._end: LinkClosed | None = None
         self.plug()
@@ -92,10 +93,14 @@ class VirtualLink:
         """Number of sessions since the link was opened."""
         return self._session.count
 
-    def values(self, parameters: Sequence[int]) -> tuple[float, ...]:
-        """The newest values of watched parameters."""
+    @property
+    def watched_values(self) -> Mapping[int, float]:
+        """The newest values of the watched parameters, by id: the same object until one changes."""
         self.check()
-        return tuple([self._session.values[parameter] for parameter in parameters])
+        values = self._session.watched_values
+        if values is None:
+            raise self._session.error.with_traceback(None)
+        return values
 
     def known(self, parameter: int) -> float | None:
         """The newest value of a parameter that was reported in this session, if there is one."""
@@ -143,6 +148,7 @@ class VirtualLink:
         if self._end is not None:
             return
         if self._session.phase is Phase.OPEN:
+            # One step takes the stop to the device, whose answer nobody waits for.
             self._session.stop(StopMode.CONFIGURED, lambda _: None, self.now_us)
             self._step()
         self._end = LinkClosed("the link is closed; open it again")
@@ -161,6 +167,7 @@ class VirtualLink:
             self._sim.write(output)
         self._sim.advance_us(STEP_US)
         self.now_us += STEP_US
+        # Taken while the cable is unplugged, too: what the device sends then is lost.
         arrived = self._sim.read()
         if self._plugged:
             for measurement in self._session.receive(arrived, self.now_us):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable
 
 import pytest
@@ -12,6 +14,7 @@ from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeo
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import PortLoop
+from wheelwire.link.reconnect import FIRST_PAUSE_S
 from wheelwire.link.served_port import OUTPUT_LIMIT
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
@@ -116,7 +119,9 @@ def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> No
         if refused == 1:
             now_us = host_clock_us()
             rig.loop.check_room()
-            rig.loop.send(rig.session.duty_frame(0.1, 0.1, now_us + 60_000_000, now_us), now_us)
+            expiry_us = now_us + 60_000_000
+            frame = rig.session.setpoints.duty_frame(0.1, 0.1, expiry_us, now_us)
+            rig.loop.send(frame, now_us)
         elif refused <= 1000:
             rig.loop.call(lambda done, now_us: rig.session.estop(done, now_us), ignore)
         else:
@@ -192,6 +197,30 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
     rig = Rig(port, look)
     rig.loop.run()
     assert [type(outcome) for outcome in found] == [RequestTimeout]
+
+
+def test_calls_do_not_shorten_the_pauses_between_attempts_to_open_the_port() -> None:
+    attempts_s: list[float] = []
+    over = threading.Event()
+    port = Port()
+    port.theirs.close()
+
+    def fail() -> None:
+        attempts_s.append(time.monotonic())
+        if len(attempts_s) < 4:
+            raise PortUnavailable("port", "gone")
+
+    def call_all_the_time() -> None:
+        while not over.wait(0.001):
+            rig.loop.call(lambda done, _now_us: done(None), ignore)
+
+    rig = Rig(port, fail)
+    thread = threading.Thread(target=call_all_the_time)
+    thread.start()
+    rig.loop.run()
+    over.set()
+    thread.join()
+    assert attempts_s[-1] - attempts_s[0] > 2.9 * FIRST_PAUSE_S
 
 
 def test_calls_learn_at_once_that_there_is_no_session() -> None:

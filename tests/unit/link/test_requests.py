@@ -180,7 +180,9 @@ def test_request_ids_wrap_at_65536() -> None:
         queue.submit(ParameterGet(7, 0, 1), lambda _: None, 0)
         request = sent[-1]
         assert isinstance(request, ParameterGet)
-        assert queue.on_answer(ParameterValue(7, request.request_id, 1, 0.5), 0)
+        answer = ParameterValue(7, request.request_id, 1, 0.5)
+        assert queue.answered_by(answer) == request
+        queue.on_answer(answer, 0)
     assert [m.request_id for m in sent[-3:] if isinstance(m, ParameterGet)] == [65535, 0, 1]
 
 

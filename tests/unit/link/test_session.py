@@ -15,6 +15,7 @@ from wheelwire_protocol.types import (
     Event,
     Hello,
     ParameterGet,
+    ParameterSet,
     ParameterValue,
     Ping,
     Pong,
@@ -248,6 +249,18 @@ def test_each_session_has_a_nonce_of_its_own() -> None:
     line.wait_open()
     hellos = [message for message in line.sent if isinstance(message, Hello)]
     assert hellos[-1].nonce != hellos[0].nonce
+
+
+def test_whoever_is_told_that_a_value_was_set_finds_it_in_force() -> None:
+    line = VirtualLine(watched=(1,)).open()
+    found: list[object] = []
+
+    def look(_answer: object) -> None:
+        found.extend([line.session.values[1], line.session.watched_values])
+
+    line.session.request(ParameterSet(0, 0, 1, 0.05), look, line.now_us)
+    line.run(0.1)
+    assert found == [pytest.approx(0.05), {1: pytest.approx(0.05)}]
 
 
 def test_a_value_for_another_session_answers_no_request_of_this_one() -> None:

@@ -38,6 +38,22 @@ def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry() -> None:
     assert len(line.device.obeyed) == 1
 
 
+def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once() -> None:
+    line = VirtualLine().open()
+    line.session.estop(lambda _: None, line.now_us)
+    line.run_until(lambda: line.session.setpoints.supervisor is SupervisorState.ESTOPPED)
+    told: list[object] = []
+
+    def drive(answer: object) -> None:
+        told.append(answer)
+        line.drive()
+
+    line.session.request(ClearEstop(0, 0), drive, line.now_us)
+    line.run(0.1)
+    assert [type(answer) for answer in told] == [Ack]
+    assert len(line.sent_of(SetWheelVelocity)) == 1
+
+
 def test_nothing_renews_a_setpoint() -> None:
     line = VirtualLine().open()
     line.drive(ttl_s=0.3)

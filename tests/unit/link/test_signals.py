@@ -4,9 +4,10 @@ The handler is called between two bytecodes of the main thread, as a signal's is
 frames and in the standard library's, and at each of them in turn.
 """
 
+import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from wheelwire.link.connection import Link
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import Transport, open_transport
 from wheelwire.link.waiting import Notifier
+from wheelwire_protocol.types import ParameterSet
 
 CALLS: dict[str, Callable[[SerialDriver], object]] = {
     "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=60.0),
@@ -71,6 +73,46 @@ def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
             driver.stop()
     driver.read()
     assert step > 20
+
+
+@contextmanager
+def handled(number: signal.Signals, handler: Callable[[int, object], None]) -> Iterator[None]:
+    former = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, former)
+
+
+def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path) -> None:
+    def interrupt(_signal: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    main = threading.get_ident()
+    with (
+        handled(signal.SIGUSR1, interrupt),
+        PtyDevice(tmp_path / "robot") as pty,
+        SerialDriver(str(pty.path)) as driver,
+    ):
+        device = pty.device
+        device.lost_answers.add(ParameterSet)
+
+        def copies() -> int:
+            return sum(isinstance(message, ParameterSet) for message in device.received)
+
+        def interrupt_the_wait() -> None:
+            wait_until(lambda: copies() > 0)
+            signal.pthread_kill(main, signal.SIGUSR1)
+
+        thread = threading.Thread(target=interrupt_the_wait)
+        thread.start()
+        with pytest.raises(KeyboardInterrupt):
+            driver.parameters.set("wheel_radius", 0.05)
+        thread.join()
+        driver.stop()  # its answer comes behind all copies that were sent until now
+        sent = copies()
+        driver.parameters.refresh("wheel_radius")  # waits until the time of the first is up
+        assert copies() == sent
 
 
 def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:

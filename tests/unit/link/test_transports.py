@@ -113,6 +113,32 @@ def test_a_port_whose_other_end_is_gone_is_lost() -> None:
     transport.close()
 
 
+def test_a_port_that_a_forked_process_gave_up_writes_into_no_other_file(
+    pty: tuple[int, str], tmp_path: Path
+) -> None:
+    transport = SerialTransport(pty[1], 115_200)
+    number = transport.fileno()
+    transport.abandon()
+    other = os.open(tmp_path / "log", os.O_RDWR | os.O_CREAT)
+    assert other == number  # the lowest that is free
+    with pytest.raises(LinkLost):
+        transport.write(b"setpoint")
+    assert os.fstat(other).st_size == 0
+    os.close(other)
+    transport.close()
+
+
+def test_closing_what_was_abandoned_leaks_no_descriptor(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "robot"))
+        listener.listen()
+        transport = open_transport(f"unix:{tmp_path / 'robot'}", 0)
+        transport.abandon()
+        before = len(list(Path("/proc/self/fd").iterdir()))
+        transport.close()
+        assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
 def test_a_unix_socket_is_a_port(tmp_path: Path) -> None:
     path = tmp_path / "mcu.sock"
     with socket.socket(socket.AF_UNIX) as server:
