@@ -31,6 +31,7 @@ from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
+from .arguments import is_number
 from .errors import ConfigurationError, shown
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
@@ -41,9 +42,11 @@ _CONTACTS = {
     "normally_closed": ContactKind.NORMALLY_CLOSED,
     "normally_open": ContactKind.NORMALLY_OPEN,
 }
+# Little-endian and without padding, as on the wire.
 _FORMAT = "<" + "".join(letters for _, letters in BOARD_LAYOUT)
 _NAMES = [name for name, _ in BOARD_LAYOUT]
 _CRC_SIZE = 4
+# A GPIO travels as a signed byte. Whether the chip has it is for the core's rules to say.
 _PIN_LIMIT = 127
 _MAX_PERMILLE = 65_535
 
@@ -109,24 +112,33 @@ class BoardDescription:
         Raises:
             ConfigurationError: A value does not fit into its field.
         """
+        # A file with other letters is refused; a program's board gets question marks for them.
+        name = self.name.encode("ascii", "replace")
+        if len(name) > NAME_SIZE:  # struct would cut it
+            raise ConfigurationError(
+                f"name = {shown(self.name)}: give it 1 to {NAME_SIZE} characters"
+            )
         values: dict[str, Any] = {
             "version": BOARD_VERSION,
             "chip": self.chip,
             "stage": self.stage,
             "line": self.line,
-            "name": self.name.encode("ascii", "replace"),
+            "name": name,
             "encoder_pulls": self.encoder_pulls,
             "estop_contact": self.estop_contact,
             "pwm_frequency_hz": self.pwm_frequency_hz,
             "encoder_filter_ns": self.encoder_filter_ns,
+            # Clamped, so that the rule about dividers refuses it in a sentence of its own.
             "battery_divider_permille": min(round(self.battery_divider * 1000), _MAX_PERMILLE),
             "pulldowns": sum(1 << pin for pin in self.pulldowns),
             "crc": 0,
         }
+        # The pins' fields have the names of `BoardPin`'s members, in lower case.
         for function in BoardPin:
             pin = self.pin(function)
             values[function.name.lower()] = NO_PIN if pin is None else pin
         try:
+            # Packed with a CRC of 0, which is cut off again: it does not cover itself.
             body = struct.pack(_FORMAT, *(values[name] for name in _NAMES))[:-_CRC_SIZE]
         except struct.error as error:
             raise ConfigurationError(
@@ -136,6 +148,7 @@ class BoardDescription:
 
     def pin(self, function: BoardPin) -> int | None:
         """The GPIO of a function."""
+        # LEFT_ENCODER_A is `left.encoder_a`; STANDBY and the like are attributes of the board.
         side, _, name = function.name.lower().partition("_")
         if side in ("left", "right"):
             return getattr(getattr(self, side), name)  # type: ignore[no-any-return]
@@ -164,6 +177,7 @@ def unpacked(data: bytes) -> BoardDescription:
     Raises:
         ConfigurationError: It is damaged, or of a version or with codes that are unknown here.
     """
+    # Before anything is read: in damaged bytes even the version means nothing.
     if len(data) != struct.calcsize(_FORMAT) or _crc_of(data) != data[-_CRC_SIZE:]:
         raise ConfigurationError(f"the board cannot be read: {BoardFault.DAMAGED.doc}")
     values = dict(zip(_NAMES, struct.unpack(_FORMAT, data), strict=True))
@@ -195,6 +209,7 @@ def unpacked(data: bytes) -> BoardDescription:
             **pins("", ["standby", "estop", "battery", "led"]),
         )
     except ValueError as error:
+        # From one of the enumerations: a newer release has chips or kinds that this one has not.
         raise ConfigurationError(
             f"a code of the board is unknown: {error}; update wheelwire"
         ) from None
@@ -221,6 +236,7 @@ def parse_board(content: object) -> BoardDescription:
         ConfigurationError: A key is unknown or missing, or a value is not of its kind.
     """
     reader = _Reader("", content, _TOP)
+    # Left out, a section counts as an empty one: none of its keys is required.
     estop = _Reader("estop", reader.get("estop", {}), ["pin", "contact"])
     battery = _Reader("battery", reader.get("battery", {}), ["pin", "divider"])
     return BoardDescription(
@@ -253,6 +269,7 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
     }
     for side in ("left", "right"):
         wheel: WheelPins = getattr(board, side)
+        # Also pins that the stage has no input for: a board that breaks a rule is shown as it is.
         names = [*(n for n in OUTPUTS if n in stage.inputs or getattr(wheel, n) is not None)]
         content[side] = {
             name: pin
@@ -264,6 +281,7 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
     content["pwm_frequency_hz"] = board.pwm_frequency_hz
     content["encoder_pulls"] = _name_of(board.encoder_pulls, _PULLS)
     content["encoder_filter_ns"] = board.encoder_filter_ns
+    # Without a pin the kind of contact means nothing, nor does the divider below.
     if board.estop is not None:
         contact = _name_of(board.estop_contact, _CONTACTS)
         content["estop"] = {"pin": board.estop, "contact": contact}
@@ -290,6 +308,7 @@ class _Reader:
         if not isinstance(content, Mapping):
             what = section or "the file"
             raise ConfigurationError(f"{what} = {shown(content)}: it must be names with values")
+        # YAML also has numbers and booleans for keys: as text they are told to be unknown.
         self._values = {str(name): value for name, value in content.items()}
         for name, value in self._values.items():
             if name not in known:
@@ -300,6 +319,7 @@ class _Reader:
                 )
 
     def get(self, name: str, default: object = None) -> object:
+        # Keys without a default are those that every file must have.
         if name not in self._values and default is None:
             raise ConfigurationError(f"{self._prefix}{name} is missing")
         return self._values.get(name, default)
@@ -312,11 +332,13 @@ class _Reader:
 
     def code(self, name: str, codes: Mapping[str, _Code], default: str | None = None) -> _Code:
         value = self.get(name, default)
+        # The type first: a list or a mapping cannot be looked up.
         if not isinstance(value, str) or value not in codes:
             raise self._refusal(name, value, f"choose one of {', '.join(codes)}")
         return codes[value]
 
     def pin(self, name: str) -> int | None:
+        # Not by `get`: any pin may be left out. The rules tell which ones a stage needs.
         value = self._values.get(name)
         return None if value is None else self._checked_pin(name, value)
 
@@ -324,21 +346,24 @@ class _Reader:
         value = self._values.get(name) or []
         if not isinstance(value, list):
             raise self._refusal(name, value, "it must be a list of GPIO numbers")
+        # 63 at most: they travel as the bits of one 64-bit number.
         return frozenset(self._checked_pin(name, pin, 63) for pin in value)
 
     def whole(self, name: str, default: int) -> int:
         value = self.get(name, default)
+        # Not isinstance: `yes` in YAML is True, an int, and must not mean 1.
         if type(value) is not int or not 0 <= value <= 65_535:
             raise self._refusal(name, value, "it must be a whole number, 0 to 65535")
         return value
 
     def number(self, name: str, default: float) -> float:
         value = self.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0:
-            raise self._refusal(name, value, "it must be a number above 0")
-        return float(value)
+        if isinstance(value, (int, float)) and is_number(value) and value > 0:
+            return float(value)
+        raise self._refusal(name, value, "it must be a number above 0")
 
     def _checked_pin(self, name: str, value: object, last: int = _PIN_LIMIT) -> int:
+        # True is an int, too, but no GPIO.
         if type(value) is not int or not 0 <= value <= last:
             raise self._refusal(name, value, "it must be the number of a GPIO")
         return value

@@ -23,7 +23,7 @@ from .drivers.factory import open_driver
 from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
 from .link.transports import UNIX
 from .linux_mcu.pins import Pins
-from .linux_mcu.settings import McuSettings
+from .linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from .linux_mcu.store import converted_store
 from .parameters import checked_value
 from .yaml_file import load_yaml
@@ -106,8 +106,10 @@ class RobotConfig:
     def driver_options(self) -> dict[str, Any]:
         """The arguments of this robot's driver."""
         store = None if self.store is None else Path(self.store)
+        # Only where pins are moved: other robots open whatever is wrong with the board's file.
         pins = self.wiring() if self.driver in ("l298n", "pigpio") else self.pins
         local = {"pins": pins, "parameters": self.parameters, "store": store}
+        # A driver of another package gets none: a file has no section for its options.
         return {
             "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
@@ -149,10 +151,12 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
         backend="pigpio" if config.driver == "pigpio" else "l298n",
         pins=config.wiring(),
         parameters=config.parameters,
+        # Converted here: the process itself reads no other format than the core's.
         store=None if config.store is None else str(converted_store(Path(config.store))),
         pwm_chip=config.gpio.pwm_chip,
         host=config.pigpio.host,
         port=config.pigpio.port,
+        core_timeout_ms=PIGPIO_CORE_TIMEOUT_MS if config.driver == "pigpio" else CORE_TIMEOUT_MS,
         listen=str(Path(path).absolute()),
     )
 
@@ -172,6 +176,7 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
         config = parse_config(content)
     except ConfigurationError as error:
         raise ConfigurationError(f"{source}: {error}") from error
+    # The name of a built-in board is not a path, even where a file has the same name.
     if config.board is None or config.board in shipped_boards():
         return config
     return replace(config, board=str(source.parent / config.board))  # relative to this file
@@ -181,6 +186,7 @@ def parse_config(content: object) -> RobotConfig:
     """Check the content of a file; raises as `load_config`."""
     if content is None:
         raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
+    # Before the keys: there its top level, a node's name, would only be an unknown one.
     if _is_of_ros(content):
         raise ConfigurationError(
             "this is a ROS parameter file: start the node with it (params_file:=...); "
@@ -189,8 +195,10 @@ def parse_config(content: object) -> RobotConfig:
     plain, aliases = _without_aliases(mapping("the file", content))
     for section, names in _SECTIONS.items():
         if section in plain:
+            # A section with nothing below it is None in YAML.
             plain[section] = mapping(section, plain[section] or {})
             check_names(plain[section], names, f"{section}.")
+    # Aliases were replaced above. They are listed so that a misspelt one gets its suggestion.
     check_names(plain, [*_TOP, *ALIASES, MAX_RPM], "")
     plain["parameters"] = {
         name: checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
@@ -198,6 +206,7 @@ def parse_config(content: object) -> RobotConfig:
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
     config = _validated({**plain, "aliases": aliases})
+    # Last: what is wrong with a value is told first, whether or not a driver is named.
     if "board" in plain and "pins" in plain:
         raise ConfigurationError("board and pins are both given: remove one of them")
     if "driver" not in plain:
@@ -230,6 +239,7 @@ def _without_aliases(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str,
     found = {name: ALIASES[name] for name in content if name in ALIASES}
     for foreign, name in found.items():
         _set_value(plain, name, content[foreign], foreign)
+    # After the aliases, one of which may have given the wheel's radius that this needs.
     if rpm is not None:
         found[MAX_RPM] = "parameters.velocity_feedforward"
         _set_value(plain, found[MAX_RPM], _feedforward(rpm, plain), MAX_RPM)
@@ -240,6 +250,7 @@ def _set_value(plain: dict[str, Any], name: str, value: object, foreign: str) ->
     section, _, key = name.rpartition(".")
     target = plain
     if section:
+        # `mapping` copies: the caller's own content stays as it was.
         target = plain[section] = mapping(section, plain.get(section) or {})
     if key in target:
         raise ConfigurationError(f"{foreign} = {value!r}: {name} is given too; remove one of them")
@@ -248,12 +259,17 @@ def _set_value(plain: dict[str, Any], name: str, value: object, foreign: str) ->
 
 def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
     """Duty per m/s: full duty less what static friction takes, divided by the no-load speed."""
+    # Not `rpm <= 0`, which would let NaN pass.
     if not isinstance(rpm, (int, float)) or not rpm > 0:
         raise ConfigurationError(f"{MAX_RPM} = {rpm!r}: it must be a number above 0")
     default = PARAMETER_BY_NAME["wheel_radius"].default
-    radius = plain.get("parameters", {}).get("wheel_radius", default)
+    parameters = mapping("parameters", plain.get("parameters") or {})
+    radius = parameters.get("wheel_radius", default)
+    # v0 = w0 r, from "The four equations" in docs/drivers.md.
     no_load_mps = rpm * 2 * math.pi / 60 * checked_parameter("wheel_radius", radius)
-    return (1 - PARAMETER_BY_NAME["static_feedforward"].default) / no_load_mps
+    default = PARAMETER_BY_NAME["static_feedforward"].default
+    static = checked_parameter("static_feedforward", parameters.get("static_feedforward", default))
+    return (1 - static) / no_load_mps
 
 
 def check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:
@@ -267,6 +283,7 @@ def check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None
 
 def _suggestion(name: str, known: list[str], prefix: str) -> str:
     """A key that may be meant: one of the same name in a section, else a similar one here."""
+    # Often the key is right and only its section is missing.
     places = [f"{section}.{name}" for section, names in _SECTIONS.items() if name in names]
     near = [prefix + match for match in get_close_matches(name, known, n=1, cutoff=0.5)]
     if meant := " or ".join(places or near):
@@ -283,6 +300,7 @@ def _is_of_ros(content: object) -> bool:
 
 def checked_parameter(name: str, value: object) -> float:
     """A firmware parameter's value from a file; raises `ConfigurationError` with its bound."""
+    # A bool is an int, too: `true` and `false` are how people write a switch.
     if not isinstance(value, (int, float)):
         raise ConfigurationError(f"parameters.{name} = {value!r}: it must be a number")
     try:
@@ -295,6 +313,7 @@ def checked_parameter(name: str, value: object) -> float:
 
 def _validated(content: dict[str, Any]) -> RobotConfig:
     try:
+        # Here: it comes with an extra, and the rest of this module does without it.
         from pydantic import TypeAdapter, ValidationError
     except ImportError as error:
         raise _not_installed(error) from error
@@ -302,6 +321,7 @@ def _validated(content: dict[str, Any]) -> RobotConfig:
         # Names and parameters were checked before: pydantic checks the types of the rest.
         return TypeAdapter(RobotConfig).validate_python(content)
     except ValidationError as error:
+        # The first alone: the message of an error is one line.
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise ConfigurationError(f"{key} = {first['input']!r}: {first['msg']}") from error

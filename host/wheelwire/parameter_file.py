@@ -106,6 +106,7 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
         ConfigurationError: The message has the file, the key, the value and what is allowed.
     """
     source = Path(file)
+    # Most likely the two arguments are swapped: reading a port here could block for ever.
     if source.is_char_device() or source.is_block_device() or source.is_socket():
         raise InvalidArgument(f"{source} is not a file: give ROBOT first, then FILE")
     content = load_yaml(source)
@@ -128,6 +129,7 @@ def differences(robot: Iterable[ParameterInfo], wanted: Mapping[str, float]) -> 
             definition_of(name)
             raise WheelwireError(f"the robot has no parameter {name}: install one release on both")
     for name, info in infos.items():
+        # Rounded as the device rounds it: a value with more digits would always differ.
         if name in wanted and (value := _as_held(wanted[name])) != info.value:
             found.append(Difference(name, info.value, value, info.unit))
     return found
@@ -155,8 +157,10 @@ def apply(
             values are in force again.
     """
     before = parameters.list()
+    # Each difference also has the robot's own value, to which `_restore` sets it back.
     changes = differences(before, wanted)
     bounds = {p.name: (p.minimum, p.maximum) for p in before}
+    # All are checked before the first is set: a wrong value then changes nothing.
     for name, value in wanted.items():
         check_value(definition_of(name), value, bounds[name])
     # The switch of the e-stop contact comes last: an open contact latches an e-stop, in which
@@ -180,6 +184,7 @@ def apply(
         outcome = _outcome(_restore(parameters, touched), saved)
         raise ImportFailed(f"{doing}: {_sentence(error)} {outcome}") from error
     except BaseException:
+        # Ctrl-C, for one: half of the values must not stay in force.
         _restore(parameters, touched)
         raise
     return changes
@@ -200,11 +205,13 @@ def _save(parameters: Parameters, names: Collection[str], saved: list[str]) -> N
         return
     for name in names:
         parameters.save(name)
+        # After each one: if the next fails, the message has to say what is in the store.
         saved.append(name)
 
 
 def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[str]:
     """Set the former values again, the newest change first; returns those that could not be."""
+    # One limit for all values: without a link each one would take the whole of its own.
     end = time.monotonic() + RESTORE_TIMEOUT_S
     failed = []
     for change in reversed(list(touched)):
@@ -212,6 +219,7 @@ def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[st
             try:
                 parameters.set(change.name, change.robot)
             except (LinkLost, RequestTimeout):
+                # The link may come back, or the next attempt be answered. A refusal is final.
                 if time.monotonic() < end:
                     time.sleep(_RETRY_PERIOD_S)
                     continue
@@ -265,6 +273,7 @@ def _parse(content: object) -> ParameterFile:
             name: checked_parameter(name, _without_unit(PARAMETER_BY_NAME[name], value))
             for name, value in values.items()
         },
+        # YAML reads an unquoted id of digits alone as a number.
         *(str(given.get(key) or "") for key in _IDENTITY),
     )
 
@@ -301,7 +310,11 @@ def _unit(definition: Parameter) -> str:
 
 def _as_held(value: float) -> float:
     """The value as a device holds it, a 32-bit float, and reports it."""
-    return decimal_of_float32(struct.unpack("<f", struct.pack("<f", value))[0])
+    try:
+        held = struct.pack("<f", value)
+    except OverflowError:
+        return value  # beyond what a device can hold, so it differs from whatever that has
+    return decimal_of_float32(struct.unpack("<f", held)[0])
 
 
 def _changes(name: str) -> Changes:

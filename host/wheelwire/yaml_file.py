@@ -23,6 +23,7 @@ def load_yaml(source: Path) -> object:
     except OSError as error:
         raise ConfigurationError(f"{source}: {error.strerror}") from error
     except (ValueError, yaml.YAMLError) as error:
+        # A ValueError comes of bytes that are no text, and of a date that does not exist.
         raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
 
 
@@ -31,13 +32,15 @@ class _UniqueKeys(yaml.SafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Raises ConstructorError, a YAMLError, if a key occurs twice."""
-        mapping = super().construct_mapping(node, deep=deep)
+        # First: the base class adds the keys of `<<`, which may be given again, to the node's own.
         seen: set[str] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue  # no key of any of our files: the base class or the reader refuses it
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
                     problem=f"{key.value} is given twice: remove one of them",
                     problem_mark=key.start_mark,
                 )
             seen.add(key.value)
-        return mapping
+        return super().construct_mapping(node, deep=deep)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from wheelwire.board_file import load_board, shipped_boards
 from wheelwire.commissioning.board_choice import choose_board
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.drivers import device_board
+from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
@@ -55,6 +57,13 @@ def test_what_is_read_is_a_file_that_can_be_written(simulator: Simulator, tmp_pa
         "board": "L298N, ESP32-DevKitC",
         "written": True,
     }
+
+
+def test_a_number_that_is_kept_rounded_is_no_other_board(simulator: Simulator) -> None:
+    measured = replace(load_board("tb6612"), battery=34, battery_divider=5.70049)
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(measured)
+        assert robot.board.read()[0] is BoardState.STORED
 
 
 def test_the_robot_drives_with_the_board_that_was_written(simulator: Simulator) -> None:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -40,24 +41,43 @@ def daemon() -> Iterator[PigpioProcess]:
         yield daemon
 
 
-@pytest.fixture
-def address(daemon: PigpioProcess, tmp_path: Path) -> Iterator[str]:
-    """Of a service on the daemon's pins."""
+@contextmanager
+def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A service on the daemon's pins, in a process group of its own, and its address."""
     config = tmp_path / "robot.yaml"
     config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))
     address = f"unix:{tmp_path / 'mcu.sock'}"
     command = [sys.executable, "-m", "wheelwire", "mcu", "--config", str(config)]
-    process = subprocess.Popen([*command, "--listen", address], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*command, "--listen", address], stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
     assert process.stdout
     assert process.stdout.readline() == f"wheelwire: ready at {address}\n"
     try:
-        yield address
+        yield process, address
     finally:
         process.terminate()
         process.stdout.close()
         assert process.wait(TIMEOUT_S) == 0
         assert not daemon.truth()["driven"]
         assert not Path(address.removeprefix("unix:")).exists()
+
+
+@pytest.fixture
+def address(daemon: PigpioProcess, tmp_path: Path) -> Iterator[str]:
+    with service(daemon, tmp_path) as (_, address):
+        yield address
+
+
+def test_ctrl_c_stops_the_wheels_and_ends_the_service(
+    daemon: PigpioProcess, tmp_path: Path
+) -> None:
+    with service(daemon, tmp_path) as (process, address), SerialDriver(address) as driver:
+        driver.set_velocity(0.2, 0.0, ttl=5)
+        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        assert process.wait(TIMEOUT_S) == 0
+        assert not daemon.truth()["driven"]
 
 
 def test_a_lost_host_ends_the_drive_and_not_the_service(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -144,6 +146,7 @@ NOT_A_BOARD: list[tuple[dict[str, Any], str]] = [
     ({"estop": 14}, "estop = 14: it must be names with values"),
     ({"estop.contact": "open"}, "estop.contact = 'open': choose one of normally_closed, "),
     ({"battery": {"pin": 34, "divider": "4"}}, "battery.divider = '4': it must be a number"),
+    ({"battery": {"pin": 34, "divider": math.inf}}, "battery.divider = inf: it must be a number"),
     ({"pwm_frequency_hz": 2.5}, "pwm_frequency_hz = 2.5: it must be a whole number"),
     ({"link": "wifi"}, "link = 'wifi': choose one of uart, usb"),
     ({"left": None}, "left = None: it must be names with values"),
@@ -174,6 +177,12 @@ def test_there_is_a_board_for_every_stage_and_chip() -> None:
     boards = [load_board(name) for name in shipped_boards()]
     assert {board.stage for board in boards} == set(Stage)
     assert {board.chip for board in boards} == set(CHIPS)
+
+
+def test_a_name_that_is_too_long_is_not_cut() -> None:
+    board = replace(load_board("l298n"), name="L298N on the blue robot's own board")
+    with pytest.raises(ConfigurationError, match=r"blue robot.*1 to 24 characters"):
+        board.packed()
 
 
 def test_there_are_forty_wrong_boards() -> None:

@@ -1,6 +1,7 @@
 """A robot's file: what is taken, and how what is wrong is told."""
 
 import logging
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 import wheelwire
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
-from wheelwire.config import parse_config
+from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
 from wheelwire.linux_mcu.pins import Pins
@@ -53,6 +54,24 @@ def test_other_names_are_taken_and_reported(caplog: pytest.LogCaptureFixture) ->
     )
     assert config.aliases["wheel_base"] == "parameters.wheel_separation"
     assert "cpr is read as parameters.counts_per_revolution" in caplog.text
+
+
+def test_a_speed_in_rpm_leaves_what_the_files_own_friction_takes() -> None:
+    content = {"driver": "mock", "max_rpm": 200, "parameters": {"static_feedforward": 0.2}}
+    no_load_mps = 200 / 60 * 2 * math.pi * PARAMETER_BY_NAME["wheel_radius"].default
+    found = parse_config(content).parameters["velocity_feedforward"]
+    assert found == pytest.approx((1 - 0.2) / no_load_mps)
+
+
+def test_a_speed_in_rpm_beside_an_empty_section_of_parameters() -> None:
+    config = parse_config({"driver": "mock", "max_rpm": 200, "parameters": None})
+    assert config.parameters == pytest.approx({"velocity_feedforward": 1.367}, rel=1e-3)
+
+
+@pytest.mark.parametrize(("driver", "timeout_ms"), [("l298n", 100), ("pigpio", 1000)])
+def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeout_ms: int) -> None:
+    settings = service_settings(parse_config({"driver": driver}), "unix:/run/wheelwire.sock")
+    assert settings.core_timeout_ms == timeout_ms
 
 
 @pytest.mark.parametrize(
@@ -114,6 +133,21 @@ def test_a_key_that_is_there_twice_is_named_with_its_line(tmp_path: Path) -> Non
     file.write_text("driver: mock\nparameters:\n  wheel_radius: 0.03\n  wheel_radius: 0.04\n")
     with pytest.raises(ConfigurationError, match=r"wheel_radius is given twice.* line 4"):
         wheelwire.load_config(file)
+
+
+def test_a_key_that_is_a_list_is_an_error_of_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: mock\n? [a, b]\n: 1\n")
+    with pytest.raises(ConfigurationError, match=r"robot\.yaml: .*unhashable"):
+        wheelwire.load_config(file)
+
+
+def test_a_merged_key_may_be_given_again(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "driver: mock\nparameters: {<<: {wheel_radius: 0.03, max_duty: 0.9}, wheel_radius: 0.04}\n"
+    )
+    assert wheelwire.load_config(file).parameters == {"wheel_radius": 0.04, "max_duty": 0.9}
 
 
 def test_the_parameter_file_of_the_ros_node_is_recognised() -> None:

@@ -299,6 +299,7 @@ def test_a_save_that_fails_restores_and_says_what_was_saved() -> None:
     [
         ({"wheel_radius": 0.04, "nonsense": 1.0}, errors.UnknownParameter),
         ({"wheel_radius": 0.04, "max_duty": 2.0}, errors.ParameterOutOfRange),
+        ({"wheel_radius": 0.04, "max_duty": 1e300}, errors.ParameterOutOfRange),
     ],
 )
 def test_nothing_is_set_if_any_value_is_wrong(

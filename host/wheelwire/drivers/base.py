@@ -54,6 +54,7 @@ class BaseDriver(Driving):
 
     def close(self) -> None:
         """Same as `shutdown`; the name that files and sockets use."""
+        # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         self.shutdown()
 
@@ -77,6 +78,7 @@ class BaseDriver(Driving):
         try:
             return self._latest_sample.take(timeout)
         except RequestTimeout:
+            # Out of reach is the better explanation, if that is why nothing came.
             self._check_link()
             raise
 
@@ -98,6 +100,7 @@ class BaseDriver(Driving):
             LinkLost: The robot is out of reach.
             RequestTimeout: The robot is in reach, but sends no samples.
         """
+        # First: that the robot is lost is told at once, and not after the wait.
         self._check_link()
         try:
             return self._latest_sample.ticks(FIRST_SAMPLE_S)

@@ -59,11 +59,13 @@ class DeviceBoard:
             ConfigurationError: The board has codes that are unknown here.
             LinkLost, RequestTimeout: The device was not reached.
         """
+        # First: a device of another release may mean something else by these messages.
         check_group(self._link, Group.BOARD)
         value = cast("BoardValue", self._link.request(BoardGet(0, 0)))
         state = BoardState(value.state)
         if state is BoardState.NONE:
             return state, None
+        # The message ends with the board's fields, in the layout of a packed board.
         body = BY_TYPE[BoardValue].pack_body(*value)
         return state, unpacked(body[-_packed_size() :])
 
@@ -76,6 +78,7 @@ class DeviceBoard:
             GroupUnavailable, LinkLost, RequestTimeout: As `read`.
         """
         check_group(self._link, Group.BOARD)
+        # A message of zeros around the packed board, unpacked, gives the message's fields.
         unpack = BY_TYPE[BoardWrite].unpack
         head = bytes(HEADER_SIZE + _size_of_ids())
         fields = unpack(head + board.packed() + bytes(CRC_SIZE))
@@ -101,11 +104,14 @@ class DeviceBoard:
         self.write(board)
         self.restart()
         state, found = self.read()
-        if state is not BoardState.TRIAL or found != board:
+        # The packed forms are what was written and kept: there a number may have been rounded.
+        same = found is not None and found.packed() == board.packed()
+        if state is not BoardState.TRIAL or not same:
             raise BoardNotKept(
                 f"the device came back with another board ({found.name if found else 'none'}): "
                 "the former one is in force; try again"
             )
+        # The device was reached with it, so its line to the host is right at least.
         self.confirm()
 
     def restart(self) -> None:
@@ -115,6 +121,7 @@ class DeviceBoard:
             DeviceRefused: The robot drives, or cannot restart by itself.
             LinkLost: It did not come back.
         """
+        # Before the request: the device may be back before its answer is handed out.
         before = self._link.sessions
         self._link.request(Restart(0, 0))
         end = time.monotonic() + RESTART_TIMEOUT_S
@@ -123,6 +130,7 @@ class DeviceBoard:
             time.sleep(_POLL_S)
             if self._link.sessions == before:
                 continue
+            # A session counts from its beginning: it need not be open yet.
             try:
                 self._link.check()
             except LinkLost as lost:

@@ -42,6 +42,7 @@ from ..parameters import (
 Result = TypeVar("Result")
 Steps: TypeAlias = Generator[RequestMessage, Answer, Result]
 
+# The session fills in its own id and the request's.
 REVERT = ParameterTrial(0, 0, TrialAction.REVERT, 0.0)
 
 
@@ -97,9 +98,11 @@ class ParameterOperations:
     def set(self, name: str, value: float) -> Steps[float]:
         """Change one value; see `Parameters`."""
         definition = definition_of(name)
+        # The bounds are the device's; one listing has them for all later changes, too.
         if definition.id not in self._bounds:
             yield from self.list()
         number = check_value(definition, value, self._bounds[definition.id])
+        # Both before the request: it may be carried out although its answer is lost.
         self._tried.add(definition.id)
         self._unsure.add(definition.id)  # until it is answered
         answer = cast("ParameterValue", (yield ParameterSet(0, 0, definition.id, number)))
@@ -119,6 +122,7 @@ class ParameterOperations:
             self._unsure.discard(entry.parameter)
             entries.append(entry)
         infos = tuple(_info(entry) for entry in entries)
+        # Only with the whole list: after one that broke off the next `set` lists anew.
         for entry, info in zip(entries, infos, strict=True):
             self._bounds[entry.parameter] = info.minimum, info.maximum
         return infos
@@ -129,6 +133,7 @@ class ParameterOperations:
 
     def reset(self) -> Steps[None]:
         """Restore the defaults, empty the device's store, and ask for all values."""
+        # Until they are asked for below: the reset may be done although its answer is lost.
         self._unsure.update(definition.id for definition in PARAMETERS)
         yield ParameterReset(0, 0)
         yield from self.refresh(None)
@@ -136,6 +141,7 @@ class ParameterOperations:
     def begin_trial(self, timeout_s: float) -> Steps[None]:
         """What is set from now on is on trial."""
         yield ParameterTrial(0, 0, TrialAction.BEGIN, timeout_s)
+        # Only once it has begun: where it is refused, another one goes on with what it tried.
         self._tried.clear()
 
     def keep_trial(self) -> Steps[None]:
@@ -144,6 +150,7 @@ class ParameterOperations:
 
     def revert_trial(self) -> Steps[None]:
         """End the trial, and ask for the values that are in force again."""
+        # Until they are asked for below it is not known which values are in force.
         self._unsure |= self._tried
         yield REVERT
         for parameter in sorted(self._tried):
@@ -200,6 +207,7 @@ class _DeviceTrial(Trial):
 
     def keep(self) -> None:
         run(self._operations.keep_trial(), self._link.request)
+        # Only once it is acknowledged: until then the end of the block has to revert.
         self._kept = True
 
     def __enter__(self) -> Trial:
@@ -208,6 +216,7 @@ class _DeviceTrial(Trial):
         except DeviceRefused:
             raise  # none was begun; the other one goes on
         except BaseException:  # it may have been begun, and nobody will be there to end it
+            # Not waited for. If it does not arrive, the device reverts by itself at its time-out.
             with suppress(WheelwireError):
                 self._link.post(REVERT, lambda _: None)
             self._link.release_trial()
@@ -239,10 +248,12 @@ def checked_timeout(timeout_s: float) -> float:
 def run(steps: Steps[Result], request: Callable[[RequestMessage], Answer]) -> Result:
     """Do an operation by requests that are waited for, one after the other."""
     try:
+        # A request's error ends the operation where it is: its generator has nothing to clean up.
         message = next(steps)
         while True:
             message = steps.send(request(message))
     except StopIteration as end:
+        # The operation is over, and this is what its generator returned.
         return cast("Result", end.value)
 
 

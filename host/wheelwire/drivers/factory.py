@@ -99,6 +99,7 @@ def driver_names() -> list[str]:
 
 
 def _driver_class(name: str) -> Any:
+    # First the built-in ones: to find the others all installed packages are looked through.
     target = (_BUILT_IN.get(name) or _plug_ins().get(name)) if isinstance(name, str) else None
     if target is None:
         known = ", ".join(driver_names())
@@ -114,6 +115,7 @@ def _driver_class(name: str) -> Any:
 
 def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
     """Raise `InvalidArgument` if `make` does not take these options."""
+    # Before the call: a TypeError from inside the driver must not be taken for a wrong option.
     try:
         expected = signature(make)
     except ValueError:  # it is not written in Python, and checks them itself

@@ -58,6 +58,7 @@ class MockDriver(DeviceDriver):
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
     ) -> None:
+        # Before the link is opened, which sets it in virtual time.
         self._virtual: VirtualLink | None = None
         if flag("realtime", realtime):
             self._process = MockProcess(parameters, store)
@@ -97,8 +98,10 @@ class MockDriver(DeviceDriver):
         end_us = link.now_us + round(timeout_s("timeout", timeout) * 1e6)
         while True:
             try:
+                # Without a wait in real time, in which nothing would come.
                 return super().read(0)
             except (RequestTimeout, LinkLost):
+                # Reading waits through a reconnection, as in real time.
                 if link.now_us >= end_us:
                     raise
             link.advance(0.001)
@@ -128,6 +131,7 @@ class _Transport(SocketTransport):
     """To a simulator, which ends with it."""
 
     gone = "the process of the simulated robot has ended; it is started again"
+    # Longer than for a port: each attempt starts a process.
     longest_pause_s = 1.0
 
     def __init__(self, connection: socket.socket, simulator: Simulator) -> None:
@@ -159,6 +163,7 @@ class MockProcess:
 
     def unplug(self) -> None:
         """It is out of reach from now on."""
+        # First: the link loses its port by the command, and must not open it again.
         self._plugged = False
         self.simulator.command("unplug")
 
@@ -178,6 +183,7 @@ class MockProcess:
         try:
             self.simulator.start()
         except BaseException:
+            # `start` may have failed before it closed this end; closing it twice does no harm.
             theirs.close()
             transport.close()
             raise
@@ -189,6 +195,7 @@ def _converted(store: Path | None) -> Path | None:
 
 
 def _powered_on(values: dict[str, float], store: Path | None) -> FwSim:
+    # A random seed: the boot ids come from it, and two runs are two boots.
     sim = FwSim(int.from_bytes(os.urandom(4), "little"), store)
     for name, value in values.items():
         sim.preset(_id(name), value)
@@ -198,6 +205,7 @@ def _powered_on(values: dict[str, float], store: Path | None) -> FwSim:
 
 
 def _settings(values: dict[str, float]) -> dict[str, float]:
+    # The simulated encoders have to count what the parameter says.
     return {COUNTS: values[COUNTS]} if COUNTS in values else {}
 
 

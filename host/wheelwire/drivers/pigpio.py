@@ -8,13 +8,11 @@ from pathlib import Path
 from ..arguments import text, whole
 from ..board import BoardDescription
 from ..linux_mcu.pins import Pins
-from ..linux_mcu.settings import McuSettings
+from ..linux_mcu.settings import PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
 from .pins import PinDriver, PinProcess
 
 DEFAULT_PORT = 8888
-CORE_TIMEOUT_MS = 1000
-"""Longer than an answer over a wireless network may take."""
 
 
 class PigpioDriver(PinDriver):
@@ -43,7 +41,7 @@ class PigpioDriver(PinDriver):
         pins: Pins | BoardDescription | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
-        core_timeout_ms: int = CORE_TIMEOUT_MS,
+        core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
     ) -> None:
         super().__init__(
             pigpio_process(
@@ -64,11 +62,11 @@ def pigpio_process(
     pins: Pins | BoardDescription | None = None,
     parameters: Mapping[str, float] | None = None,
     store: Path | None = None,
-    core_timeout_ms: int = CORE_TIMEOUT_MS,
+    core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
 ) -> PinProcess:
     """The process of a driver with these arguments, checked."""
     wiring = pins or Pins()
-    if isinstance(wiring, Pins):  # else it is refused with the other options
+    if isinstance(wiring, Pins):  # a board may also have its PWM timed by the daemon
         wiring.check_hardware_pwm()
     settings = McuSettings(
         backend="pigpio",

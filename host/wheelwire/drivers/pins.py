@@ -50,6 +50,7 @@ class PinProcess:
                 f"pins = {shown(settings.pins)}: give `wheelwire.Pins`, or a board"
             )
         if store is not None:
+            # Here: the process itself reads no other format than the core's.
             settings = replace(settings, store=str(converted_store(path("store", store))))
         self.limits: tuple[str, ...] = ()
         self._settings = settings
@@ -61,6 +62,7 @@ class PinProcess:
 
     def _open(self, _baud_rate: int) -> Transport:
         transport = launch(self._settings)
+        # The process is started again after every loss: its limits are logged when they change.
         if transport.limits != self.limits:
             self.limits = transport.limits
             for limit in self.limits:

@@ -90,4 +90,5 @@ def _board_id(value: str) -> str:
         raise InvalidArgument(
             f"board_id = {shown(value)}: give its 12 hex digits, as `wheelwire info` shows them"
         )
+    # As `DeviceInfo` writes it: ids are compared as text.
     return value.lower()

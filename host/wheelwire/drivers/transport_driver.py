@@ -55,6 +55,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, link.close)
         self._parameters = DeviceParameters(link)
+        # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
 
     @property
@@ -84,6 +85,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
                 newest.append(answer)
 
         with suppress(LinkLost):
+            # Only a link in virtual time raises here; any other tells `keep` that it is lost.
             self._link.post(ControlCountersGet(0, 0), keep)
         return newest[0] if newest else None
 
@@ -110,6 +112,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Safe to call more than once."""
+        # Also for those who call this in place of `close`: iterators then end.
         self._latest_sample.close()
         # Not by the finalizer: one that was interrupted would do nothing the next time.
         self._link.close()

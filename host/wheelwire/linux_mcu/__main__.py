@@ -31,6 +31,7 @@ def main() -> int:
     # A terminal sends Ctrl-C to all its processes. The application handles it: it stops the robot,
     # then ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Before the fork: the application is the parent of this process, not of the core.
     parent = _pidfd_of_parent(settings.parent)
     heartbeat = Heartbeat()
     guard_pid = os.getpid()
@@ -50,11 +51,16 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
     from . import guard, realtime
     from .gpio import prepare_enable_low
 
-    for ending in (signal.SIGTERM, signal.SIGHUP):
+    endings = [signal.SIGTERM, signal.SIGHUP]
+    if settings.listen is not None:
+        endings.append(signal.SIGINT)  # a service has no application that handles it
+    # Passed on: the core brakes and releases its pins, and this process ends with it.
+    for ending in endings:
         signal.signal(ending, lambda *_: os.kill(core_pid, signal.SIGTERM))
     if settings.socket is not None:
         # Only the core may hold the socket: the application must see it close when the core ends.
         os.close(settings.socket)
+    # What is refused is the core's to report: it asks for the same.
     realtime.request_realtime(realtime.GUARD_PRIORITY)
     prepare = partial(prepare_enable_low, settings)
     return guard.watch(core_pid, heartbeat, settings.core_timeout_ms / 1000, prepare)
@@ -69,6 +75,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
 
+    # First: from here on a signal ends the loop, with the wheels stopped, and not the process.
     end_signal = _open_end_signal()
     limit = realtime.request_realtime(
         realtime.CORE_PRIORITY
@@ -77,8 +84,11 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
         gpio = open_gpio(settings, parameters_in_force(settings))
     except (WheelwireError, NativeMissingError, OSError) as error:
         return _fail(settings, error)
+    started = False
     try:
+        core = make_core(settings, heartbeat)
         limits = (*gpio.limits, *([limit] if limit else []))
+        # Before anybody hears that the robot is ready: nothing may drive unguarded.
         _await_guard(heartbeat)
         line: Line
         if settings.socket is not None:
@@ -88,14 +98,18 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
             line = ListeningLine(Path(settings.listen or ""))
             sys.stdout.write(f"wheelwire: ready at unix:{settings.listen}\n")
             sys.stdout.flush()
+        started = True
+        # Only now: opening the pins may take longer than a running core may be silent.
         heartbeat.phase = Phase.RUNNING
         ends = [end_signal, *(fd for fd in endings if fd is not None)]
-        McuLoop(make_core(settings, heartbeat), gpio, line, heartbeat, ends).run()
+        McuLoop(core, gpio, line, heartbeat, ends).run()
     except LinkLost as error:
         return _print_error(error)
     except (WheelwireError, OSError) as error:
-        return _fail(settings, error)
+        # Once the application was told that all is well, the socket carries frames.
+        return _print_error(error) if started else _fail(settings, error)
     finally:
+        # In this order: if the closing hangs or dies, the guard still pulls EN low.
         gpio.close()
         heartbeat.phase = Phase.CLOSED
     return 0
@@ -113,6 +127,7 @@ def _pidfd_of_parent(pid: int | None) -> int | None:
 
 def _open_end_signal() -> int:
     """A descriptor that becomes readable on SIGTERM or SIGHUP."""
+    # Not a flag: after a signal `select` goes on waiting (PEP 475), and nobody would look at it.
     receiver, sender = socket.socketpair()
     receiver.setblocking(False)
     sender.setblocking(False)
@@ -123,6 +138,7 @@ def _open_end_signal() -> int:
 
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, on_signal)
+    # Detached, or the end of this function would close it. The handler keeps the other end.
     return receiver.detach()
 
 

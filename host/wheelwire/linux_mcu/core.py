@@ -19,6 +19,7 @@ from .gpio.base import Gpio
 from .heartbeat import Heartbeat
 from .line import Line
 from .settings import McuSettings
+from .whole_file import write_whole
 
 SERVICE_SIZE = 600
 """The most bytes that the core handles in one call of `service`."""
@@ -44,7 +45,9 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
     problems = settings.board.problems()
     if problems:
         raise ConfigurationError("; ".join(problems))
+    # Before the presets, which override the defaults that a board gives.
     core.take_board(settings.board.packed())
+    # A contact that the board names is fitted; the robot's own parameters may still disable it.
     presets = {"estop_input_enabled": float(settings.board.estop is not None)}
     for name, value in {**presets, **settings.parameters}.items():
         refusal = core.preset(PARAMETER_BY_NAME[name].id, value)
@@ -80,6 +83,7 @@ class McuLoop:
         self._line = line
         self._heartbeat = heartbeat
         self._endings = endings
+        # The device's clock begins at its start, as a chip's does.
         self._start_ns = time.monotonic_ns()
         self._ending = False
         self._low_steps = 0
@@ -94,12 +98,16 @@ class McuLoop:
                 self._end()
             if self._line.receive(ready):
                 self._service(self._line.data)
+            # After what the host sent last, which may be a stop. Its setpoint ends here, not at its
+            # deadline: that it is gone is known.
             if self._line.hung_up:
                 self._apply(self._core.hang_up(self._now_us()))
                 if not self._line.next_host():
                     self._end()
+            # In each turn: a host that never pauses must not delay the steps.
             self._step_if_due()
             self._line.send(self._core)
+            # Last: a beat stands for a whole turn.
             self._heartbeat.beat()
 
     def _now_us(self) -> int:
@@ -111,9 +119,11 @@ class McuLoop:
 
     def _end(self) -> None:
         self._ending = True
+        # Steps before the end say nothing of the stop that begins below.
         self._low_steps = 0
         self._endings = []  # they stay readable: waiting for them again would not wait
         self._line.close()
+        # As if the host had gone: the core stops the wheels the way its parameters say.
         self._apply(self._core.hang_up(self._now_us()))
 
     def _wait(self) -> list[int]:
@@ -129,6 +139,7 @@ class McuLoop:
         return self._due_us
 
     def _service(self, data: bytes) -> None:
+        # Nothing is cut off: its queue holds a whole read, which the calls below take out.
         self._core.feed(data)
         for _ in range(0, len(data), SERVICE_SIZE):  # at least once for any data
             self._apply(self._core.service(self._now_us()))
@@ -147,8 +158,11 @@ class McuLoop:
             right_illegal=illegal.right,
         )
         self._apply(outputs)
+        # Told by the outputs: how long the core brakes is for its parameters to say.
         self._low_steps = self._low_steps + 1 if self._gpio.is_released(self._outputs) else 0
+        # Here and nowhere else: a loop that makes no steps must let the backend's watchdog act.
         self._gpio.keep_alive(now_us)
+        # An extra step at a setpoint's deadline does not move the regular ones.
         if now_us >= self._due_us:
             # Counted from the due time, so that delays do not add up; but not into the past, or a
             # long delay would be followed by a burst of steps.
@@ -175,6 +189,7 @@ class _Store:
         except FileNotFoundError:
             return b""
         except OSError as error:
+            # Not an empty store: with the defaults it would drive as nobody has set it up.
             raise ConfigurationError(f"{self._path}: {error.strerror}") from error
 
     def save(self, block: bytes) -> bool:
@@ -183,26 +198,19 @@ class _Store:
             return not block  # nothing to forget is a success; nowhere to save is a failure
         try:
             with self._heartbeat.saving():
-                self._write(self._path, block)
+                if block:
+                    write_whole(self._path, block)
+                else:
+                    self._path.unlink(missing_ok=True)
         except OSError as error:
             sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}\n")
             return False
         return True
 
-    def _write(self, path: Path, block: bytes) -> None:
-        if not block:
-            path.unlink(missing_ok=True)
-            return
-        new = path.with_name(path.name + ".new")
-        with new.open("wb") as file:
-            file.write(block)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
-
 
 def _board_id() -> int:
     """48 bits that identify this computer, the same at each start."""
+    # Hashed: machine-id(5) asks not to show the id itself to others.
     with suppress(OSError):
         digest = hashlib.sha256(MACHINE_ID.read_bytes()).digest()
         return int.from_bytes(digest[:6], "big")

@@ -11,6 +11,7 @@ _CYCLE = (0b00, 0b10, 0b11, 0b01)  # forward: A leads B
 
 def _step(before: int, after: int) -> int:
     quarter_turns = (_CYCLE.index(after) - _CYCLE.index(before)) % 4
+    # Three quarters forward are one back; two may have been made either way.
     return (0, 1, ILLEGAL, -1)[quarter_turns]
 
 
@@ -50,6 +51,7 @@ class QuadratureDecoder:
         after = self._state | channel if level else self._state & ~channel
         if after == self._state:
             self.illegal += 1  # it changed twice, and one of the edges was missed
+            # In the count before the sample, too, or the sample's next change would take it back.
             self._illegal_before += 1
             return
         self._state = after
@@ -59,5 +61,6 @@ class QuadratureDecoder:
             self.ticks = self._ticks_before
             self.illegal = self._illegal_before + 1
         else:
+            # The step is 0 where the changes of the sample have cancelled each other.
             self.ticks = self._ticks_before + step
             self.illegal = self._illegal_before

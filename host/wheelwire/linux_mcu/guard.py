@@ -34,6 +34,7 @@ def watch(
     Returns:
         The exit status of the core's process.
     """
+    # A pidfd, because waitpid has no time-out: the heartbeat has to be looked at meanwhile.
     core = os.pidfd_open(core_pid)
     enable_low = _prepared(prepare_enable_low, heartbeat)
     while not _ended(core):
@@ -43,6 +44,7 @@ def watch(
             if _ended(core, wait_s=CHECK_S) or heartbeat.age_s <= core_timeout_s:
                 continue
             os.kill(core_pid, signal.SIGKILL)
+    # Reaped only here: until then its pid cannot become another process's, which would be killed.
     _, status = os.waitpid(core_pid, 0)
     # A core that closed its pins has pulled EN low itself, and another program may own them now.
     if heartbeat.phase in (Phase.RUNNING, Phase.SAVING):

@@ -36,6 +36,7 @@ class Heartbeat:
     @property
     def age_s(self) -> float:
         """Time since the last beat."""
+        # The monotonic clock is the same for both processes.
         return (time.monotonic_ns() - self._words[0]) / 1e9
 
     @property

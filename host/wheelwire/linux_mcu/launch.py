@@ -33,6 +33,7 @@ class ChildTransport(SocketTransport):
     """
 
     gone = "the process that moves the pins has ended; it is being restarted"
+    # Longer than for a port: each attempt starts a process.
     longest_pause_s = 1.0
 
     def __init__(self, connection: socket.socket, process: subprocess.Popen[bytes]) -> None:
@@ -74,6 +75,7 @@ def launch(settings: McuSettings) -> McuTransport:
     try:
         answer = _raise_error_of(_first_line(ours, process))
     except BaseException:
+        # Ctrl-C, for one: the process must not be left behind with the pins.
         transport.close()
         raise
     transport.port = settings.backend
@@ -83,6 +85,7 @@ def launch(settings: McuSettings) -> McuTransport:
 
 def start(command: Sequence[str], fd: int) -> subprocess.Popen[bytes]:
     """Start a process that inherits one descriptor and gets no Ctrl-C from the terminal."""
+    # stderr stays the application's: a process that fails without an answer says why there.
     return subprocess.Popen(
         command,
         pass_fds=[fd],
@@ -100,6 +103,7 @@ def end(process: subprocess.Popen[bytes]) -> None:
         process.terminate()
         with suppress(subprocess.TimeoutExpired):
             process.wait(TERMINATE_TIMEOUT_S)
+        # This is the guard, whose end the core notices: it then stops the wheels and ends, too.
         process.kill()
         process.wait()
 
@@ -108,6 +112,7 @@ def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> 
     """The result of the start. The process sends nothing else until it is spoken to."""
     line, until = b"", time.monotonic() + START_TIMEOUT_S
     while not line.endswith(b"\n"):
+        # Never 0, which would make the socket non-blocking.
         connection.settimeout(max(0.001, until - time.monotonic()))
         try:
             data = connection.recv(4096)
@@ -117,14 +122,17 @@ def _first_line(connection: socket.socket, process: subprocess.Popen[bytes]) -> 
                 "its message, if any, is on standard error"
             ) from None
         except ConnectionError:
+            # A connection that is reset is an end like any other.
             data = b""
         if not data:
+            # It waits: only after that is the status known.
             end(process)
             raise errors.DriverUnavailable(
                 "the process that moves the pins ended at its start with status "
                 f"{process.returncode}: its message is on standard error"
             )
         line += data
+    # As `SocketTransport` had made it, before the time-outs above.
     connection.setblocking(False)
     answer: dict[str, Any] = json.loads(line)
     return answer
@@ -134,5 +142,6 @@ def _raise_error_of(answer: dict[str, Any]) -> dict[str, Any]:
     if "error" not in answer:
         return answer
     kinds = (errors.DriverUnavailable, errors.ConfigurationError)
+    # Anything else, such as a missing library, means that the driver cannot be had.
     kind = next((k for k in kinds if k.__name__ == answer["error"]), errors.DriverUnavailable)
     raise kind(answer["text"])

@@ -11,7 +11,8 @@ from wheelwire_protocol.native import Core
 
 READ_SIZE = 4096
 SEND_BUFFER = 4608
-"""The smallest that Linux allows, so that states do not age in a queue that nobody reads."""
+"""Little more than the smallest that Linux allows, so that states do not age in a queue that nobody
+reads."""
 
 
 class Line(ABC):
@@ -44,6 +45,7 @@ class Line(ABC):
         if self._host is None:
             core.take()  # nobody to send it to; the core's queue must not fill up
             return
+        # First the rest of what was sent in part: no frame may begin inside another.
         self._output = self._output or core.take()
         while self._output:
             try:
@@ -51,6 +53,7 @@ class Line(ABC):
             except BlockingIOError:
                 return
             except OSError:
+                # Not raised: the loop deals with a host that has gone at one place.
                 self.hung_up = True
                 return
             self._output = self._output[sent:] or core.take()
@@ -71,9 +74,11 @@ class Line(ABC):
         try:
             self.data = host.recv(READ_SIZE)
         except BlockingIOError:
+            # Nothing has come, but that is no end.
             return
         except OSError:
             self.data = b""
+        # Nothing to read at a socket that was readable: the host has closed it.
         self.hung_up = not self.data
 
     def _adopt_host(self, host: socket.socket) -> None:
@@ -127,6 +132,7 @@ class ListeningLine(Line):
 
     def next_host(self) -> bool:
         """Another application may connect at any time."""
+        # Not this class's own, which would also end the listening.
         super().close()
         return True
 
@@ -145,6 +151,7 @@ class ListeningLine(Line):
 
     def _accept(self, server: socket.socket) -> None:
         with suppress(BlockingIOError):
+            # Whoever connected may have gone again: then there is nobody to accept.
             host, _ = server.accept()
             if self._host is None:
                 self._adopt_host(host)
@@ -155,6 +162,7 @@ class ListeningLine(Line):
 def _is_abandoned(path: Path) -> bool:
     if not path.is_socket():
         return False
+    # A killed process leaves its socket's file behind, and `bind` takes no name that exists.
     with socket.socket(socket.AF_UNIX) as probe:
         try:
             probe.connect(str(path))

@@ -53,6 +53,7 @@ class Pins:
     def __post_init__(self) -> None:
         names: dict[int, str] = {}
         for name, pin in self.assigned():
+            # Not isinstance: True is an int, too.
             if type(pin) is not int or not 0 <= pin <= LAST_GPIO:
                 raise ConfigurationError(
                     f"pins.{name} = {shown(pin)}: it must be a GPIO, 0 to {LAST_GPIO}"

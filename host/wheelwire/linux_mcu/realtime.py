@@ -18,6 +18,7 @@ def request_realtime(priority: int) -> str | None:
     Returns:
         What was not permitted, in a sentence; None if nothing was refused.
     """
+    # Collected first, or the garbage of the start would be kept for ever.
     gc.collect()
     gc.freeze()  # garbage collection need not scan the objects of the start again
     refused = []
@@ -25,6 +26,7 @@ def request_realtime(priority: int) -> str | None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         refused.append("real-time priority (LimitRTPRIO)")
+    # A page that has to be read back would hold up a step. Python itself has no mlockall.
     if ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
         refused.append("locked memory (LimitMEMLOCK)")
     if not refused:

@@ -11,6 +11,8 @@ from .pins import Pins
 
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""
+PIGPIO_CORE_TIMEOUT_MS = 1000
+"""The same behind a pigpiod: longer than an answer over a wireless network may take."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class McuSettings:
 
     def to_json(self) -> str:
         """The settings as one line of JSON, with the board in its packed form."""
+        # JSON knows neither the board's enumerations nor its set of pins.
         return json.dumps({**asdict(replace(self, pins=Pins())), "pins": self.board.packed().hex()})
 
     @classmethod

@@ -14,6 +14,7 @@ from ..errors import ConfigurationError, DriverUnavailable, WheelwireError
 from ..link.requests import Answer, RequestMessage
 from ..link.session import Phase, Session
 from ..parameters import checked_value
+from .whole_file import write_whole
 
 PERIOD_US = 1000
 ANSWER_TIMEOUT_US = 10_000_000
@@ -23,7 +24,7 @@ def converted_store(path: Path) -> Path:
     """Convert the content of `path` if necessary; returns the absolute path.
 
     Raises:
-        ConfigurationError: The file is JSON, but not saved parameters.
+        ConfigurationError: The file cannot be read or written, or is JSON of something else.
         DriverUnavailable: The core's library is missing.
     """
     path = path.absolute()
@@ -31,10 +32,13 @@ def converted_store(path: Path) -> Path:
         content = path.read_bytes() if path.exists() else b""
     except OSError as error:
         raise ConfigurationError(f"{path}: {error.strerror}") from error
+    # The core's own format begins with other bytes, "WWP1".
     if content.lstrip()[:1] in (b"{", b"["):
-        new = path.with_name(path.name + ".new")
-        new.write_bytes(_block(_parse(path, content)))
-        new.replace(path)
+        block = _block(_parse(path, content))
+        try:
+            write_whole(path, block)
+        except OSError as error:
+            raise ConfigurationError(f"{path}: {error.strerror}") from error
     return path
 
 
@@ -42,6 +46,7 @@ def _parse(path: Path, content: bytes) -> dict[str, float]:
     try:
         return {name: checked_value(name, value) for name, value in json.loads(content).items()}
     except AttributeError as error:
+        # JSON, but no object: it has no items().
         raise ConfigurationError(
             f"{path}: not a JSON object of parameters; correct the file or delete it"
         ) from error
@@ -58,6 +63,7 @@ def _block(values: dict[str, float]) -> bytes:
         return True
 
     try:
+        # All parameters are saved: those that are not named get a Linux computer's defaults.
         core = Core(Identity(boot_id=1, board=Board.LINUX), b"", save)
     except NativeMissingError as error:
         raise DriverUnavailable(str(error)) from error
@@ -74,6 +80,7 @@ class CoreHost:
     def __init__(self, core: Core) -> None:
         self._core = core
         self._now_us = 0
+        # Any nonce will do: nobody else is on this line.
         self._session = Session(lambda: 1)
         core.start(0, 0, 0)
         self._session.connect(0)

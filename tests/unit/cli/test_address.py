@@ -234,6 +234,14 @@ def test_a_shell_completes_robots_and_parameters(tmp_path: Path) -> None:
     assert "monitor" in complete(tmp_path, "")
 
 
+def test_a_shell_completes_files_by_their_absolute_path(tmp_path: Path) -> None:
+    file = tmp_path / "robot [1].yaml"
+    file.touch()
+    assert str(file) in " ".join(
+        complete(tmp_path, "params", "import", "mock", str(tmp_path / "r"))
+    )
+
+
 def test_completion_is_shown_and_installed(tmp_path: Path) -> None:
     shell = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", "HOME": str(tmp_path)}
     shown = run("--show-completion", "bash", **shell)

@@ -163,3 +163,14 @@ def test_each_stage_is_released_when_its_core_is_killed(
         inputs = set(release_pins(board)) - {board.standby}
         wait_until(lambda: not any(chip.truth()["lines"][gpio] for gpio in inputs))
         assert not is_driven(chip)
+
+
+def test_a_stage_on_standby_drives_again_after_the_daemon_has_let_go_of_it() -> None:
+    with daemon(next(board for board in BOARDS if board.standby is not None)) as (robot, pigpiod):
+        drive(robot, pigpiod, SPEED_MPS)
+        (guard,) = (pid for pid in children(os.getpid()) if children(pid))
+        (core,) = children(guard)
+        os.kill(core, signal.SIGSTOP)
+        wait_until(lambda: not is_driven(pigpiod))  # by the script inside the daemon
+        os.kill(core, signal.SIGCONT)
+        drive(robot, pigpiod, SPEED_MPS)

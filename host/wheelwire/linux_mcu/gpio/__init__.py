@@ -30,6 +30,7 @@ def open_gpio(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
         with suppress(PinsBusy):
             return _open(settings, parameters)
         time.sleep(RETRY_S)
+    # The last attempt: its PinsBusy is raised.
     return _open(settings, parameters)
 
 

@@ -35,18 +35,22 @@ class StagePins(ABC):
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._duties = dict.fromkeys(names, 0)
+        # In the order of OUTPUTS, which `apply` goes by, whatever order a backend has.
+        self._duties = dict.fromkeys(sorted(names, key=OUTPUTS.index), 0)
 
     def apply(self, wanted: StageInputs) -> None:
-        """Set the inputs as the core says: first what falls, then the others.
+        """Set the inputs as the core says: first what falls, then the others, enables last.
 
         All are set each time, changed or not: an input that can no longer be reached is noticed.
         """
         duties = {name: getattr(wanted, f"{name}_q15") for name in self._duties}
+        # One direction has to end before the other begins, also while the enable stays on.
         falling = [name for name in duties if duties[name] < self._duties[name]]
+        # From the last to the first: directions before the enable that has them act.
         others = [name for name in reversed(duties) if name not in falling]
         for name in (*falling, *others):
             self.set_input(name, duties[name] / HIGH_Q15)
+            # Only once it is set: what failed has to count as it was.
             self._duties[name] = duties[name]
 
     @abstractmethod
@@ -55,7 +59,7 @@ class StagePins(ABC):
 
 
 def inputs_of(board: BoardDescription) -> tuple[str, ...]:
-    """The inputs of each wheel's power stage, in the order in which they may be switched on."""
+    """The inputs of each wheel's power stage, in the order of `OUTPUTS`."""
     return tuple(name for name in OUTPUTS if name in STAGES[board.stage].inputs)
 
 

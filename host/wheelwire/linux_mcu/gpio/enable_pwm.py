@@ -35,13 +35,17 @@ class KernelChannel:
 
     def open(self, period_ns: int) -> None:
         """Export the channel, low. Raises OSError."""
+        # A channel stays exported, so an earlier run may have left this one.
         if not self._directory.exists():
             _write(self._chip / "export", self._number)
             self._wait_until_writable()
         # The kernel refuses a period below the duty, and a channel that was exported before still
-        # has its last duty: so the duty goes first.
-        self.set_duty_ns(0)
+        # has its last duty: so the duty goes first. But it refuses any duty of a channel without
+        # a period, as a newly exported one is.
+        if int((self._directory / "period").read_text()):
+            self.set_duty_ns(0)
         _write(self._directory / "period", period_ns)
+        # Last: from here on the channel puts out its duty, which is 0.
         _write(self._directory / "enable", 1)
 
     def set_duty_ns(self, duty_ns: int) -> None:
@@ -50,6 +54,7 @@ class KernelChannel:
 
     def switch_off(self) -> None:
         """Set the channel low; it stays exported. Raises nothing."""
+        # The duty first: which level a disabled channel has depends on the kernel's driver.
         for name in ("duty_cycle", "enable"):
             with suppress(OSError):
                 _write(self._directory / name, 0)
@@ -115,6 +120,7 @@ class LibraryPwm(EnablePwm):
     def __init__(self, pin: Any, frequency_hz: float) -> None:
         self._pin = pin
         self.frequency_hz = min(frequency_hz, SOFTWARE_PWM_HZ)
+        # Low before the PWM begins.
         pin.output_with_state(0)
         try:
             pin.frequency = self.frequency_hz
@@ -131,13 +137,14 @@ class LibraryPwm(EnablePwm):
 
     def close(self) -> None:
         """Make the pin an input: the bridge's pull-down then holds EN low."""
-        self._pin.close()
+        with suppress(Exception):  # each factory has its own errors
+            self._pin.close()
 
 
 def find_channels(
     directory: Path, number: int | None, gpios: tuple[int, ...]
 ) -> list[KernelChannel] | None:
-    """The kernel's PWM channels of `gpios`; None if no chip has channels for all of them.
+    """The kernel's PWM channels of `gpios`; None unless each of them has one of its own.
 
     Args:
         directory: Directory of the kernel's PWM chips.
@@ -149,6 +156,7 @@ def find_channels(
     """
     chips = {}
     for chip in sorted(directory.glob("pwmchip*")):
+        # A chip with another number of channels does not lead to the header.
         channels = CHANNELS_BY_COUNT.get(int((chip / "npwm").read_text()))
         if channels:
             chips[chip.name] = (chip, channels)
@@ -162,9 +170,10 @@ def find_channels(
             f"no {name} with GPIO channels in {directory} (there: {_names(chips)}): set pwm_chip"
         )
     chip, channels = chips[name]
-    if not all(gpio in channels for gpio in gpios):
+    numbers = [channels[gpio] for gpio in gpios if gpio in channels]
+    if len(set(numbers)) < len(gpios):  # two GPIOs of one channel carry the same signal
         return None
-    return [KernelChannel(chip, channels[gpio]) for gpio in gpios]
+    return [KernelChannel(chip, number) for number in numbers]
 
 
 def _names(chips: dict[str, Any]) -> str:
@@ -172,6 +181,7 @@ def _names(chips: dict[str, Any]) -> str:
 
 
 def _write(file: Path, value: int) -> None:
+    # Without Python's buffers: sysfs takes a value in one write, and each step writes several.
     descriptor = os.open(file, os.O_WRONLY | os.O_TRUNC)
     try:
         os.write(descriptor, f"{value}\n".encode())

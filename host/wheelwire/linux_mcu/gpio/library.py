@@ -14,7 +14,6 @@ from wheelwire_protocol.board import ContactKind
 from ...board import WheelPins
 from ...errors import DriverUnavailable, LinkLost, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
-from ..pins import Pins
 from ..settings import McuSettings
 from .base import (
     Gpio,
@@ -66,13 +65,15 @@ class LibraryStagePins(StagePins):
 
     def close(self) -> None:
         """Set all inputs low, the PWM first. If that fails, equal inputs at least brake."""
+        # One that cannot be set must not keep the others from being set.
         for name in (*self._pwm, *self._levels):
             with suppress(WheelwireError):
                 self.set_input(name, 0.0)
         for pwm in self._pwm.values():
             pwm.close()
         for pin in self._levels.values():
-            pin.close()
+            with suppress(Exception):  # each factory has its own errors
+                pin.close()
 
 
 class LibraryGpio(Gpio):
@@ -81,7 +82,6 @@ class LibraryGpio(Gpio):
     Raises:
         PinsBusy: Another process holds one.
         DriverUnavailable: A library is missing, or a pin or its PWM cannot be claimed.
-        ConfigurationError: Both wheels are on one PWM channel.
     """
 
     left: LibraryStagePins
@@ -97,6 +97,7 @@ class LibraryGpio(Gpio):
             with _driver_unavailable_errors():
                 self._start(settings, parameters)
         except BaseException:
+            # What was claimed so far: where a pin is busy, all are opened again a moment later.
             self.close()
             raise
 
@@ -118,17 +119,21 @@ class LibraryGpio(Gpio):
         for stage in self._stages:
             stage.close()
         for pin in self._open_pins:
+            # Each factory has its own errors, and the other pins have to be released.
             with suppress(Exception):
                 pin.when_changed = None
-            pin.close()
+            with suppress(Exception):
+                pin.close()
 
     def _start(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         board = settings.board
+        # Before the PWM: a line has one owner, so a second program fails here and does no harm.
         self.left, self.right = self._stage(board.left), self._stage(board.right)
         duties = self._open_pwm(settings, parameters["pwm_frequency_hz"])
         names = pwm_inputs(board)
         self.left.attach(dict(zip(names, duties[: len(names)], strict=True)))
         self.right.attach(dict(zip(names, duties[len(names) :], strict=True)))
+        # Only now, with all inputs low, may the stages follow them.
         if board.standby is not None:
             standby = self._factory.pin(board.standby)
             self._open_pins.append(standby)
@@ -143,15 +148,14 @@ class LibraryGpio(Gpio):
     def _open_pwm(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
         channels = kernel_channels(settings)
         if channels is not None:
-            if isinstance(settings.pins, Pins):
-                settings.pins.check_hardware_pwm()
             self.limits = LIMITS
             return [KernelPwm(channel, frequency_hz) for channel in channels]
         gpios = pwm_pins(settings.board)
         enables = [LibraryPwm(self._factory.pin(gpio), frequency_hz) for gpio in gpios]
         self.limits = (
             f"PWM at {enables[0].frequency_hz:g} Hz instead of {frequency_hz:g} Hz, in the pin "
-            "factory's steps (lgpio: 100), timed by software: for the kernel's, add "
+            "factory's steps (lgpio: 100), timed by software: for the kernel's, give each input a "
+            "channel of its own (on a Pi 4 GPIO 12 or 18, and 13 or 19) and add "
             "dtoverlay=pwm-2chan to config.txt",
             *LIMITS,
         )
@@ -167,6 +171,7 @@ class LibraryGpio(Gpio):
 
     def _decoder(self, gpio_a: int, gpio_b: int) -> QuadratureDecoder:
         pin_a, pin_b = self._input(gpio_a), self._input(gpio_b)
+        # The callbacks tell changes, so the levels before them are read here.
         decoder = QuadratureDecoder(int(pin_a.state), int(pin_b.state))
 
         def on_a(time: float, level: int) -> None:
@@ -184,6 +189,7 @@ class LibraryGpio(Gpio):
     def _input(self, gpio: int) -> Any:
         pin = self._factory.pin(gpio)
         self._open_pins.append(pin)
+        # Else an open collector, or a broken wire, would leave the input floating.
         pin.input_with_pull("up")
         return pin
 
@@ -194,13 +200,16 @@ class EnableLow:
     def __init__(self, settings: McuSettings) -> None:
         board = settings.board
         self._channels = kernel_channels(settings) or []
+        # Where the kernel makes the PWM, switching its channel off is enough.
         by_kernel = pwm_pins(board) if self._channels else ()
         self._gpios = [gpio for gpio in release_pins(board) if gpio not in by_kernel]
         if self._gpios:
+            # In advance: importing a pin library takes longer than the wheels may turn on.
             self._factory = pin_factory()
 
     def __call__(self) -> None:
         """Pull all low, even if one fails. Raises nothing."""
+        # The kernel's PWM goes on by itself after the process that had set it.
         for channel in self._channels:
             channel.switch_off()
         for gpio in self._gpios:
@@ -263,6 +272,7 @@ def _driver_unavailable_errors() -> Iterator[None]:
     except WheelwireError:
         raise
     except Exception as error:
+        # By its text: the factories have no error in common for it.
         if "busy" in str(error).lower():
             raise PinsBusy(
                 f"another program uses one of the pins ({error}): end it first"

@@ -52,6 +52,7 @@ class PigpioClient:
         atexit.unregister(self._pi.stop)
         self._pi.sl.s.settimeout(ANSWER_TIMEOUT_S)
         self._closed = False
+        # Kept, because the client's `stop` forgets the thread that `close` has to join.
         self._notify = self._pi._notify
         self._notify_socket: _EndingSocket = self._notify.sl.s
 
@@ -79,6 +80,7 @@ class PigpioClient:
         with suppress(OSError):
             self._pi.stop()
         self._notify.join(JOIN_S)  # it ends by itself if the daemon acknowledges the close
+        # Else it waits in `recv`: a shutdown wakes it, which closing the socket would not.
         self._notify_socket.shutdown()
         self._notify.join(JOIN_S)
         self._notify_socket.close()
@@ -98,6 +100,7 @@ def _threads_that_end(library: Any) -> Iterator[None]:
     try:
         yield
     finally:
+        # Others that use pigpio in this process get its own class.
         library._callback_thread = thread_class
 
 
@@ -114,10 +117,12 @@ class _EndingSocket:
         except OSError:
             data = b""
         if not data:
+            # Else the thread would read nothing again and again.
             self._thread.go = False
         return data
 
     def send(self, data: bytes) -> None:
+        # The thread's `stop` sends a last command, also to a daemon that is gone.
         with suppress(OSError):
             self._socket.send(data)
 

@@ -15,7 +15,8 @@ from .pigpio_client import PigpioClient
 
 CHECK_MS = 10
 CHECKS = 11
-"""EN goes low this many checks after the last refresh: 0.11 s."""
+"""The pins go low one check after these many have counted down to zero: 0.11 to 0.12 s after the
+last refresh."""
 REFRESH_US = 20_000
 SCRIPT_MARK = 0x57574C01
 """In the script's last parameter, to recognise our scripts by."""
@@ -37,12 +38,15 @@ class PigpioWatchdog:
     def __init__(self, client: PigpioClient, pins: tuple[int, ...]) -> None:
         self._client = client
         self._library = client.library
+        # Sorted, so that `_claim` recognises a script for the same pins.
         self._pins = sorted(pins)
+        # The ten that a script has: the counter, up to eight pins, the mark.
         self._parameters = [CHECKS, *self._pins, *[0] * (8 - len(pins)), SCRIPT_MARK]
         self._next_us = 0
         self._claim()
         writes = " ".join(f"w {gpio} 0" for gpio in pins)
-        # Each round: wait CHECK_MS, decrement p0, repeat while it is positive; then all low.
+        # Each round: wait CHECK_MS, decrement p0, repeat while it is not negative (`jp` also jumps
+        # at zero); then all low.
         script = f"tag 0 mils {CHECK_MS} dcr p0 jp 0 {writes} halt"
         self._id: int = client.call("store_script", script.encode())
         self._run()
@@ -53,6 +57,7 @@ class PigpioWatchdog:
             return True
         self._next_us = now_us + REFRESH_US
         status, _ = self._status(self._id)
+        # New parameters do not start a script that has ended: it is run again.
         if status != self._library.PI_SCRIPT_RUNNING:
             self._run()
             return False
@@ -65,6 +70,7 @@ class PigpioWatchdog:
         self._client.call("delete_script", self._id)
 
     def _run(self) -> None:
+        # A script that was just stored is still being set up, and cannot be run before.
         self._wait_while(self._id, self._library.PI_SCRIPT_INITING, FIRST_START_S)
         self._client.call("run_script", self._id, self._parameters)
 
@@ -84,6 +90,7 @@ class PigpioWatchdog:
                     f"another program drives GPIO {gpios} through the pigpiod at "
                     f"{self._client.address}: end it first"
                 )
+            # Its owner may have deleted it meanwhile.
             with suppress(self._library.error):
                 self._client.call("delete_script", script_id)
 

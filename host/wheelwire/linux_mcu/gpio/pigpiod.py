@@ -9,7 +9,7 @@ from wheelwire_protocol.board import ContactKind
 
 from ...errors import DriverUnavailable, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
-from ..pins import PWM_CHANNEL, Pins
+from ..pins import PWM_CHANNEL
 from ..settings import McuSettings
 from .base import (
     Gpio,
@@ -28,7 +28,8 @@ from .pigpio_watchdog import PigpioWatchdog
 FULL_DUTY = 1_000_000
 SOFTWARE_RANGE = 1000
 SOFTWARE_LIMIT = (
-    "the PWM is timed by pigpiod, 8 kHz at most: only GPIO 12 or 18 and 13 or 19 have hardware PWM"
+    "the PWM is timed by pigpiod, 8 kHz at most: only GPIO 12 or 18 and 13 or 19 have hardware "
+    "PWM, and each input needs a channel of its own"
 )
 
 
@@ -74,6 +75,7 @@ class PigpiodStagePins(StagePins):
         """Set a level or a duty; sent only when it changes."""
         full = 1 if name in self._levels else FULL_DUTY if self._by_hardware else SOFTWARE_RANGE
         wanted = round(duty * full)
+        # Each call is a round trip to the daemon, perhaps over a network.
         if wanted == self._sent.get(name):
             return
         if name in self._levels:
@@ -82,6 +84,7 @@ class PigpiodStagePins(StagePins):
             self._client.call("hardware_PWM", self._pwm[name], self._pwm_hz, wanted)
         else:
             self._client.call("set_PWM_dutycycle", self._pwm[name], wanted)
+        # Only once the daemon has taken it: what failed is sent again.
         self._sent[name] = wanted
 
     def forget(self) -> None:
@@ -100,7 +103,6 @@ class PigpiodGpio(Gpio):
     Raises:
         PinsBusy: Another program uses them.
         DriverUnavailable: No daemon answers, or it refuses the pins or its hardware PWM.
-        ConfigurationError: Both wheels are on one PWM channel.
         LinkLost: The daemon no longer answers.
     """
 
@@ -109,8 +111,6 @@ class PigpiodGpio(Gpio):
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         self.board = settings.board
-        if isinstance(settings.pins, Pins):
-            settings.pins.check_hardware_pwm()
         self._pressed = self.board.estop_contact is ContactKind.NORMALLY_CLOSED
         self._client = PigpioClient(settings.host, settings.port)
         try:
@@ -124,6 +124,7 @@ class PigpiodGpio(Gpio):
 
     def ticks(self) -> WheelPair:
         """The ticks that the callbacks have counted."""
+        # Here, because it is asked for in each step: a daemon that is gone is noticed at once.
         self._client.check()
         return WheelPair(*(decoder.ticks for decoder in self._decoders))
 
@@ -139,14 +140,17 @@ class PigpiodGpio(Gpio):
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
         if not self._watchdog.keep_alive(now_us):
+            # The script had ended: its pins are low, whatever was sent before.
             self.left.forget()
             self.right.forget()
+            self._end_standby()
 
     def close(self) -> None:
         """Pull EN low; if the daemon cannot be reached, its watchdog script does so."""
         with suppress(WheelwireError, self._client.library.error):
             self.left.release(release_inputs(self.board))
             self.right.release(release_inputs(self.board))
+            # Last: until the inputs are low, the script has to be there to pull them.
             self._watchdog.close()
         self._client.close()
 
@@ -156,6 +160,7 @@ class PigpiodGpio(Gpio):
         self._watchdog = PigpioWatchdog(client, release_pins(board))
         gpios = pwm_pins(board)
         channels = {PWM_CHANNEL.get(gpio) for gpio in gpios}
+        # None is a GPIO without a channel. Two GPIOs on one channel would carry the same signal.
         by_hardware = None not in channels and len(channels) == len(gpios)
         if not by_hardware:
             self.limits = (SOFTWARE_LIMIT,)
@@ -169,9 +174,9 @@ class PigpiodGpio(Gpio):
             )
             for wheel in (board.left, board.right)
         )
-        if board.standby is not None:
-            client.call("set_mode", board.standby, client.library.OUTPUT)
-            client.call("write", board.standby, 1)
+        # Only now, with all inputs low, may the stages follow them.
+        self._end_standby()
+        # The daemon's filter counts whole microseconds.
         filter_us = round(parameters["glitch_filter_ns"] / 1000)
         self._decoders = [
             self._decoder(*encoder_pins(board.left), filter_us),
@@ -180,14 +185,23 @@ class PigpiodGpio(Gpio):
         if board.estop is not None:
             self._input(board.estop)
 
+    def _end_standby(self) -> None:
+        """Let the stages follow their inputs; the watchdog script pulls standby low, too."""
+        standby, client = self.board.standby, self._client
+        if standby is not None:
+            client.call("set_mode", standby, client.library.OUTPUT)
+            client.call("write", standby, 1)
+
     def _decoder(self, gpio_a: int, gpio_b: int, filter_us: int) -> QuadratureDecoder:
         """Decode the levels in the daemon's reports: a callback would read a pin too late."""
         client = self._client
         for gpio in (gpio_a, gpio_b):
             self._input(gpio)
             client.call("set_glitch_filter", gpio, filter_us)
+        # The callbacks tell changes, so the levels before them are read here.
         decoder = QuadratureDecoder(client.call("read", gpio_a), client.call("read", gpio_b))
 
+        # Edges within one sample have the same tick: the decoder then knows no order of them.
         def on_a(_: int, level: int, tick: int) -> None:
             decoder.change(A, level, tick)
 
@@ -200,6 +214,7 @@ class PigpiodGpio(Gpio):
 
     def _input(self, gpio: int) -> None:
         self._client.call("set_mode", gpio, self._client.library.INPUT)
+        # Else an open collector, or a broken wire, would leave the input floating.
         self._client.call("set_pull_up_down", gpio, self._client.library.PUD_UP)
 
     def _reason(self, error: str) -> str:
