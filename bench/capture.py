@@ -67,6 +67,7 @@ class CLoop:
             *(ctypes.c_void_p, ctypes.c_char_p),
         )
         self._library.prepare()
+        # As pointers, so that the loop calls either of them without Python in between.
         zlib = ctypes.CDLL(find_library("z"))
         self.by_zlib = ctypes.cast(zlib.crc32, ctypes.c_void_p)
         self.by_eight = ctypes.cast(self._library.crc32_by_eight, ctypes.c_void_p)
@@ -89,6 +90,7 @@ def measure_speeds(folder: Path) -> dict[str, list[float]]:
         NUMPY: lambda: len(decode_columns(data, BY_TYPE[WheelState])),
         STREAM: lambda: stream(data),
     }
+    # A decoder that misses frames would seem fast.
     for way, decode in ways.items():
         if decode() != FRAMES:
             raise RuntimeError(f"not all frames were decoded: {way}")
@@ -122,6 +124,7 @@ def measure_sizes(folder: Path) -> list[Sized]:
         with path.open("wb") as file:
             for _ in range(megabytes * 1_000_000 // len(block)):
                 file.write(block)
+            # Up to the exact size, which may be in the middle of a frame.
             file.write(block[: megabytes * 1_000_000 - file.tell()])
         found.append(decode_apart(path, "in parts", megabytes))
         if megabytes <= LARGEST_ARRAY_MB:
@@ -132,6 +135,7 @@ def measure_sizes(folder: Path) -> list[Sized]:
 
 def decode_apart(path: Path, way: str, megabytes: int) -> Sized:
     """Decode in a fresh process."""
+    # The kernel's account of peak memory is of a whole process, and never falls.
     command = [sys.executable, capture_worker.__file__, str(path), way]
     result = subprocess.run(command, check=True, capture_output=True, text=True)
     return Sized(way, megabytes, **json.loads(result.stdout))

@@ -11,6 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+# The peers are a package, `bench.peers`.
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from bench.peers import ABSENT, OURS, THEIRS
 from bench.peers.base import Peer, parts_of
@@ -65,6 +66,7 @@ class Candidate:
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         count = FRAMES if peer.streams else BATCH_FRAMES
+        # In the form that the library wants: making that is no part of its encoding.
         self._fields = [peer.fields(state) for state in wheel_states(count)]
         stream = b"".join(map(peer.encode, self._fields))
         self.frame_size = len(stream) / count
@@ -84,6 +86,7 @@ class Candidate:
     def _decode_us(self, part_size: int) -> float:
         decoded = []
         taken = cpu_seconds(lambda: decoded.append(self.peer.decode(self._parts[part_size])))
+        # A decoder that misses frames would seem fast.
         if len(decoded[0]) != len(self._fields):
             raise RuntimeError(f"{self.peer.name} decoded {len(decoded[0])} frames")
         return 1e6 / len(self._fields) * taken
@@ -96,6 +99,7 @@ class Results:
         self.candidates = [Candidate(peer()) for peer in (*OURS, *THEIRS)]
         peers = [candidate.peer for candidate in self.candidates]
         measures = [pair for candidate in self.candidates for pair in candidate.measures()]
+        # All libraries in each round, so that a slow moment of the computer affects all of them.
         self.times = interleaved(dict(measures), ROUNDS)
         self.survivals = {peer.name: survival(peer) for peer in peers}
         self.imports = import_ms(sorted({peer.module for peer in peers}), STARTS)
@@ -156,6 +160,7 @@ def draw(results: Results, file: Path) -> None:
 
     figure = Figure(figsize=(10, 4.5), layout="constrained")
     times, recovered = figure.subplots(1, 2, sharey=True)
+    # Ours are bold in the table.
     names = [candidate.peer.name.strip("*") for candidate in results.candidates]
     colours = ["#1b7837"] * len(OURS) + ["#878787"] * len(THEIRS)
     decoding = [median(results.decoding_us(c.peer)) for c in results.candidates]
@@ -164,6 +169,7 @@ def draw(results: Results, file: Path) -> None:
     shares = [100 * results.survivals[c.peer.name].recovered for c in results.candidates]
     label = f"intact frames decoded, {100 * CORRUPT:g} % of all bytes damaged [%]"
     _bars(recovered, names, shares, colours, label)
+    # From top to bottom as in the table; the two panels share this axis.
     times.invert_yaxis()
     figure.savefig(file, dpi=80)
 

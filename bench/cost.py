@@ -54,6 +54,7 @@ def main() -> int:
     sys.stdout.write(f"{METHOD}The baseline is {baseline.release}; {compilers}.\n\n")
     sys.stdout.write(table(("", "now", baseline.release, "change", "target"), rows))
     if baseline.compiler != rv32.compiler_version():
+        # The growth may then be the compiler's.
         return 0
     return 1 if rv32_baseline.too_much(rv32_baseline.growth(now, baseline.figures)) else 0
 

@@ -54,6 +54,7 @@ class Series:
 
 def measure() -> list[Series]:
     """All series, in one run."""
+    # In virtual time, in which other processes make no difference: one series, without a load.
     firmware = Series("firmware", None)
     firmware.countings = [firmware_rig.count(rate) for rate in FIRMWARE_RATES_TPS]
     firmware.timing = firmware_rig.time_stops()
@@ -66,9 +67,11 @@ def measure() -> list[Series]:
                 for rate in RATES_TPS:
                     counting = rig.count(rate)
                     if counting.true_tps < SOURCE_KEEPS_UP * rate:
+                        # This says nothing about the driver, nor would a higher rate.
                         break
                     one.countings.append(counting)
                     if counting.lost > BROKEN:
+                        # Kept, as the rate at which it breaks; higher ones are worse.
                         break
                 series.append(one)
     return series
@@ -116,6 +119,7 @@ def draw(series: list[Series], file: Path) -> None:
             label=one.label,
         )
     losses.set_xscale("log")
+    # Most losses are 0, which a purely logarithmic axis cannot show.
     losses.set_yscale("symlog", linthresh=0.01)
     losses.set(xlabel="ticks per second, each wheel", ylabel="count off by [%]")
     losses.set_ylim(bottom=-0.002)
@@ -128,6 +132,7 @@ def draw(series: list[Series], file: Path) -> None:
 def _draw_stops(axes: Axes, series: list[Series]) -> None:
     timed = [one for one in series if one.timing]
     late_ms = [[us / 1000 for us in one.timing.stop_late_us] for one in timed if one.timing]
+    # Whiskers to the extremes: of a stop the worst case counts.
     axes.boxplot(late_ms, orientation="horizontal", whis=(0, 100))
     axes.set_yticks(range(1, len(timed) + 1), [one.label for one in timed], fontsize=8)
     axes.set(xlabel="deadline to EN low [ms]")

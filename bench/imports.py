@@ -33,6 +33,7 @@ def main() -> int:
         [f"`import {module}`: {what}", f"{times[module]:.0f}", ""]
         for module, what in MODULES.items()
     ]
+    # Only what every program imports has a target.
     rows[1][-1] = f"< {AIM_MS}"
     header = ("", "time [ms]", "target")
     sys.stdout.write(f"## Imports\n\n{METHOD}\n{table(header, rows)}")

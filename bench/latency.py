@@ -94,11 +94,13 @@ def to_pwm_us(robot: SerialDriver, states: States) -> list[float]:
 
 
 def _one_command_us(robot: SerialDriver, states: States) -> float:
+    # At random over a whole step, so that commands meet every phase of the control loop.
     time.sleep(random.uniform(0.5, 1.5) * STEP_US * 1e-6)
     begin_us = time.monotonic_ns() / 1000
     robot.set_velocity(0.1, 0.0)
     driven = _next_change(states)
     robot.stop()
+    # Until the bridges are off: a command to a robot that drives would change nothing.
     _next_change(states)
     return driven.host_us - begin_us
 
@@ -114,6 +116,7 @@ def late_us(_robot: SerialDriver, states: States) -> list[float]:
     """Delay of each step relative to the earliest one, measured against simulated time."""
     taken = [states.get(timeout=TIMEOUT_S) for _ in range(STEPS)]
     delays = [state.host_us - state.t_us for state in taken]
+    # The two clocks do not begin at the same moment: the earliest step is taken as punctual.
     return [float(delay - min(delays)) for delay in delays]
 
 
@@ -123,6 +126,7 @@ def in_virtual_time() -> str:
     host.sim.set("baud", BAUD)
     host.open()
     host.ask(SetStreamRate(host.session_id, 1, FULL_HZ), Ack)
+    # From here on there is a state for each step, whose times are compared below.
     host.received.clear()
     sent = 0
     for number in range(VIRTUAL_MS):
@@ -137,6 +141,7 @@ def in_virtual_time() -> str:
         host.run_ms(1)
     states = host.of(WheelState)
     gaps = [b.t_us - a.t_us for a, b in pairwise(states)]
+    # 10 bits a byte, with the start bit and the stop bit.
     filled = sent / VIRTUAL_MS * 1e3 * 10 / BAUD
     return (
         f"In virtual time, {len(states)} control steps on a line of {BAUD} baud, each with a state "
@@ -182,6 +187,7 @@ def _figures(times: list[float]) -> tuple[float, float, float]:
 def main() -> None:
     """Measure, print, draw."""
     folder = output_folder(__doc__)
+    # Changes of the drive are told when they happen, whatever the rate of the true states is.
     commands = under_loads(to_pwm_us, truth_hz=1)
     steps = under_loads(late_us, truth_hz=1e6 / STEP_US)
     draw(commands, steps, folder / "latency.png")

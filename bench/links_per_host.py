@@ -67,6 +67,7 @@ def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
     with ExitStack() as stack:
         simulators = [stack.enter_context(Simulator()) for _ in range(links)]
         robots = [_opened(stack, simulator, rate_hz) for simulator in simulators]
+        # What opening the links costs is no part of their load.
         time.sleep(SETTLING_S)
         before = [robot.statistics for robot in robots]
         used = sum(cpu_s(simulator.pid) for simulator in simulators)
@@ -87,6 +88,7 @@ def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
 def _opened(stack: ExitStack, simulator: Simulator, rate_hz: int) -> SerialDriver:
     """Open a link at a rate for which the control rate may have to be raised."""
     if rate_hz > 1000:
+        # Above the default control rate. The value outlasts this link, until the device's reset.
         with SerialDriver(simulator.port) as robot:
             robot.parameters.set("control_rate_hz", rate_hz)
     return stack.enter_context(SerialDriver(simulator.port, stream_rate_hz=rate_hz))
@@ -134,6 +136,7 @@ def draw(
     figure = Figure(figsize=(9, 3.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     _draw(left, [p.links for p in links], links, "measured", "#1b7837")
+    # From nothing to the last point: what lies above this line is the cost of the first links.
     end_percent = 100 * links[-1].load.cpu
     left.plot([0, LINKS[-1]], [0, end_percent], "--", color="#878787", label="linear")
     left.set(xlabel=f"links at {LINK_HZ} states/s", ylabel="CPU [% of a core]")
@@ -155,6 +158,7 @@ def main() -> int:
     folder = output_folder(__doc__)
     links = [measure(count, LINK_HZ) for count in LINKS]
     unread, read = [], []
+    # In turns, so that a slow moment of the computer affects both.
     for rate_hz in RATES_HZ:
         unread.append(measure(1, rate_hz))
         read.append(measure(1, rate_hz, READS_HZ))

@@ -15,6 +15,7 @@ def _failures() -> list[list[str]]:
     rows = []
     for lost in (0.5, 0.7, 0.8, 0.9, 0.99):
         for target in (0.1, 0.2, 0.3):
+            # To the firmware 0 V is a battery that is not measured.
             for battery, label in ((7.4, "yes"), (0.0, "no")):
                 outcome = fail({"encoder_lost": lost}, "left", target, battery_v=battery)
                 row = [f"{lost:.0%}", f"{target:g} m/s", label, f"{outcome.top_mps:.2f} m/s"]

@@ -37,6 +37,7 @@ def main() -> None:
             for failure in failures:
                 times = [time_failure(driver, failure, run * PHASE_S) for run in range(runs)]
                 table.add_row(driver, failure, *_cells(times, failure))
+                # At once, for whoever waits: the table comes at the very end.
                 Console(stderr=True).print(driver, failure, *_cells(times, failure), sep=" | ")
     Console(width=140).print(table)
 
@@ -44,6 +45,8 @@ def main() -> None:
 def _cells(times: list[FailureTimes], failure: str) -> tuple[str, str, str]:
     late = [t.late_us for t in times]
     ended = [t.ended_us for t in times if t.ended_us is not None]
+    # The deadline says nothing where the drive was always removed before it, or where one of the
+    # processes that keep it has failed.
     return (
         _cell([t.failure_to_removed_us for t in times]),
         "" if failure in CORE_FAILURES or max(late) < 0 else _cell(late),

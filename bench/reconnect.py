@@ -42,6 +42,7 @@ def other_names(folder: Path, cycles: int) -> list[float]:
     with Simulator() as simulator:
         first = folder / "tty0"
         first.symlink_to(simulator.port)
+        # Opened once by its name, to learn the id by which it is found from then on.
         with SerialDriver(str(first)) as robot:
             board_id = robot.info.device.board_id
         with SerialDriver(str(folder / "tty*"), board_id=board_id) as robot:

@@ -70,6 +70,7 @@ def _packages() -> list[str]:
 
 def run(script: Path, folder: Path, report: TextIO) -> int:
     """Run one benchmark and forward its output; returns its exit code."""
+    # Each in a process of its own: none inherits the memory, threads and imports of another.
     command = [sys.executable, str(script), "--output", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for line in process.stdout or ():
@@ -83,6 +84,7 @@ def run(script: Path, folder: Path, report: TextIO) -> int:
 def _write(text: str, report: TextIO) -> None:
     for file in (sys.stdout, report):
         file.write(text)
+        # A run that is interrupted leaves what it has found so far.
         file.flush()
 
 

@@ -53,6 +53,7 @@ asked for: of the arrivals at a subscriber in another process, and of the stamps
 
 def show_latency(folder: Path) -> list[Target]:
     """Print the latency of commands."""
+    # Here, as in the functions below: without rclpy this file still has to say that it is missing.
     from support.ros import open_graph
     from support.ros_load import Commander, RobotCommander, bare_node, interrupt
     from support.ros_process import RobotNode
@@ -71,9 +72,11 @@ def show_latency(folder: Path) -> list[Target]:
             "cmd_vel to the setpoint on the wire": RobotCommander(graph, tap),
             "the peer: to its callback": Commander(graph, "bare_cmd_vel", folder / "bare"),
         }
+        # In turns, so that a slow moment of the computer affects both.
         for _ in range(ROUNDS):
             for commander in commanders.values():
                 commander.send(COMMANDS)
+        # The peer writes down what it heard when it ends.
         interrupt(bare)
         found = {name: c.latencies_s(skipped=COMMANDS) for name, c in commanders.items()}
     reference = list(found.values())[-1]
@@ -145,6 +148,7 @@ def streams(folder: Path, rate_hz: float) -> tuple[Stream, Stream]:
     from wheelwire.simulation.simulator import Simulator
 
     with open_graph() as graph:
+        # One after the other: at once, each would take processor time from the other.
         with (
             Simulator() as simulator,
             RobotNode(graph, port=simulator.port, publish_rate=rate_hz) as process,

@@ -23,6 +23,7 @@ GROWTH_KIB = 4096
 
 def growth_kib(laps: list[Lap], process: int) -> int:
     """Growth of the memory from the second third of the run to the last, by medians."""
+    # The first third is left out: buffers and caches still fill up then.
     third = max(1, len(laps) // 3)
     resident = [lap.resident_kib[process] for lap in laps]
     return round(statistics.median(resident[-third:]) - statistics.median(resident[third:-third]))
@@ -40,6 +41,7 @@ def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
         ("... of which are in no counter", str(uncounted), "0", uncounted == 0),
         ("ticks lost or invented", str(ticks), "0", ticks == 0),
         ("sessions lost without an incident", str(sessions), "0", sessions == 0),
+        # Each lap has the sum so far.
         ("setpoints that came too late", str(laps[-1].expired), "", True),
         ("resets, unpluggings", f"{resets}, {len(laps) - resets}", "", True),
     ]

@@ -35,6 +35,7 @@ def row(times: list[StopTime]) -> tuple[str, ...]:
 
 def in_time(time: StopTime) -> bool:
     """Whether the drive was removed within one control period."""
+    # A reset knows no deadline, and has to end the drive by itself.
     late = time.failure_to_removed_us if time.late_us is None else time.late_us
     return late <= PERIOD_US
 

@@ -50,6 +50,7 @@ from .link.sample_iterator import SampleIterator as _SampleQueue
 from .parameters import TRIAL_TIMEOUT_S, ParameterInfo, ParameterMapping
 from .samples import WheelSample
 
+# For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -86,6 +87,7 @@ class Driver(LinkedRobot):
 
     def __init__(self, options: LinkOptions) -> None:
         self._latest_sample = LatestSample()
+        # All are watched, so that each has a value without waiting: no subscript can be awaited.
         everything = tuple(definition.id for definition in PARAMETERS)
         self._link: AsyncLink = AsyncLink(replace(options, watched=everything), self._latest_sample)
         self._parameters = Parameters(self._link)
@@ -131,8 +133,10 @@ class Driver(LinkedRobot):
             taken = self._latest_sample.poll()
             return taken is not None
 
+        # The end of the link ends the wait, too: `poll` then raises its reason.
         await self._link.changed.wait_for(take, timeout)
         if taken is None:
+            # Out of reach is the better explanation, if that is why nothing came.
             self._check_link()
             raise self._latest_sample.why_none(timeout)
         return taken
@@ -157,10 +161,12 @@ class Driver(LinkedRobot):
         """
         self._check_link()
         latest, link = self._latest_sample, self._link
+        # A link that has ended brings no sample: waiting on would only delay its error.
         await link.changed.wait_for(lambda: latest.is_current or link.has_ended, FIRST_SAMPLE_S)
         if not latest.is_current:
             self._check_link()  # it may have been lost meanwhile
             raise latest.why_none(FIRST_SAMPLE_S)
+        # Without a time-out: to wait in there would block the loop.
         return latest.ticks(0)
 
     @property
@@ -181,8 +187,10 @@ class Driver(LinkedRobot):
 
         When it is cancelled, the robot is stopped and the port closed all the same.
         """
+        # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         await self._link.close()
+        # Skipped when this is cancelled: the finaliser stays, and finishing twice is harmless.
         self._finalizer.detach()
 
     async def __aenter__(self: DriverT) -> DriverT:
@@ -238,6 +246,7 @@ class SampleIterator(AsyncIterator[WheelSample]):
     """As `wheelwire.SampleIterator`, for `async for`."""
 
     def __init__(self, latest_sample: LatestSample, link: AsyncLink) -> None:
+        # Polled, and waited for on the loop: its own `next` would block the thread.
         self._queue: _SampleQueue = latest_sample.iterate()
         self._link = link
 
@@ -257,6 +266,7 @@ class SampleIterator(AsyncIterator[WheelSample]):
             try:
                 sample = self._queue.poll()
             except StopIteration:
+                # A coroutine that let it pass would raise RuntimeError instead.
                 raise StopAsyncIteration from None
             if sample is not None:
                 return sample
@@ -336,6 +346,7 @@ class Trial(AbstractAsyncContextManager["Trial"]):
             RequestTimeout: Whether they were kept is not known.
         """
         await _run(self._operations.keep_trial(), self._link)
+        # Only once it is acknowledged: until then the end of the block has to revert.
         self._kept = True
 
     async def __aenter__(self) -> Trial:
@@ -354,6 +365,7 @@ class Trial(AbstractAsyncContextManager["Trial"]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        # Where it was kept, the session has released the trial already.
         if self._kept:
             return
         try:
@@ -368,6 +380,7 @@ class Trial(AbstractAsyncContextManager["Trial"]):
             self._link.release_trial()
 
     def _abandon(self) -> None:
+        # Not awaited: the task may be ending. If it cannot be sent, the device reverts by itself.
         with suppress(WheelwireError):
             self._link.post(REVERT)
         self._link.release_trial()
@@ -376,10 +389,12 @@ class Trial(AbstractAsyncContextManager["Trial"]):
 async def _run(steps: Steps[Result], link: AsyncLink) -> Result:
     """Do an operation by requests that are awaited, one after the other."""
     try:
+        # A request's error ends the operation where it is: its generator has nothing to clean up.
         message = next(steps)
         while True:
             message = steps.send(await link.request(message))
     except StopIteration as end:
+        # The operation is over, and this is what its generator returned.
         return cast("Result", end.value)
 
 
@@ -407,6 +422,7 @@ class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[
             await self._robot.close()
 
     async def _open(self) -> DriverT:
+        # Not in `open_driver`: the link belongs to the loop that runs when it is made.
         robot = self._make()
         await robot._open()
         return robot
@@ -484,11 +500,13 @@ def open_driver(name: str, **options: Any) -> Opening[Any]:
             f"no driver for asyncio is called {shown(name)}; there are: {known}"
         )
     driver, module, checks = _DRIVERS[name]
+    # Taken out of the options: `MockProcess` has real time only, and no such argument.
     if name == "mock" and not options.pop("realtime", True):
         raise InvalidArgument(
             "driver 'mock': in virtual time, time passes while a call waits, which no asyncio loop "
             "does; leave out realtime=False, or use wheelwire.open_driver"
         )
+    # By name: only the module of the chosen driver is imported, with what it needs.
     check: Any = getattr(import_module(f"{__package__}.drivers.{module}"), checks)
     check_options(name, check, options)
     checked = check(**options)

@@ -15,6 +15,7 @@ LONGEST_WAIT_S = 3600.0
 
 def is_number(value: object) -> bool:
     """Whether it is a finite real number of a Python or NumPy type. A bool is not."""
+    # Nearly all are plain floats, for which the slow question of an abstract class is not asked.
     if type(value) is not float and (isinstance(value, bool) or not isinstance(value, Real)):
         return False
     try:
@@ -44,6 +45,7 @@ def whole(name: str, value: object, low: int, high: int) -> int:
     Raises:
         InvalidArgument: It is not.
     """
+    # 115200.0 is a whole number, too, and so is one of NumPy's.
     if is_number(value):
         checked = int(value)  # type: ignore[call-overload]
         if checked == value and low <= checked <= high:

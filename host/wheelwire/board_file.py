@@ -34,6 +34,7 @@ def load_board(name: str | Path) -> BoardDescription:
     """
     known = shipped_boards()
     path = Path(name)
+    # First: the name of a built-in board means the same in every folder.
     if str(name) in known:
         path = shipped_directory() / f"{name}.yaml"
     elif not path.exists():
@@ -43,6 +44,7 @@ def load_board(name: str | Path) -> BoardDescription:
     try:
         return parse_board(load_yaml(path))
     except ConfigurationError as error:
+        # Errors of `load_yaml` have the file's name already, those of `parse_board` do not.
         if str(error).startswith(f"{path}: "):
             raise
         raise ConfigurationError(f"{path}: {error}") from error

@@ -107,6 +107,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         try:
             text = RefusalCode(code).doc
         except ValueError:
+            # A newer firmware may have reasons that are unknown here.
             text = f"Code {code}, unknown to this host library: install the firmware's release."
         latched = [f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults]
         sentences = [f"the device refused {subject}: {text}", *latched, hint]
@@ -166,6 +167,7 @@ class UnknownParameter(WheelwireError, KeyError):  # noqa: N818
     def __init__(self, name: str, known: Iterable[str]) -> None:
         from difflib import get_close_matches  # here, because it is slow to import
 
+        # By `shown`, because the name may be anything, not only a string.
         near = get_close_matches(shown(name).strip("'"), list(known), n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}?" if near else "`wheelwire params list` shows the names"
         super().__init__(f"no parameter is called {shown(name)}: {hint}")
@@ -257,6 +259,7 @@ class GroupUnavailable(WheelwireError):  # noqa: N818
 def _unpickle(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:
+    # The arguments are those of Exception. `__init__`, which takes others, is not called.
     error = kind.__new__(kind, *arguments)
     error.__dict__.update(state)
     return error

@@ -40,6 +40,7 @@ RETURN_TIMEOUT_S = 15.0
 """A native USB port disappears when the chip resets, and comes back."""
 REOPEN_PERIOD_S = 0.1
 
+# In the output of esptool 5.
 _CONNECTED = re.compile(r"Connected to (ESP\S+)")
 _WRITING = re.compile(r"Writing at 0x([0-9a-f]+)")
 _KEPT_LINES = 20
@@ -70,13 +71,16 @@ def ensure_stopped(port: str) -> None:
     try:
         robot = SerialDriver(port, connect_timeout=PROBE_TIMEOUT_S)
     except PortUnavailable:
+        # Not an empty chip: nothing could be written through this port either.
         raise
     except WheelwireError:
         return  # an empty chip or another release
     with robot:
         robot.stop()  # the reset before flashing would only let the wheels coast
+        # The acknowledgement means that the stop has begun: the wheels may still turn.
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
         sample = robot.read()
+        # Exactly 0: so the firmware reports a wheel that has not ticked for half a second.
         while sample.left_mps or sample.right_mps:
             if time.monotonic() > end:
                 raise FlashFailed(
@@ -100,6 +104,7 @@ def identify_chip(port: str) -> Board:
         )
     name = connected[1]
     try:
+        # esptool writes ESP32-S3 for the board ESP32S3.
         return Board[name.replace("-", "")]
     except KeyError:
         raise FlashFailed(
@@ -117,6 +122,7 @@ def read_chip_table(port: str, board: Board) -> tuple[Partition, ...]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table.bin"
         command = ("read-flash", f"{TABLE_OFFSET:#x}", f"{TABLE_BYTES:#x}", str(path))
+        # A generator: nothing runs unless its output is read.
         for _ in _esptool(*_chip_at(port, board), "--after", "no-reset", *command):
             pass
         return parse_table(path.read_bytes())
@@ -134,7 +140,9 @@ def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], No
             path = Path(folder) / f"{index}.bin"
             path.write_bytes(part.content)
             arguments += [f"{part.offset:#x}", str(path)]
+        # In one call, which resets the chip at its end: no start finds only some of the parts.
         for line in _esptool(*_chip_at(port, board), "--baud", str(FLASH_BAUD_RATE), *arguments):
+            # By the address: esptool's own percentage begins anew with each part.
             if writing := _WRITING.search(line):
                 report(_written(plan.writes, int(writing[1], 16)))
 
@@ -142,6 +150,7 @@ def write_plan(port: str, board: Board, plan: Plan, report: Callable[[float], No
 def _written(parts: Sequence[Part], address: int) -> float:
     """The fraction of the parts that lies before an address, 0 to 1."""
     sizes = [len(part.content) for part in parts]
+    # What lies between two parts is not written, so the address alone is no fraction.
     before = [min(max(address - part.offset, 0), len(part.content)) for part in parts]
     return sum(before) / max(1, sum(sizes))
 
@@ -164,6 +173,7 @@ def verify(port: str, board: Board) -> DeviceInfo:
                 device = robot.info.device
             break
         except PortUnavailable:
+            # Only a missing port is waited for: at one that opens, the firmware has to answer.
             if time.monotonic() > end:
                 raise
             time.sleep(REOPEN_PERIOD_S)
@@ -177,17 +187,20 @@ def verify(port: str, board: Board) -> DeviceInfo:
 
 def _esptool(*arguments: str) -> Iterator[str]:
     """Run esptool; yields its output line by line, progress included, as it is printed."""
+    # Else the process would end with Python's own words about a missing module.
     if importlib.util.find_spec("esptool") is None:
         raise FlashFailed("esptool is not installed: run pip install 'wheelwire[tools]'")
     process = subprocess.Popen(
         [sys.executable, "-m", "esptool", *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
+        # In one stream: a reason may be printed on either.
         stderr=subprocess.STDOUT,
         text=True,
         errors="replace",
     )
     lines: list[str] = []
+    # The end of the block waits for the process, also when the reader stops in the middle.
     with process:
         if process.stdout:
             for line in _lines(process.stdout):
@@ -205,6 +218,7 @@ def _lines(stream: IO[str]) -> Iterator[str]:
 def _reason(lines: list[str]) -> str:
     """The error that esptool printed, else its last line."""
     for line in lines:
+        # esptool's own words are "A fatal error occurred: ..."; hints may follow them.
         if "error occurred" in line.lower():
             return f"esptool: {line}; if it does not connect, hold the board's BOOT button"
     return f"esptool: {lines[-1] if lines else 'exited with no output'}"

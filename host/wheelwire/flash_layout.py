@@ -15,6 +15,7 @@ from wheelwire_protocol.codes import Board
 
 from .errors import FlashFailed
 
+# Where ESP-IDF's tools put the table by default, and the most that it takes up there.
 TABLE_OFFSET = 0x8000
 TABLE_BYTES = 0xC00
 SECTOR = 0x1000
@@ -24,10 +25,13 @@ _IMAGE_MAGIC = 0xE9
 _CHIP_ID_OFFSET = 12
 _BOOTLOADERS = {0x1000: {0: Board.ESP32}, 0: {9: Board.ESP32S3, 13: Board.ESP32C6}}
 """Offset of the boot loader, and the chip ids that its header may contain there."""
+# Magic, type, subtype, offset, size, label, flags.
 _ENTRY = struct.Struct("<2sBBII16sI")
 _ENTRY_MAGIC = b"\xaa\x50"
+# In place of an entry: 14 bytes of 0xff follow, then the MD5 of all entries before it.
 _DIGEST_MAGIC = b"\xeb\xeb"
 _APPLICATION = 0
+# Type and subtype. It selects the application that the boot loader starts.
 _OTADATA = (1, 0)
 
 
@@ -49,6 +53,7 @@ class Partition:
     @property
     def holds_data(self) -> bool:
         """Whether it holds data of the user or the firmware, rather than a part of the image."""
+        # Neither code nor otadata, which has to select the code that is written.
         return self.kind != _APPLICATION and (self.kind, self.subtype) != _OTADATA
 
 
@@ -107,7 +112,9 @@ def parse_table(raw: bytes) -> tuple[Partition, ...]:
         if magic == _DIGEST_MAGIC:
             digest = hashlib.md5(raw[:at], usedforsecurity=False).digest()
             if digest != raw[at + 16 : at + 32]:
+                # Wrong offsets would have foreign bytes kept as our data.
                 return ()
+        # The digest, or erased flash: no entry follows.
         break
     return tuple(found)
 
@@ -132,6 +139,7 @@ def read_image(path: Path) -> Image:
             "use wheelwire-<board>.bin from a release"
         )
     board, start = bootloader
+    # Erased, it selects no slot: the boot loader starts the first one, which the image fills.
     otadata = [
         Part(p.name, p.offset, ERASED * p.size) for p in table if (p.kind, p.subtype) == _OTADATA
     ]
@@ -139,6 +147,7 @@ def read_image(path: Path) -> Image:
         path,
         board,
         (
+            # Without the filling up to the next part: erased flash is 0xff anyway.
             Part("bootloader", start, content[start:TABLE_OFFSET].rstrip(ERASED)),
             Part("partition table", TABLE_OFFSET, content[TABLE_OFFSET:][:TABLE_BYTES]),
             *otadata,
@@ -174,9 +183,11 @@ def plan_flash(image: Image, chip_table: Sequence[Partition], *, erase_all: bool
 
 def _valid_until(partition: Partition, chip_table: Sequence[Partition]) -> int:
     """Up to which offset the chip holds valid content of a partition."""
+    # At the same offset only: NVS, for one, can be read from nowhere but its beginning.
     for on_chip in chip_table:
         same_kind = (on_chip.kind, on_chip.subtype) == (partition.kind, partition.subtype)
         if same_kind and on_chip.offset == partition.offset:
+            # The one on the chip may end sooner: what follows it there was never ours.
             return min(on_chip.end, partition.end)
     return partition.offset
 
@@ -187,6 +198,7 @@ def _ordered(parts: Sequence[Part]) -> tuple[Part, ...]:
 
 def _bootloader_of(content: bytes) -> tuple[Board, int] | None:
     """The board that an image is for, and the offset of its boot loader."""
+    # The chip id alone is no proof: a boot loader of another chip may lie at another offset.
     for offset, boards in _BOOTLOADERS.items():
         header = content[offset : offset + _CHIP_ID_OFFSET + 2]
         chip_id = int.from_bytes(header[_CHIP_ID_OFFSET:], "little")
@@ -198,6 +210,7 @@ def _bootloader_of(content: bytes) -> tuple[Board, int] | None:
 def _application(content: bytes, partition: Partition) -> Part | None:
     """The content of an application partition in an image; None if there is none."""
     code = content[partition.offset : partition.end]
+    # A slot that the image leaves empty is erased there, or lies beyond its end.
     if partition.kind != _APPLICATION or code[:1] != bytes([_IMAGE_MAGIC]):
         return None
     return Part(partition.name, partition.offset, code.rstrip(ERASED))

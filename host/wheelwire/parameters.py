@@ -45,6 +45,7 @@ class ParameterMapping(Mapping[str, float]):
         return self._value(definition_of(name))
 
     def __contains__(self, name: object) -> bool:
+        # The inherited one would ask for the value, and that may mean to ask the device.
         return isinstance(name, str) and name in PARAMETER_BY_NAME
 
     def __iter__(self) -> Iterator[str]:
@@ -153,11 +154,13 @@ class Trial(ABC):
 
 def decimal_of_float32(value: float) -> float:
     """The decimal number that was meant by a 32-bit float: 0.033, not 0.03299999982118607."""
+    # Seven digits: a 32-bit float holds 7 or 8, and what was written seldom has more.
     return float(f"{value:.7g}")
 
 
 def definition_of(name: str) -> Parameter:
     """The parameter of this name; raises `UnknownParameter`."""
+    # Anything else might not even be hashable.
     definition = PARAMETER_BY_NAME.get(name) if isinstance(name, str) else None
     if definition is None:
         raise UnknownParameter(name, PARAMETER_BY_NAME)
@@ -203,6 +206,7 @@ def check_value(definition: Parameter, value: float, bounds: tuple[float, float]
         ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
     """
     name, (low, high) = definition.name, bounds
+    # is_number refuses a bool, but True and False are what programs write for a switch.
     if definition.kind is Kind.SWITCH and isinstance(value, bool):
         value = float(value)
     if definition.kind is Kind.SWITCH and not (is_number(value) and value in (0, 1)):

@@ -11,6 +11,7 @@ TICK_MODULUS = 1 << 32
 
 def tick_difference(later: int, earlier: int) -> int:
     """Signed difference of two 32-bit counters, exact while it is below 2^31."""
+    # Shifted by half the range and back, the remainder lies in -2^31 to 2^31 - 1.
     half = TICK_MODULUS // 2
     return (later - earlier + half) % TICK_MODULUS - half
 
@@ -67,6 +68,7 @@ class WheelSample(NamedTuple):
 
     def since(self, earlier: WheelSample) -> WheelTravel:
         """The travel from `earlier` to this sample, correct across counter wraps."""
+        # A reset sets the counters back: across it their difference means nothing.
         if self.boot_id != earlier.boot_id:
             return WheelTravel(0, 0, 0.0, rebased=True)
         return WheelTravel(

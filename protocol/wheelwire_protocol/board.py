@@ -62,6 +62,8 @@ class BoardState(DocumentedEnum):
 class BoardPin(DocumentedEnum):
     """The functions that a board gives to pins, with the names that users are shown."""
 
+    # Each wheel's stage inputs are consecutive, in the order of OUTPUTS: the core finds an input by
+    # its distance from the first one.
     LEFT_ENABLE = 0, "left.enable"
     LEFT_IN1 = 1, "left.in1"
     LEFT_IN2 = 2, "left.in2"
@@ -153,6 +155,8 @@ class BoardFault(DocumentedEnum):
 
 PIN_FUNCTIONS: tuple[str, ...] = tuple(f.name.lower() for f in BoardPin)
 """The fields of the packed struct with a pin, in the order of `BoardPin`."""
+# Their names and values are part of the group's hash: a host does not write a board to a device
+# that gives a code another meaning.
 CODES: tuple[type[DocumentedEnum], ...] = (
     Stage,
     EncoderPulls,
@@ -220,6 +224,7 @@ class StageTable:
 
 
 def _rows(inputs: tuple[str, ...], **rows: str) -> Mapping[Action, Mapping[str, Level]]:
+    # One letter an input, so that a row can be compared with a data sheet's table at a glance.
     letters = {"0": Level.LOW, "1": Level.HIGH, "p": Level.PWM, "-": Level.KEEP}
     return MappingProxyType(
         {
@@ -363,6 +368,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
         Board.ESP32: ChipTable(
             name="esp32",
             title="the ESP32",
+            # 37 and 38 are on the chip, but its usual modules do not lead them out.
             existing=_span(0, 39) - {20, 24, 28, 29, 30, 31, 37, 38},
             strapping=frozenset({0, 2, 5, 12, 15}),
             memory=_span(6, 11) | {16, 17},  # 16 and 17: the PSRAM of a WROVER module
@@ -371,6 +377,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             uart=frozenset({1, 3}),
             usb=frozenset(),
             counters=8,
+            # Six for each MCPWM unit: the ESP32 and the S3 have two units, the C6 has one.
             pwm_outputs=12,
         ),
         Board.ESP32S3: ChipTable(

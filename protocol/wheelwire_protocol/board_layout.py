@@ -33,6 +33,7 @@ def board_fields() -> list[Field]:
             Unit.NONE,
             "Battery volts per volt at the pin, times 1000.",
         ),
+        # 64 bits, because the GPIOs of an ESP32-S3 go up to 48.
         field("pulldowns", Int64ul, Unit.NONE, "GPIOs with an external pull-down, as bits."),
         field("crc", Int32ul, Unit.NONE, "CRC-32 of the bytes before it, as in a frame."),
     ]

@@ -55,6 +55,7 @@ def decode_capture(
     count = library.wheelwire_decode_capture(
         stream.ctypes.data, len(stream), codec.id, rows.ctypes.data
     )
+    # In place, which gives the unused memory back; a slice would keep all of it.
     rows.resize(count, refcheck=False)
     return rows
 
@@ -81,6 +82,7 @@ def iter_capture(
     partial = b""
     for part in parts:
         data = partial + part
+        # Cut behind a delimiter, so that no frame is split between two arrays.
         end = data.rfind(DELIMITER) + 1
         yield decode_capture(memoryview(data)[:end], message_type)
         # A tail that is too long for a frame is cut, but not so far that it could become one.

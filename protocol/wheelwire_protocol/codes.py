@@ -13,6 +13,7 @@ class DocumentedEnum(enum.IntEnum):
     def __new__(cls, value: int, doc: str = "") -> DocumentedEnum:
         """Create a member with its doc."""
         member = int.__new__(cls, value)
+        # Without this, Enum would compute the value from both arguments, as int(value, doc).
         member._value_ = value
         member.doc = doc
         return member
@@ -110,6 +111,7 @@ class Group(DocumentedEnum):
 class StopMode(DocumentedEnum):
     """What the outputs do to stop the wheels."""
 
+    # COAST and BRAKE are the values of the parameter stop_mode, which the firmware casts to this.
     CONFIGURED = 0, "As the parameter stop_mode says."
     COAST = 1, "Outputs off."
     BRAKE = 2, "Windings shorted for brake_time_s, then outputs off."
@@ -159,6 +161,7 @@ class Board(DocumentedEnum):
 class Fault(DocumentedFlag):
     """Latched fault flags; any of them stops both wheels."""
 
+    # WheelState and Event carry 16 bits of these.
     LEFT_NOT_COUNTING = (
         1,
         "The left wheel was driven hard and did not count: "
@@ -229,6 +232,8 @@ class Capability(DocumentedFlag):
     RESTART = 16, "Restarts when it is asked to."
 
 
+# The schema hash covers names, values and order of all of these: with a new member, host and
+# firmware have to be of one release. The docs are not part of it.
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     SupervisorState,
     SupervisorEvent,

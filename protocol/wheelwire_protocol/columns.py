@@ -32,12 +32,15 @@ def decode_columns(data: bytes | bytearray | memoryview, codec: Codec) -> NDArra
         good &= payloads[0] == codec.id
         good &= _crc32(payloads) == CRC_RESIDUE
         rows = np.ascontiguousarray(payloads[HEADER_SIZE:-CRC_SIZE].T)
+        # Selecting by a mask copies the rows, which most blocks of a good capture can do without.
         bodies.append(rows if good.all() else rows[good])
     return np.concatenate(bodies)
 
 
 def _chunk_starts(stream: NDArray[np.uint8], length: int) -> Iterator[NDArray[np.intp]]:
     """The offsets of all chunks of `length` bytes between delimiters, block by block."""
+    # As if one stood before the first byte: a capture may begin with a frame whose first delimiter
+    # it lacks.
     last_delimiter = -1
     for begin in range(0, len(stream), _BLOCK_SIZE):
         delimiters = begin + np.flatnonzero(stream[begin : begin + _BLOCK_SIZE] == 0)
@@ -54,11 +57,13 @@ def _decode_cobs(
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Decode chunks of `size` + 1 bytes: payloads in columns, and which of the chunks are COBS."""
     chunks = np.lib.stride_tricks.sliding_window_view(stream, size + 1)[starts]
+    # One row for each position, contiguous, since each step below works on one position of all.
     chunks = np.ascontiguousarray(chunks.T)
     # Where each chunk's next code byte is. A code that points beyond byte 255 wraps to a byte
     # already passed: no further code is found, and the chunk does not end where it must.
     code_at = np.zeros(len(starts), np.uint8)
     for position, place in enumerate(chunks):
+        # A mask: 0xff for the chunks whose next code byte is here, 0 for the others.
         is_code = np.negative((code_at == position).view(np.uint8))
         code = place & is_code
         code_at += code
@@ -83,5 +88,6 @@ def _crc32(columns: NDArray[np.uint8]) -> NDArray[np.uint32]:
     for word in columns[:even:2] | columns[1:even:2].astype(np.uint16) << 8:
         register = table.take(register.astype(np.uint16) ^ word) ^ register >> 16
     for byte in columns[even:]:
+        # Entry n * 256 is what the 8 bits of n leave: the zeros below them shift out first.
         register = table[::256].take(register.astype(np.uint8) ^ byte) ^ register >> 8
     return ~register

@@ -48,10 +48,13 @@ class NativeDecoder:
 
     def __init__(self) -> None:
         library = native.load()
+        # Looked up once, as `feed` runs for every read of the port.
         self._feed = library.wheelwire_decoder_feed
         self._destroy = library.wheelwire_decoder_destroy
         self._library = library
         bodies, runs = _Bodies(), _Runs()
+        # The views keep alive what the library writes to. They are cast by way of bytes: a view
+        # in ctypes' own format can neither be indexed nor be cast to another number.
         self._bodies = memoryview(bodies).cast("B")
         self._runs = memoryview(runs).cast("B").cast("I")
         self._handle = library.wheelwire_decoder_create(
@@ -61,6 +64,7 @@ class NativeDecoder:
             raise MemoryError("no memory for a decoder")
 
     def __del__(self) -> None:
+        # There is no attribute if loading the library failed.
         if getattr(self, "_handle", None):
             self._destroy(self._handle)
 
@@ -75,6 +79,7 @@ class NativeDecoder:
         """
         size = len(data)
         if size > _PART_SIZE or type(data) is not bytes:
+            # The buffers have room for one part, and ctypes takes nothing but bytes for a char*.
             return self._feed_in_parts(memoryview(data))
         count = self._feed(self._handle, data, size)
         if count == 0:
@@ -119,4 +124,5 @@ class NativeDecoder:
         return messages
 
 
+# Type checkers see one class: both have the same methods.
 Decoder = NativeDecoder if TYPE_CHECKING or native.is_present() else PythonDecoder

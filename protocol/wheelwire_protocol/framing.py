@@ -84,12 +84,15 @@ class PythonDecoder:
         Returns:
             The messages of the frames that were completed by `data`, in order.
         """
+        # By `split`, since a loop over the bytes costs more than all the rest of the decoder.
         chunks = (self._partial + data).split(DELIMITER)
+        # The last one has no delimiter behind it yet.
         self._partial = chunks.pop()
         if self._overlong and chunks:
             chunks[0] = b""  # the tail of an overlong chunk, which was counted already
             self._overlong = False
         if len(self._partial) > MAX_ENCODED:
+            # Counted here, not at its end: a line without delimiters is to be noticed, too.
             self.counters.bad_cobs += not self._overlong
             self._overlong = True
         if self._overlong:
@@ -111,6 +114,8 @@ class PythonDecoder:
         frames: list[tuple[type[Any], tuple[Any, ...]]] = []
         for chunk in filter(None, chunks):
             try:
+                # All that can fail comes before the CRC, so that good chunks pass one `try` only.
+                # Fields of a chunk with a wrong CRC are dropped below.
                 payload = _unstuff(chunk)
                 message_id, seq = _HEADER.unpack_from(payload)
                 message_type, unpack = _KNOWN[message_id]
@@ -133,6 +138,7 @@ class PythonDecoder:
 
     def _reject(self, chunk: bytes, expected: int | None, taken: int) -> int | None:
         """Count a chunk that is not a valid, known message; returns the seq to expect."""
+        # The checks are in the order of SPEC.md: the first one that fails gives the counter.
         try:
             payload = _unstuff(chunk)
         except ValueError:
@@ -148,6 +154,7 @@ class PythonDecoder:
             self.counters.wrong_length += 1
         else:
             self.counters.unknown_id += 1
+        # It arrived undamaged, so its number is not missing.
         return self._count_gap(seq, expected, taken, delivered=False) + 1
 
     def _count_gap(self, seq: int, expected: int | None, taken: int, *, delivered: bool) -> int:
@@ -170,11 +177,14 @@ class PythonDecoder:
             self._missed_at += delivered  # a late frame does not move the window
             return expected - 1
         if expected is None or ahead >= SEQ_MODULUS // 2:
+            # The sender started anew: nothing that was missing before can come late any more.
             self._missed = 0
         else:
             self.counters.seq_lost += ahead
+            # Shifts in `ahead` bits that are set, one for each frame that is missing.
             self._missed = (self._missed + 1 << ahead) - 1 & _WINDOW
         if not delivered:
+            # A delivered frame raises the next call's `taken`, which shifts. This one does not.
             self._missed = self._missed << 1 & _WINDOW
         return seq
 
@@ -193,6 +203,7 @@ def _unstuff(chunk: bytes) -> bytes:
     """
     payload = bytearray(chunk)
     at = 0
+    # Ends, because no code is zero: the chunk has no zeros.
     while at < len(payload):
         code = payload[at]
         payload[at] = 0
@@ -225,6 +236,8 @@ class Encoder:
             struct.error: A field does not fit its wire type.
         """
         codec = BY_TYPE[type(message)]
+        # Packed before a number is drawn: a field that does not fit raises, and a number that is
+        # never sent would count as a lost frame on the other side.
         body = codec.pack_body(*message)
         number = next(self._numbers)  # atomic: two threads never get the same
         self.encoded = number + 1

@@ -40,6 +40,7 @@ class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type i
         """The `struct` format character(s) of the value, without byte order."""
         if self.is_text:
             return f"{self.subcon.length}s"
+        # construct's own format begins with the byte order.
         return str(self.subcon.fmtstr[1:])
 
 

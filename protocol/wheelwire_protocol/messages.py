@@ -54,12 +54,15 @@ def _command() -> list[Field]:
     return [
         _session(),
         field("command_seq", Int32ul, Unit.NONE, "Counts up; only a newer one is obeyed."),
+        # A moment, not a duration: a delay on the way can then only shorten a setpoint's life.
         field("expiry_us", Int64ul, Unit.MICROSECOND, "Device clock at which it expires."),
     ]
 
 
 # --- from the host -----------------------------------------------------------------------------
 
+# Frozen are the messages by which any host can identify any device and stop it, whatever releases
+# the two are of. Their ids and layouts never change.
 HELLO = Message(
     id=0x01,
     name="Hello",
@@ -78,6 +81,7 @@ STOP = Message(
     body=Struct(
         _session(),
         _request(),
+        # Else a setpoint that was sent before the stop and arrives after it would drive again.
         field(
             "command_seq",
             Int32ul,
@@ -247,6 +251,7 @@ BOARD_WRITE = Message(
     id=0x21,
     name="BoardWrite",
     doc="Stores a board, to be tried from the next restart on. Only while stopped.",
+    # The board last: the firmware copies it to and from the end of the body as it is packed.
     body=Struct(_session(), _request(), *board_fields()),
     group=Group.BOARD,
 )
@@ -260,11 +265,14 @@ BOARD_CONFIRM = Message(
 
 # --- from the device ---------------------------------------------------------------------------
 
+# The upper half of the ids: a device knows none of them, so that an echo of its own frames does
+# nothing.
 DEVICE_HELLO = Message(
     id=0x80,
     name="DeviceHello",
     doc="Answers Hello: who this is, and whether the session is open.",
     body=Struct(
+        # Shows which hello this answers: a late answer to a former one must not open a session.
         field("nonce", Int32ul, Unit.NONE, "The host's, repeated."),
         field("protocol_version", Int16ul, Unit.NONE, "Of the device."),
         field("schema_hash", Int32ul, Unit.NONE, "Of the device's message definitions."),
@@ -293,6 +301,7 @@ WHEEL_STATE = Message(
     doc="Both encoders, latched at the same instant, and the state of the controller.",
     body=Struct(
         _boot(),
+        # 32 bits, since each byte counts in the message that is sent most: the host extends them.
         field(
             "t_us", Int32ul, Unit.MICROSECOND, "Device clock at the latch. Wraps after 71.6 min."
         ),
@@ -362,6 +371,7 @@ PARAMETER_ENTRY = Message(
         _session(),
         _request(),
         field("parameter_index", Int8ul, Unit.NONE, "As asked."),
+        # In every entry: the host learns from the first one how many to ask for.
         field("parameter_count", Int8ul, Unit.NONE, "How many parameters there are."),
         _parameter(),
         field("value", Float32l, Unit.NONE, "In force."),
@@ -465,6 +475,7 @@ BOARD_VALUE = Message(
     group=Group.BOARD,
 )
 
+# The order counts: each group's hash covers its layouts in this order.
 MESSAGES: tuple[Message, ...] = (
     HELLO,
     STOP,
@@ -502,4 +513,6 @@ MESSAGES: tuple[Message, ...] = (
     BOARD_VALUE,
 )
 
+# It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders
+# rely on that.
 MAX_PAYLOAD = max(message.payload_size for message in MESSAGES)

@@ -26,7 +26,9 @@ ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
 
 _PACKAGE = Path(__file__).parent
+# The repository's root, if this is a checkout. For an installed package it is any directory.
 _CHECKOUT = _PACKAGE.parents[1]
+# The capacity of the core's own buffer, so that one call empties it.
 _TAKE_SIZE = 4096
 _MOST_ISSUES = 100
 
@@ -94,12 +96,15 @@ class Core:
         stored: bytes = b"",
         save: Callable[[bytes], bool] = lambda _block: False,
     ) -> None:
+        # Set first: `__del__` reads it, also when the library is missing.
         self._handle: int | None = None
         self._library = load()
+        # Every call writes to the same structure; `values` copies it before the caller sees it.
         self._outputs = _Outputs()
         self._taken = ctypes.create_string_buffer(_TAKE_SIZE)
 
         def saved(_context: object, block: int | None, size: int) -> int:
+            # The core erases its store with a null pointer, which ctypes hands over as None.
             return save(ctypes.string_at(block, size) if block else b"")
 
         self._save = _SAVE(saved)  # ctypes keeps no reference; must live as long as the core
@@ -209,10 +214,12 @@ class Core:
     def take(self) -> bytes:
         """Take all bytes for the host."""
         size = self._library.wheelwire_core_take(self._live, self._taken, _TAKE_SIZE)
+        # Not `self._taken.raw[:size]`, which copies the whole buffer first.
         return ctypes.string_at(self._taken, size)
 
     def close(self) -> None:
         """Free the core. Safe to call more than once."""
+        # Forgotten before it is freed: a later call raises, and cannot reach freed memory.
         handle, self._handle = self._handle, None
         if handle:
             self._library.wheelwire_core_destroy(handle)
@@ -253,6 +260,7 @@ def check_board(packed: bytes) -> list[BoardIssue]:
     """
     issues = (_BoardIssue * _MOST_ISSUES)()
     count = load().wheelwire_board_check(packed, len(packed), issues, _MOST_ISSUES)
+    # The core counts all issues, also those that it had no room to write.
     return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
 
 
@@ -313,9 +321,12 @@ def load() -> ctypes.PyDLL:
             f"the firmware's core cannot be loaded: {reason}; {_remedy()}"
         ) from None
     try:
+        # Nothing is declared yet, so ctypes takes the hash for a signed int.
         release = library.wheelwire_abi(), library.wheelwire_schema_hash() & 0xFFFFFFFF
     except AttributeError:
+        # A library without these functions is of another release as well.
         release = (0, 0)
+    # Before `_declare`, which would fail on a function that the other release does not have.
     if release != (ABI, SCHEMA_HASH):
         raise NativeMissingError(f"{path} is of another release; {_remedy()}")
     _declare(library)
@@ -325,6 +336,7 @@ def load() -> ctypes.PyDLL:
 @cache
 def load_unlocked() -> ctypes.CDLL:
     """As `load`, but other threads run during its calls."""
+    # The same file once more: the handle's class decides whether a call keeps the lock.
     library = ctypes.CDLL(load()._name)
     _declare(library)
     return library
@@ -343,6 +355,8 @@ def _remedy() -> str:
     return remedy()
 
 
+# The structures below have the fields of `wheelwire_core.h`, in its order and with its types. No
+# compiler compares them: a change there has to count ABI up, or memory is misread.
 class _Identity(ctypes.Structure):
     _fields_ = (
         ("board_id", ctypes.c_uint64),
@@ -426,9 +440,12 @@ class Counters64(ctypes.Structure):
     )
 
 
+# The block is a void pointer: a char pointer would arrive as bytes that end at the first zero.
 _SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
 _CORE = _DECODER = ctypes.c_void_p
 _BUFFER = ctypes.c_void_p
+# Result and arguments. What is not declared, ctypes takes for an int: a handle would lose its upper
+# half where pointers have 64 bits.
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_core_create": (
         _CORE,

@@ -80,6 +80,9 @@ def _switch(id_: int, name: str, changes: Changes, default: bool, doc: str) -> P
 
 _ALWAYS, _STOPPED, _RELEASED = Changes.ALWAYS, Changes.STOPPED, Changes.RELEASED
 
+# Ids count up from 1 without a gap, as the firmware uses them as indices. A new parameter goes at
+# the end: saved blocks are keyed by id, so an id that changed its meaning would be misread.
+# A 32-bit float is exact for whole numbers up to 2^24, far above the largest one here.
 # Formatted by hand: a table is easiest to read in rows.
 # fmt: off
 PARAMETERS: tuple[Parameter, ...] = (

@@ -20,6 +20,7 @@ def payload_struct(message: Message) -> Any:
         "covered"
         / RawCopy(Struct("id" / Const(message.id, Int8ul), "seq" / Int16ul, "body" / message.body)),
         "crc" / Checksum(Int32ul, crc32, this.covered.data),
+        # Otherwise construct would accept bytes behind the CRC.
         Terminated,
     )
 

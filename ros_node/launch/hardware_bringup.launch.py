@@ -65,6 +65,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
     prefix = f"{prefix}/" if prefix else ""
     common = {
         "namespace": LaunchConfiguration("namespace"),
+        # /tf is an absolute name, which a namespace alone does not move.
         "remappings": [] if prefix else TF_BELOW_NAMESPACE,
         "output": "screen",
         "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
@@ -89,6 +90,7 @@ def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: di
         package="wheelwire_ros",
         executable="hardware_robot",
         name="hardware_robot",
+        # Of two values for one parameter the later one counts.
         parameters=[LaunchConfiguration("params_file"), {**given, **clock}],
         **common,
         **RESPAWN,

@@ -88,6 +88,7 @@ class CommandSubscriber:
         """Follow what is published on the topic."""
         publishers = self._node.get_publishers_info_by_topic(self._topic)
         types = [publisher.topic_type for publisher in publishers]
+        # A type is kept as long as anybody publishes it: two publishers must not alternate.
         if not self._is_fixed and self._type not in types:
             known = [name for name in TYPES if PACKAGE + name in types]
             if known:
@@ -121,12 +122,14 @@ class CommandSubscriber:
     def _obey(self, twist: Twist, stamp_ns: int | None, info: dict[str, int]) -> None:
         age_s = command_age_s(stamp_ns, self._node.get_clock().now().nanoseconds, _waited_ns(info))
         try:
+            # On the monotonic clock from here on, so that setting a clock extends no command.
             obeyed = self._connection.command(conversions.twist_of(twist), time.monotonic() - age_s)
             if self._limited is not None:
                 self._limited.publish(obeyed)
         except CommandIgnored as ignored:
             self._connection.gate.count(ignored)
             self._log(ignored)
+            # Perhaps the session is a new one; does nothing if it is prepared.
             self._prepare()
         else:
             self._last = None
@@ -138,6 +141,7 @@ class CommandSubscriber:
             self._last = ignored.reason
             logger.warning(str(ignored))
         else:
+            # A call of its own: rclpy throttles by the line of code.
             logger.warning(str(ignored), throttle_duration_sec=LOG_PERIOD_S)
 
 

@@ -75,4 +75,5 @@ def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
         waited_ns: Time since it was received by this computer.
     """
     since_stamped_ns = now_ns - stamp_ns if stamp_ns else 0
+    # At least 0: the clock that measured the wait may have been set back meanwhile.
     return max(0, waited_ns, since_stamped_ns) / 1e9

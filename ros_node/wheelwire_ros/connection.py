@@ -121,7 +121,8 @@ class RobotConnection:
         try:
             if self.estopped:
                 self._send_estop()  # first: nothing else may make the robot ready to drive
-            for name, value in self._given.items():
+            # A copy: another thread may be told a further value meanwhile.
+            for name, value in dict(self._given).items():
                 self.robot.parameters.set(name, value)
             self._on_session()
         except WheelwireError as error:
@@ -163,8 +164,10 @@ class RobotConnection:
             raise CommandIgnored(Ignored.ESTOPPED)
         if not self.is_prepared:
             if self.problem is not None:
+                # Raised for every command until it is solved: tracebacks must not pile up.
                 raise self.problem.with_traceback(None)
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+        # One reading of the geometry for the whole command: a new session may change it meanwhile.
         drive, now_s = self.drive, time.monotonic()
         limited = self._limiter.limit(twist, self.tuning.limits, now_s)
         wheels = drive.saturate(drive.wheel_velocities(limited))
@@ -173,20 +176,24 @@ class RobotConnection:
             # By its stamp, the command gains no life if this process is suspended meanwhile.
             self.robot.set_wheel_velocity(*wheels, self.gate.timeout_s, stamp=born_s)
         except InvalidCommand:
+            # It may have expired since the check above: then it is stale, not invalid.
             self.gate.check(born_s, time.monotonic())
             raise
+        # As scaled to the wheels' limit: the next command's acceleration counts from there.
         obeyed = drive.twist(wheels)
         self._limiter.obeyed(obeyed, now_s, born_s + self.gate.timeout_s - now_s)
         return obeyed
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
+        # The e-stop and the parameters first: a robot without its faults may be driven again.
         self.follow()
         self.robot.clear_fault()
         self._limiter.rest()
 
     def save_parameters(self) -> None:
         """Save the parameters; raises `WheelwireError` if that fails."""
+        # A robot that was reset would otherwise save what it has, not what the user gave.
         self.follow()
         self.robot.parameters.save()
 
@@ -228,6 +235,7 @@ class RobotConnection:
         Raises:
             WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
         """
+        # Both before it is sent: a clear that is under way notices it, and no new command is sent.
         self._estops += 1
         self.estopped = True
         self._limiter.rest()

@@ -60,6 +60,7 @@ def twist_of(message: Any) -> Twist:
 
 def heading_quaternion(heading_rad: float) -> Quaternion:
     """The quaternion of a rotation about z."""
+    # The heading need not be wrapped: a full turn changes both signs, which is the same rotation.
     return Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
 
 
@@ -72,6 +73,7 @@ def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:
     """
     matrix = [0.0] * 36
     matrix[::7] = base_diagonal
+    # Lists of floats: taking single numbers out of an array costs more than the sums.
     for row, values in zip(PLANAR, planar.tolist(), strict=True):
         for column, value in zip(PLANAR, values, strict=True):
             matrix[6 * row + column] += value

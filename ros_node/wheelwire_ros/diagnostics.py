@@ -83,6 +83,7 @@ def _link(
     name: str, hardware: str, driver_type: str, report: Report, identity: dict[str, str]
 ) -> DiagnosticStatus:
     robot = report.connection.robot
+    # The silence first: it may be why a session cannot be prepared.
     problem = report.silence or report.connection.problem
     level, message = OK, "connected"
     if problem is not None:
@@ -112,6 +113,7 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     values |= _control_counters(report.connection.robot)
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
+    # Before the silence: an e-stop of this node is in force even if the robot is not heard.
     if report.connection.estopped or sample.state.name == "ESTOPPED":
         return _status(subject, ERROR, "the e-stop is set", hardware, values)
     if report.silence is not None:
@@ -127,6 +129,7 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:
     """The latest counters of the control loop and the encoders; empty for other drivers."""
     latest = getattr(robot, "latest_control_counters", None)
+    # Each call asks the robot without waiting, so this is the answer to the last report's call.
     counters = latest() if latest is not None else None
     if counters is None:
         return {}
@@ -141,6 +144,7 @@ def _control_counters(robot: BaseDriver) -> dict[str, Any]:
 
 def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
     gate = report.connection.gate
+    # Sorted by text, since the members of an Enum have no order.
     ignored = {f"ignored_{r.name.lower()}": n for r, n in sorted(gate.ignored.items(), key=str)}
     values = {"obeyed": gate.obeyed, "ignored": sum(gate.ignored.values()), **ignored}
     level, message = OK, f"{gate.obeyed} obeyed, {sum(gate.ignored.values())} ignored"

@@ -81,6 +81,7 @@ class MotionEstimator:
             covariance = self._covariance.update(update, drive.wheel_separation)
             travel = sample.since(self._last or sample)
             self._last = sample
+            # Summed up here, since the device's counters wrap, and begin anew after a reset.
             self._left_ticks += travel.left
             self._right_ticks += travel.right
             return RobotMotion(
@@ -102,4 +103,5 @@ class MotionEstimator:
 
 def _wheel(ticks: int, rim_mps: float, drive: DifferentialDrive) -> WheelMotion:
     turns = ticks / drive.counts_per_revolution
+    # By the nominal radius, without calibration: with it the robot computed the rim's velocity.
     return WheelMotion(turns * 2 * math.pi, rim_mps / drive.wheel_radius)

@@ -82,10 +82,13 @@ class HardwareRobot(BaseRobotNode):
         if given or self.setting("any_board") or self._first_board is None:
             return given or None
         port, board_id = self._first_board
+        # Whoever names another port means another robot.
         return board_id if port == self.setting("port") else None
 
     def _options(self) -> dict[str, Any]:
         rate_hz = sampling_rate_hz(self.setting("publish_rate"))
+        # A core on this computer gets them before it starts, so that those count as well which
+        # take effect at a start only. A board on a line is given its own by the connection.
         local: dict[str, Any] = {"parameters": {**self.given_parameters, "stream_rate_hz": rate_hz}}
         if self.driver_type == "serial":
             return {
@@ -105,6 +108,7 @@ class HardwareRobot(BaseRobotNode):
         if self.driver_type == "pigpio":
             daemon = {"host": self.setting("pigpio_host"), "port": self.setting("pigpio_port")}
             return {**local, **daemon, "pins": self._pins()}
+        # A driver of another package, whose options are not known here.
         return {}
 
     def _pins(self) -> Pins:
@@ -138,6 +142,7 @@ def _init(args: list[str] | None) -> str:
     try:
         rclpy.init(args=given)
     except RuntimeError as error:
+        # Only the text tells this error from rclpy's others.
         if "params file" not in str(error):
             raise
         rclpy.init(args=_without_files(given))

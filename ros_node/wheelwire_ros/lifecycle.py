@@ -35,6 +35,7 @@ class Autostart:
         self._timer.cancel()
 
     def _begin(self) -> None:
+        # An attempt on a silent robot takes longer than a period: they must not queue up.
         if self._timer.is_canceled() or self._is_trying:
             return
         self._is_trying = True
@@ -67,6 +68,7 @@ def defer_transitions(node: Any, threads: NodeThreads) -> None:
     """
     for service in node.services:
         if service.srv_type is ChangeState:
+            # First this one: `defer` takes the callback that it finds into the lane.
             service.callback = _refusing(node, service.callback)
             threads.defer(service, threads.transitions)
 

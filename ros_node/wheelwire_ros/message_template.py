@@ -32,6 +32,7 @@ class MessageTemplate:
     """
 
     def __init__(self, message: Any, fields: Sequence[tuple[str, str]]) -> None:
+        # The same numbers in every process: whether each is found once does not depend on luck.
         chance = random.Random(1)
         self._fields: list[tuple[struct.Struct, int]] = []
         marked: list[tuple[str, bytes]] = []
@@ -39,6 +40,7 @@ class MessageTemplate:
             code = struct.Struct(NATIVE + format_)
             count = len(code.unpack(bytes(code.size)))
             is_real = format_[-1] == "d"
+            # Whole numbers are below 2^29, so that they fit signed fields of 32 bits, too.
             marks = [
                 chance.random() if is_real else chance.randrange(1 << 29) for _ in range(count)
             ]
@@ -47,6 +49,7 @@ class MessageTemplate:
         self._buffer = bytearray(serialize_message(message))
         for (path, mark), (_, format_) in zip(marked, fields, strict=True):
             if self._buffer.count(mark) != 1:
+                # A number in the wrong place would be published as a good message.
                 raise ValueError(f"{path} is not found in the serialised {type(message).__name__}")
             self._fields.append((struct.Struct(NATIVE + format_), self._buffer.index(mark)))
 

@@ -45,6 +45,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def __init__(self, name: str, settings: Iterable[Setting] = (), problem: str = "") -> None:
         super().__init__(name)
         forward_library_log(self.get_logger())
+        # Before the other parts, which read the parameters that it declares.
         self._bridge = ParameterBridge(self, settings, self._use_settings, problem)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
@@ -58,6 +59,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         RobotServices(self, threads)
         defer_transitions(self, threads)
         self._bridge.defer_requests(threads)
+        # By the node's own clock it would wait for /clock when use_sim_time is set.
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
         self._autostart = Autostart(self, threads) if self.setting("autostart") else None
         self.update_state()
@@ -95,6 +97,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def close(self) -> None:
         """Stop the wheels, then release everything, for good. Safe to call more than once."""
+        # Before the threads, which may take seconds to end.
         self._close_robot()
         self._threads.close()
         self._close_robot()  # a transition that was under way may have opened it
@@ -128,6 +131,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Publish /diagnostics; called every second, and at once when something changes."""
         open_robot = self._open
         if open_robot is not None:
+            # Once a second another attempt, if the last one to prepare the session failed.
             open_robot.prepare_soon()
         message = DiagnosticArray(status=self._statuses(open_robot))
         message.header.stamp = self.get_clock().now().to_msg()
@@ -154,6 +158,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             )
         except WheelwireError as error:
             self._closed_because = str(error)
+            # The node stays unconfigured, so that Autostart or the user can try again.
             return FAILURE
         except Exception:
             self.get_logger().error(traceback.format_exc())  # rclpy would not log it
@@ -170,12 +175,14 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Start obeying commands."""
         result = super().on_activate(state)
         if self._open is not None:
+            # After the publishers were enabled, which drop what they are given before.
             self._open.connection.active = True
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the wheels and ignore commands."""
         if self._open is not None:
+            # First, so that no command follows the stop: it waits for one that is being sent.
             self._open.connection.active = False
             try:
                 self._open.connection.stop()
@@ -200,9 +207,11 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self.get_logger().error(
             f"the transition from {state.label} failed: the node must be configured again"
         )
+        # Leads to unconfigured; anything else would finalise the node for good.
         return SUCCESS
 
     def _close_robot(self) -> None:
+        # Taken away before it is closed: other threads then find no robot, not a closing one.
         open_robot, self._open = self._open, None
         self._bridge.connection = None
         if open_robot is not None:

@@ -72,6 +72,7 @@ class OpenRobot:
 
     def close(self) -> None:
         """Stop the wheels, then release everything, in reverse order."""
+        # What the threads report from here on comes of the closing, and is no failure.
         self._closing = True
         self.connection.active = False
         self.connection.robot.shutdown()  # it stops first
@@ -81,6 +82,7 @@ class OpenRobot:
         """Have the session prepared if it is a new one, without waiting for it."""
         if self._preparing or self.connection.is_prepared:
             return
+        # Not locked: if two threads come here at once, the second preparation has nothing to do.
         self._preparing = True
         with suppress(RuntimeError):  # the lane is closed, and so is the robot soon
             self._threads.requests.submit(self._prepare)
@@ -141,6 +143,7 @@ class OpenRobot:
             robot_settings.tuning(get),
             self._on_session,
         )
+        # All of this before `follow`, which sends the e-stop first, and then calls `_on_session`.
         self.connection.estopped = estopped
         self.estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
         self._twist = RollingTwist(get("velocity_rolling_window_size"))
@@ -149,6 +152,7 @@ class OpenRobot:
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
         node, threads = self._node, self._threads
+        # Waits for the first sample, which tells whether there is a topic for the battery.
         has_battery = robot.read().battery_v is not None
         topics = robot_settings.topics(node.setting, has_battery=has_battery)
         self._publisher = MotionPublisher(node, threads, topics)
@@ -166,6 +170,7 @@ class OpenRobot:
             limited,
         )
         resources.callback(self._commands.destroy)
+        # The last to begin and the first to end: its callbacks use all of the above.
         self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
         resources.callback(self._reader.close)
 
@@ -194,7 +199,9 @@ class OpenRobot:
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
+        # Each one, also while the node is inactive: the robot may be pushed, and the pose follows.
         motion = self._twist.smooth(self.estimator.update(sample), sample.boot_id)
+        # A signal may end rclpy's context at any moment, after which nothing can be published.
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:

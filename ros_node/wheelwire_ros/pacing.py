@@ -35,6 +35,7 @@ class Pacer:
     def is_due(self, sample: WheelSample) -> bool:
         """Whether to publish this sample."""
         if sample.boot_id != self._boot_id:
+            # The device's clock began anew.
             self._boot_id = sample.boot_id
             self._due_us = sample.t_us
         if sample.t_us < self._due_us - EARLY * self._period_us:
@@ -42,5 +43,6 @@ class Pacer:
         late_us = sample.t_us - self._due_us
         if late_us > self._period_us:
             self._due_us = sample.t_us  # no burst after a gap
+        # From the due time, not from the sample's: otherwise each late one would lower the rate.
         self._due_us += self._period_us
         return True

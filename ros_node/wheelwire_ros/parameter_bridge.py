@@ -52,6 +52,7 @@ class ParameterBridge:
         """The thread in which `mirror` sets parameters; another one may set others meanwhile."""
         self._refused: dict[str, str] = {"parameter file": problem} if problem else {}
         parameters.declare(node, self._settings.values())
+        # Before the callbacks are added: values that agree only together are set one by one.
         self._start()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._use)
@@ -122,6 +123,7 @@ class ParameterBridge:
                 self.connection.set_parameters(of_robot)
             except WheelwireError as error:
                 return SetParametersResult(successful=False, reason=str(error))
+        # Without a robot, too: it is given them when it is opened.
         self.given.update(of_robot)
         return SetParametersResult(successful=True)
 
@@ -132,6 +134,7 @@ class ParameterBridge:
                 return f"{change.name}: {wrong}"
         new = {change.name: change.value for change in changes}
         for found in disagreements(lambda name: new.get(name, self._value_of(name))):
+            # One between other parameters must not keep these from being set.
             if not new.keys().isdisjoint(found.names):
                 return f"{', '.join(found.names)}: {found.reason}"
         if self.connection is not None:
@@ -149,6 +152,7 @@ class ParameterBridge:
 
     def _is_late(self, name: str, value: Any) -> bool:
         setting = self._settings.get(name)
+        # A value that is in force is not late: a whole file may be loaded once more.
         return setting is not None and not setting.live and not same(value, self._value_of(name))
 
     def _value_of(self, name: str) -> Any:
@@ -157,6 +161,7 @@ class ParameterBridge:
     def _use(self, changes: list[Parameter]) -> None:
         if self._mirroring:
             return
+        # Each of them was accepted: what was refused at the start is corrected.
         for change in changes:
             self._refused.pop(change.name, None)
         self._on_change()

@@ -100,6 +100,7 @@ def one_of(*choices: str) -> Check:
 def same(a: Any, b: Any) -> bool:
     """Whether two values are equal as the robot stores them, in 32 bits; NaN equals NaN."""
     if _is_number(a) and _is_number(b):
+        # A 32-bit float is off by up to 6e-8 of its value.
         return (math.isnan(a) and math.isnan(b)) or math.isclose(a, b, rel_tol=1e-6)
     if _is_list(a) and _is_list(b):
         return len(a) == len(b) and all(map(same, a, b))
@@ -107,6 +108,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
+    # To Python a bool is an int, to ROS it is another type.
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

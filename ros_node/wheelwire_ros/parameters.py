@@ -58,6 +58,7 @@ def _limits(axis: str, unit: str) -> tuple[Setting, ...]:
         doc += f" .NAN: no limit. [{unit}{derivative}]"
         return Setting(f"{axis}.{name}", math.nan, doc, live=True, check=check)
 
+    # Checks instead of ranges: rclpy refuses NaN for a parameter that has a range.
     high, low = checks.at_least_zero, checks.at_most_zero
     return (
         limit("max_velocity", high, "Limit of the robot's velocity."),
@@ -164,6 +165,7 @@ def declare(node: Any, settings: Iterable[Setting]) -> None:
             setting.name, setting.default, _describe(setting), ignore_override=True
         )
     for parameter in ROBOT_PARAMETERS.values():
+        # With a type in place of a default: what the robot has is not known before it is open.
         node.declare_parameter(
             parameter.name,
             _KIND_TYPES[parameter.kind],
@@ -184,6 +186,7 @@ def is_set(node: Any, name: str) -> bool:
 
 def from_robot(name: str, value: float) -> RosParameter:
     """Convert a robot's value to a ROS parameter."""
+    # On the wire each value is a float, and ROS refuses one for an integer or a switch.
     kind = PARAMETER_BY_NAME[name].kind
     native = {Kind.REAL: float, Kind.WHOLE: int, Kind.SWITCH: bool}[kind](value)
     return RosParameter(name, value=native)

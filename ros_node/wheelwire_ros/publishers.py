@@ -30,6 +30,7 @@ TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
 
 
+# What changes from sample to sample. The other components of a planar pose stay 0.
 STAMP = (("header.stamp.sec", "i"), ("header.stamp.nanosec", "I"))
 POSE = ("position.x", "d"), ("position.y", "d"), ("orientation.z", "d"), ("orientation.w", "d")
 AT_REST = RobotMotion(
@@ -99,6 +100,7 @@ class MotionPublisher:
         self._joints.publish(self._templates.joints(motion, stamp_ns))
         if topics.battery and motion.battery_v is not None and stamp_ns >= self._battery_due_ns:
             self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
+            # Once a second a message may be built the slow way, without a template.
             stamp = conversions.time_message(stamp_ns)
             self._battery.publish(
                 conversions.battery_message(motion.battery_v, stamp, topics.frames.base)
@@ -123,6 +125,7 @@ class MotionTemplates:
     def __init__(self, topics: MotionTopics) -> None:
         self._pose_diagonal = topics.pose_diagonal
         self._wheels = [len(names) for names in topics.joints]
+        # An array is serialised with its length, so a template is for one number of wheels.
         count = f"{sum(self._wheels)}d"
         stamp = conversions.time_message(0)
         odometry = conversions.odometry_message(

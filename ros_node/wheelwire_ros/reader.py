@@ -41,6 +41,7 @@ class SampleReader:
         self._on_change = on_change
         self._on_failure = on_failure
         self._closing = threading.Event()
+        # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
         self._thread.start()
 
@@ -78,6 +79,7 @@ class SampleReader:
                 self._note_silence(error)
                 boot_id = None  # the next sample is a change, even of the same boot
                 continue
+            # `close` may have been called while it waited: no callback may run any more.
             if self._closing.is_set():
                 return
             self.silence, unexplained = None, 0

@@ -43,6 +43,7 @@ class JointReplay:
         radius_m = self.estimator.drive.wheel_radius
         return self.estimator.update(
             WheelSample(
+                # One boot for all: angles continue across a reset of the device.
                 boot_id=0,
                 t_us=stamp_ns // 1000,
                 left_ticks=self._ticks(message.position[left]),
@@ -63,4 +64,5 @@ class JointReplay:
 
     def _ticks(self, angle_rad: float) -> int:
         turns = angle_rad / (2 * math.pi)
+        # Wrapped as the device's counters are: the estimator expects 32 bits.
         return round(turns * self.estimator.drive.counts_per_revolution) % TICK_MODULUS

@@ -91,6 +91,7 @@ def of_robot(
         prepared: Whether it has been.
         estopped: Whether this node has set the e-stop.
     """
+    # The first of these that applies hides the rest: what lies behind a lost link is not known.
     if silence is not None:
         link, cause = "lost", f"the robot cannot be reached: {silence}"
     elif problem is not None:
@@ -152,6 +153,7 @@ class StateReporter:
         """One line for what a person should know; driving and standing still is not told."""
         logger = self._node.get_logger()
         if state.cause == PREPARING or (before is None and state.cause == NOT_CONFIGURED):
+            # Every start and every reconnection begins like this: only what follows is told.
             return
         cause = before.cause if before is not None else ""
         if state.cause == NOT_CONFIGURED:

@@ -36,6 +36,7 @@ class RobotServices:
         for name, action in waiting.items():
             service = node.create_service(Trigger, f"~/{name}", self._trigger(action))
             threads.defer(service, threads.requests)
+        # In the general thread, since it does not ask the robot.
         node.create_service(Trigger, "~/reset_odometry", self._trigger(_reset_odometry))
 
     def _estop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -47,6 +48,7 @@ class RobotServices:
             return "the e-stop is cleared"
 
         answer = _answer(act, response)
+        # After a failure as well: the e-stop is noted even where the robot cannot be reached.
         self._node.update_state()
         return answer
 
@@ -65,6 +67,7 @@ class RobotServices:
 
 
 def _clear_fault(robot: OpenRobot) -> str:
+    # Read first: once they are cleared nothing tells which they were.
     faults = robot.faults
     robot.connection.clear_fault()
     again = [fault for fault in faults if fault.endswith(SEEN_WHEN_DRIVEN)]

@@ -62,6 +62,7 @@ class AxisLimits:
         The jerk limits how an acceleration builds up. It may end at once, so the velocity never
         passes its target.
         """
+        # 0 is always allowed: that is the acceleration that ends at once.
         least = min(0.0, last.acceleration - _bound(self.min_jerk, self.max_jerk) * dt_s)
         most = max(0.0, last.acceleration + _bound(self.max_jerk, _NAN) * dt_s)
         low, high = last.velocity + least * dt_s, last.velocity + most * dt_s
@@ -76,6 +77,7 @@ class AxisLimits:
                 return start - math.copysign(slowing, start)
             if goal == target:
                 return target
+            # It stands before the step is over: the rest of the step is for the other direction.
             dt_s *= 1 - abs(start) / slowing
             start = 0.0
         gain = self._acceleration(target) * dt_s
@@ -129,6 +131,7 @@ class _Last(NamedTuple):
         """How much time a command at `now_s` may use for a change."""
         if self.at_s == -math.inf:
             return FIRST_STEP_S
+        # Above 0, since an unlimited jerk is infinity, and infinity times 0 is NaN.
         return min(max(now_s - self.at_s, MIN_STEP_S), MAX_STEP_S)
 
 
@@ -153,6 +156,8 @@ class SpeedLimiter:
         linear, angular = limits
         # Both by one factor, so that the path keeps its curvature.
         excess = max(linear.excess(twist.linear_mps), angular.excess(twist.angular_radps))
+        # Clamped after the ramp, which starts from the last command: that may be above a limit that
+        # was lowered since.
         return Twist(
             linear.clamp(linear.ramp(twist.linear_mps / excess, last.linear, dt_s)),
             angular.clamp(angular.ramp(twist.angular_radps / excess, last.angular, dt_s)),
@@ -175,6 +180,7 @@ class SpeedLimiter:
 
     def _last_at(self, now_s: float) -> _Last:
         last = self._last
+        # A command that has expired ended with a stop, so the next one starts from zero.
         return last if now_s < last.until_s else _Last()
 
 

@@ -44,6 +44,7 @@ class StartValues:
         expected = _Type(node.describe_parameter(name).type)
         adapted = _adapt(name, parameter, expected)
         other = self.values.setdefault(name, adapted)
+        # Equal ones are no conflict: one file may serve this node and another package's.
         if not (other.type_ == adapted.type_ and same(other.value, adapted.value)):
             self.conflicts[name] = (
                 f"{given_as} is another name of {name}, and they differ "
@@ -54,6 +55,7 @@ class StartValues:
 def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
     """The parameter with its value as the declared type; unchanged where that loses something."""
     type_, value = parameter.type_, parameter.value
+    # To YAML a number without a point is an integer, and rclpy never converts.
     if (type_, expected) == (_Type.INTEGER, _Type.DOUBLE):
         value = float(value)
     elif (type_, expected) == (_Type.DOUBLE, _Type.INTEGER) and value.is_integer():

@@ -95,6 +95,8 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
             else:
                 done.set_result(None)
 
+        # A task, not a guard condition: rclpy marks a triggered one on the node's side, so that
+        # either executor could run it.
         self.create_task(run)
         while not wait([done], SPIN_ENDED_S).done:
             if not self.spins.is_set() and not done.done():  # it ended before it came to this
@@ -130,6 +132,7 @@ class NodeThreads:
         self.requests = ThreadPoolExecutor(1, "wheelwire requests")
         self.transitions = ThreadPoolExecutor(1, "wheelwire transitions")
         self._general = _Executor(node, lambda group: group is not self.urgent, GENERAL_PAUSE_S)
+        # The urgent one finds the node by `get_nodes` alone: a node belongs to one executor.
         self._general.add_node(node)
         self._urgent = _Executor(node, lambda group: group is self.urgent)
         self._thread = threading.Thread(target=self._run_urgent, name="urgent callbacks")
@@ -138,6 +141,7 @@ class NodeThreads:
         """Run all callbacks until the context is shut down; raises what a callback raises."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._thread.start()
+        # Until it spins, `run_urgently` would run its callback in the caller's thread.
         self._urgent.spins.wait()
         self._general.spin()
 
@@ -148,6 +152,7 @@ class NodeThreads:
         """
         for lane in (self.stops, self.requests):
             lane.shutdown(wait=False, cancel_futures=True)
+        # Waited for, because it may be opening the robot, which its node then has to close.
         self.transitions.shutdown(wait=True, cancel_futures=True)
         self._urgent.shutdown(0)
         if self._thread.is_alive():
@@ -177,6 +182,7 @@ class NodeThreads:
         def raise_it() -> None:
             raise error
 
+        # An executor raises what its tasks raise, out of `spin`.
         self.call_soon(raise_it)
 
     def urgent_service(self, node: Any, type_: Any, name: str, action: Serve) -> Any:
@@ -217,6 +223,7 @@ class NodeThreads:
         done = RosFuture(executor=executor)
 
         def finish(_: object) -> None:
+            # Only a sign: the coroutine takes the result, or the error, from the call itself.
             done.set_result(None)
             executor.wake()  # rclpy looks at waiting coroutines only when something has come
 
@@ -229,4 +236,5 @@ class NodeThreads:
             with suppress(ExternalShutdownException):
                 self._urgent.spin()
         except Exception as error:
+            # Otherwise only this thread would end: the node would go on, and obey no command.
             self.fail(error)

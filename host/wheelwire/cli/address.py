@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import sys
 from collections.abc import Collection, Iterator
@@ -32,6 +33,12 @@ def complete_robot(incomplete: str) -> Iterator[tuple[str, str]]:
     for address, meaning in (*found, (MOCK, "a simulated robot")):
         if address.startswith(incomplete):
             yield address, meaning
+
+
+def complete_yaml(incomplete: str) -> Iterator[tuple[str, str]]:
+    """The YAML files whose path, relative or absolute, begins with what was typed."""
+    for path in sorted(glob.glob(f"{glob.escape(incomplete)}*.y*ml")):  # noqa: PTH207 - absolute
+        yield path, "a file"
 
 
 def complete_robot_or_name(incomplete: str) -> Iterator[tuple[str, str]]:
@@ -87,6 +94,7 @@ class Address:
         from wheelwire.drivers.factory import open_driver
         from wheelwire.drivers.serial import DEFAULT_BAUD_RATE
 
+        # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
         if self.text != MOCK and not self.text.endswith(_FILES):
             return open_driver("serial", port=self.text, baud_rate=baud_rate or DEFAULT_BAUD_RATE)
         if baud_rate is not None:
@@ -109,6 +117,7 @@ class Address:
         if port.endswith(_FILES):
             robot = _load(port)
             port = robot.serial.port if robot.driver == "serial" else robot.driver
+        # None of these is a line on which a chip's boot ROM answers.
         if port == MOCK or port.startswith(("socket:", "unix:")) or port in ("l298n", "pigpio"):
             raise InvalidArgument(
                 f"{self.text} is not a serial port: give the port that the board is plugged in to "
@@ -132,6 +141,7 @@ class Address:
             return
         robot = _load(self.text)
         if robot.driver != "serial":
+            # What its store has saved overrides the values in the file.
             if save and robot.store is None:
                 raise InvalidArgument(
                     f"{self.text} does not say where this robot saves its parameters: "
@@ -149,6 +159,7 @@ def outlives_commands(driver: BaseDriver) -> bool:
     """Whether the robot's core keeps running after `close`, with its e-stop and parameters."""
     from wheelwire.drivers.serial import SerialDriver
 
+    # The other built-in drivers start the core's process themselves, and end it.
     return isinstance(driver, SerialDriver)
 
 
@@ -164,6 +175,7 @@ def _open_file(file: str, *, bare: bool) -> BaseDriver:
 
     if bare and (robot := _load(file)).driver == "serial":
         return open_driver("serial", port=robot.serial.port, baud_rate=robot.serial.baud_rate)
+    # The other drivers start a core of their own, which has no parameters before.
     return open_robot(file)
 
 
@@ -188,6 +200,7 @@ def resolve(
         return Address(given)
     if named := os.environ.get(ENVIRONMENT):
         if moves and not as_json:
+            # The name is not on this command line: tell which robot is about to move.
             _print_note(f"using {named}, named by {ENVIRONMENT}")
         return Address(named)
     port = _only_candidate()
@@ -217,6 +230,7 @@ def _only_candidate() -> SerialPort:
 
 
 def _confirm(device: str, chosen: str) -> None:
+    # The question goes to standard error; standard output may be a file or a pipe.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise RobotNotNamed(
             f"{chosen}, and there is no terminal to ask on: name the robot, "
@@ -232,6 +246,7 @@ def _print_note(text: str) -> None:
 
 def looks_like_address(text: str) -> bool:
     """Whether `text` must be ROBOT, in a place where a parameter's name is possible too."""
+    # A parameter's name is one even where a file is called the same.
     return text not in PARAMETER_BY_NAME and (
         text == MOCK or any(sign in text for sign in "/:.") or Path(text).exists()
     )

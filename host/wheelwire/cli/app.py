@@ -62,6 +62,7 @@ def run() -> None:
 
 
 def _result(arguments: list[str]) -> int:
+    # Not from the parsed options: the error may be that they cannot be parsed.
     as_json = "--json" in arguments
     try:
         return _run_app(arguments)
@@ -77,6 +78,7 @@ def _result(arguments: list[str]) -> int:
 
 def _run_app(arguments: list[str]) -> int:
     try:
+        # Not standalone: there Click would print errors in a form of its own, and exit.
         code = app(arguments, prog_name="wheelwire", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be reported
     except BrokenPipeError:

@@ -11,7 +11,14 @@ import typer
 
 from wheelwire.errors import ConfigurationError, InvalidArgument
 
-from .address import ROBOT_HELP, BaudOption, RobotArgument, complete_robot, resolve
+from .address import (
+    ROBOT_HELP,
+    BaudOption,
+    RobotArgument,
+    complete_robot,
+    complete_yaml,
+    resolve,
+)
 from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
 from .parameters import RobotCommand
 
@@ -32,8 +39,7 @@ def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
     for name in shipped_boards():
         if name.startswith(incomplete):
             yield name, "a built-in board"
-    for path in sorted(Path().glob(f"{incomplete}*.y*ml")):
-        yield str(path), "a file"
+    yield from complete_yaml(incomplete)
 
 
 NameArgument = Annotated[
@@ -184,11 +190,13 @@ def write(
     """
     from wheelwire.board_file import checked_board
 
+    # One list: Click cannot leave out the first of two arguments.
     given = list(arguments or ())
     if not given:
         raise UsageError("Missing argument 'FILE'", context)
     if len(given) > 2:
         raise UsageError(f"Unexpected argument '{given[2]}'", context)
+    # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
     wanted = checked_board(given[-1])
     with resolve(given[0] if len(given) > 1 else None, as_json=as_json).open(baud) as driver:
         _device_board(driver).take_up(wanted)
@@ -209,6 +217,7 @@ def read(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
     if as_json:
         print_json({"state": state, "board": board_mapping(found) if found else None})
         return
+    # The state is a comment of YAML, so that the output is a board's file.
     typer.echo(f"# {state.doc}")
     if found is not None:
         typer.echo(to_yaml(found), nl=False)
@@ -239,11 +248,13 @@ def init(
     """
     from wheelwire.board_file import to_yaml
 
+    # Before the questions, whose answers would be lost.
     if file.exists():
         raise ConfigurationError(f"{file} exists: choose another name, or remove it first")
     made = _ask_for_board(like)
     problems = made.problems()
     try:
+        # "x" also refuses a file that has appeared while the questions were answered.
         with file.open("x", encoding="utf-8") as out:
             out.write(to_yaml(made))
     except OSError as error:
@@ -267,6 +278,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     from wheelwire_protocol.board import CHIPS, STAGES, BoardLine, BoardPin, EncoderPulls, Stage
 
     base = load_board(like) if like else None
+    # Questions and hints go to standard error: with --json, standard output is the result alone.
     for stage, table in STAGES.items():
         typer.echo(f"{stage.name.lower()}: {table.parts}", err=True)
     chip = CHIP_BY_NAME[
@@ -283,14 +295,20 @@ def _ask_for_board(like: str | None) -> BoardDescription:
             encoder_pulls=base.encoder_pulls,
             encoder_filter_ns=base.encoder_filter_ns,
             battery_divider=base.battery_divider,
+            estop_contact=base.estop_contact,
         )
+    # The stage that was chosen may be slower than the one that the frequency was meant for.
     made = replace(made, pwm_frequency_hz=min(made.pwm_frequency_hz, _most_hz(made)))
-    if not _confirm("Do the chip's own pull-ups hold the encoders' outputs?", default=True):
+    internal = made.encoder_pulls is EncoderPulls.INTERNAL
+    if _confirm("Do the chip's own pull-ups hold the encoders' outputs?", default=internal):
+        made = replace(made, encoder_pulls=EncoderPulls.INTERNAL)
+    else:
         made = replace(made, encoder_pulls=EncoderPulls.EXTERNAL)
     wanted = [*STAGES[stage].inputs, "encoder_a", "encoder_b"]
     for side in ("left", "right"):
         for pin in wanted:
             made = _ask_for_pin(made, BoardPin[f"{side}_{pin}".upper()], base)
+    # These are asked for only where the stage or the chip has a use for them.
     optional = [BoardPin.STANDBY] if STAGES[stage].has_standby else []
     optional += [BoardPin.ESTOP]
     optional += [BoardPin.LED] if CHIPS[chip].has_led else []
@@ -300,8 +318,11 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     if made.battery is not None:
         divider = _ask("battery volts per volt at the pin", float, made.battery_divider)
         made = replace(made, battery_divider=divider)
-    if CHIPS[chip].usb and _choose("link", ["uart", "usb"], "uart") == "usb":
+    # Only a chip with native USB leaves a choice.
+    likely = base.line if base else BoardLine.UART
+    if CHIPS[chip].usb and _choose("link", ["uart", "usb"], likely.name.lower()) == "usb":
         made = replace(made, line=BoardLine.USB)
+    # Last: it is about the pins that were given.
     return _ask_for_pull_downs(made, base)
 
 
@@ -325,7 +346,7 @@ def _ask_for_pin(
         text = _ask(prompt, str, "-" if optional and default is None else default)
         if optional and text.strip() == "-":
             return made
-        if not text.strip().isdigit() or int(text) > 63:
+        if not text.strip().isdecimal() or int(text) > 63:
             typer.echo("give the number of a GPIO", err=True)
             continue
         tried = _with_pin(made, function, int(text))
@@ -334,10 +355,12 @@ def _ask_for_pin(
             return tried
         for problem in problems:
             typer.echo(problem, err=True)
+        # Not offered again: Enter would only repeat the mistake.
         default = None
 
 
 def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDescription:
+    # Without a side the whole name is in `side`: STANDBY is the board's attribute `standby`.
     side, _, name = function.name.lower().partition("_")
     if side not in ("left", "right"):
         return replace(made, **{side: pin})  # type: ignore[arg-type]

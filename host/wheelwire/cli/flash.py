@@ -45,9 +45,11 @@ def flash(
     from wheelwire.drivers.factory import open_driver
     from wheelwire.flash_layout import plan_flash, read_image
 
+    # What can be wrong without the chip is found before it is touched.
     wanted = read_image(image) if image else None
     pins = checked_board(board) if board else None
     port = resolve(port if robot is None else robot, as_json=as_json).serial_port()
+    # First: whatever follows resets the chip, and its wheels would roll on.
     flasher.ensure_stopped(port)
     chip = flasher.identify_chip(port)
     chosen = wanted or flasher.built_image(chip)
@@ -65,11 +67,13 @@ def flash(
     if not as_json:
         for line in _describe(plan):
             console.print(line, soft_wrap=True)
+    # On standard error: standard output may be JSON.
     terminal = Console(stderr=True)
     with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
         task = progress.add_task(f"writing {chosen.path.name}", total=1.0)
         flasher.write_plan(port, chip, plan, lambda part: progress.update(task, completed=part))
     device = flasher.verify(port, chip)
+    # Only a firmware that runs can store a board.
     if pins is not None:
         with open_driver("serial", port=port) as driver:
             driver.board.take_up(pins)

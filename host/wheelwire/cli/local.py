@@ -107,5 +107,6 @@ def demo(
         print_json(report)
     else:
         print_facts("Measured", report.rows())
+    # Last: what was measured is shown in any case.
     if report.picture_error:
         raise OutputFailed(f"the picture was not written: {report.picture_error}")

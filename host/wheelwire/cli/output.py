@@ -24,12 +24,14 @@ JsonFlag = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 def to_json_value(value: Any) -> Any:
     """Convert a value for JSON: enumerations to names, NaN to null."""
+    # Before the other enumerations: a combination of flags has no single name.
     if isinstance(value, enum.Flag):
         return [member.name for member in type(value) if member in value]
     if isinstance(value, enum.Enum):
         return value.name
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: to_json_value(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    # Before the sequences: a named tuple is one, too, but its names are worth keeping.
     if hasattr(value, "_asdict"):
         return {key: to_json_value(item) for key, item in value._asdict().items()}
     if isinstance(value, Mapping):

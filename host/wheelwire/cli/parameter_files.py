@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,6 +17,7 @@ from .address import (
     BaudOption,
     RobotArgument,
     complete_robot,
+    complete_yaml,
     outlives_commands,
     resolve,
 )
@@ -36,8 +36,7 @@ DIFFERENT = 22
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
     yield from complete_robot(incomplete)
-    for path in sorted(Path().glob(f"{incomplete}*.y*ml")):
-        yield str(path), "a file"
+    yield from complete_yaml(incomplete)
 
 
 RobotAndFile = Annotated[
@@ -83,9 +82,12 @@ def import_file(
     """
     from wheelwire.parameter_file import apply, differences, load_parameter_file, number_text
 
+    # The file first: opening the robot stops it, which a wrong file should not do.
     robot, file = _split(context, arguments or ())
     wanted = load_parameter_file(file)
     address = resolve(robot, as_json=as_json)
+    # Whether anything can be saved is known before the robot is opened. Which values would change,
+    # and whether the robot's file would undo them, is known only then.
     address.check_parameters([], save=save)
     with address.open(baud) as driver:
         lasting, device = outlives_commands(driver), _device(driver)
@@ -117,6 +119,7 @@ def import_file(
         f"{_duration(saved=save, lasting=lasting)}",
         soft_wrap=True,
     )
+    # A core that ends with this command is never reset.
     after_reset = [c.name for c in changes if PARAMETER_BY_NAME[c.name].after_reset]
     if after_reset and lasting:
         act = "takes effect" if len(after_reset) == 1 else "take effect"
@@ -212,6 +215,7 @@ def _notes(wanted: ParameterFile, device: DeviceInfo | None) -> Iterator[str]:
     yield f"the values of {wanted.source} are copied to {_robot(device)}"
     if wanted.board == device.board.name:
         return
+    # Parameters that have a default of their own on either of the two kinds of boards.
     own = {**PLATFORM_DEFAULTS.get(device.board, {}), **_defaults_of(wanted.board)}
     copied = [name for name in own if name in wanted.values]
     if copied:
@@ -222,6 +226,7 @@ def _notes(wanted: ParameterFile, device: DeviceInfo | None) -> Iterator[str]:
 
 
 def _defaults_of(board: str) -> dict[str, float]:
+    # The file may be of a kind of board that this release does not know.
     return PLATFORM_DEFAULTS.get(Board[board], {}) if board in Board.__members__ else {}
 
 

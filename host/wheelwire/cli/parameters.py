@@ -60,6 +60,7 @@ def _split(
         missing = 1  # it is ROBOT, and the last argument is missing
     if missing > 0:
         raise UsageError(f"Missing argument '{names[-missing]}'", context)
+    # One argument more than names is ROBOT.
     if missing < -1:
         raise UsageError(f"Unexpected argument '{arguments[len(names) + 1]}'", context)
     robot = arguments[0] if len(arguments) > len(names) else None
@@ -184,6 +185,7 @@ def save_values(
             driver.parameters[name]  # raises for an unknown name before anything is saved
         for wanted in names or (None,):
             driver.parameters.save(wanted)
+        # Asked for anew: they are shown as the robot has them.
         listed = {p.name: p for p in driver.parameters.list()}
     kept = {name: listed[name] for name in names} if names else listed
     if as_json:

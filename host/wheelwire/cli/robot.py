@@ -100,6 +100,7 @@ def drive(
     asked = Twist(linear or 0.0, angular or 0.0)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     with address.open(baud) as driver:
+        # Needed when the driver is closed, which has no geometry any more.
         geometry = driver.geometry
         try:
             end, pose, late = _drive(driver, asked, seconds)
@@ -108,6 +109,7 @@ def drive(
                 raise
             hint = f"`wheelwire clear {address.text}` ends it. {_without_contact(address.text)}"
             raise DeviceRefused(error.code, "the setpoint", hint=hint) from error
+    # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
     if as_json:
@@ -167,6 +169,7 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
                 late += 1  # this computer was busy; the wheels have stopped, and go on
                 continue
             valid_until = end if now + TTL_S >= end else now + ttl
+        # Ticks are cumulative, so no travel is lost with the samples that are skipped.
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))
     robot.stop()
@@ -205,6 +208,7 @@ def monitor(
             if as_json:
                 print_json(sample)
             else:
+                # A person can read no more than a few lines a second.
                 console.print(_line(sample, driver.statistics.frames_lost), soft_wrap=True)
                 time.sleep(PRINT_PERIOD_S)
 
@@ -244,6 +248,7 @@ def clear(
             _clear_estop(driver, address.text)
         elif before.state is SupervisorState.FAULT:
             driver.clear_fault()
+        # The next sample may have been measured before the answer.
         end = time.monotonic() + CLEAR_TIMEOUT_S
         while before.state in _LATCHED and after.state is before.state and time.monotonic() < end:
             after = driver.read()
@@ -255,6 +260,7 @@ def clear(
         console.print("nothing was latched")
         return
     console.print(f"{ended.name} cleared")
+    # A fault that the e-stop hid is in force again.
     if after.state in _LATCHED:
         faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
         console.print(

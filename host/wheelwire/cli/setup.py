@@ -107,12 +107,14 @@ def setup(
     said. A test drive before and after shows what the new gains are worth. Until you save, the
     robot keeps its former parameters.
     """
+    # Here, so that no other command waits until numpy is imported.
     from wheelwire.commissioning.progress import Progress
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
     from wheelwire.commissioning.setup import Options
 
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
+    # What would fail at the end fails here: the measurements take minutes.
     _check_writable(keep)
     _check_writable(plot)
     if plot is not None and find_spec("matplotlib") is None:
@@ -135,7 +137,9 @@ def setup(
     person = AnswersFile(answers) if answers is not None else _Terminal(as_json=as_json)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     _check_lasting(address, keep)
+    # In this order: the signals are still handled while the driver stops the robot.
     with ended_by_signals(), address.open(baud) as driver:
+        # Only a board with an id is recognised again; on the floor there is nothing to resume.
         if isinstance(driver, DeviceDriver) and not on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
         _run(driver, person, options, as_json=as_json)
@@ -172,6 +176,7 @@ def _as_json(findings: Findings) -> Mapping[str, object]:
 
 
 def _say(text: str, *, as_json: bool) -> None:
+    # With --json, standard output is the findings alone.
     if as_json:
         typer.echo(text, err=True)
     else:
@@ -188,6 +193,7 @@ class _Shown:
     def answer(self, question: Question) -> str:
         """As the other one does."""
         answer = self._person.answer(question)
+        # A terminal has shown both while it asked.
         if not isinstance(self._person, _Terminal):
             self._say(f"{question.text} {answer}")
         return answer
@@ -214,6 +220,7 @@ class _Terminal:
 
 def _check_writable(file: Path | None) -> None:
     """Find out before anything moves; raises `OutputFailed`."""
+    # Of a file that does not exist yet, the folder has to be writable.
     if file is not None and (
         file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
     ):
@@ -244,6 +251,7 @@ def _simulated_robot(
     given = dict(map(_setting, settings))
     values = load_plant(plant).settings if plant is not None else {}
     values |= {"wheels_free": float(not on_the_floor)}
+    # With a seed the wiring is random even if a part of it is given, which then takes precedence.
     if not on_the_floor and (seed is not None or not given.keys() & set(WIRING_VARIABLES)):
         drawn = random.Random(seed)
         values |= {name: float(drawn.randrange(2)) for name in WIRING_VARIABLES}

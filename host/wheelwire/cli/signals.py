@@ -22,4 +22,5 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def _exit(number: int, _frame: FrameType | None) -> None:
+    # An exception, so that all blocks are left in order; the code is the one that a shell reports.
     sys.exit(128 + number)

@@ -44,6 +44,7 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
             KEEP,
         )
     )
+    # A board that is in force already is not worth a restart of the device.
     if answer == KEEP or offered[answer] == present:
         return
     robot.board.take_up(offered[answer])

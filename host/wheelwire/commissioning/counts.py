@@ -82,10 +82,13 @@ def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
     """
     mean = (left + right) / 2 / turns
     difference = abs(left - right) / (left + right) * 2
+    # Bounded on both sides: two wheels may agree by chance, and a bad count must not be taken for
+    # a usual value that is far off.
     doubt = min(max(2 * difference, _SMALLEST_DOUBT), _LARGEST_DOUBT) * mean
     usual = {*_USUAL, *known_motors().values()}
     nearest = min(usual, key=lambda value: abs(value - mean))
     if abs(nearest - mean) > doubt:
+        # A single tick in all turns, which is 1 / turns in the mean, is no evidence either way.
         four = 4 * round(mean / 4)
         nearest = four if abs(four - mean) <= max(doubt, 1 / turns) else round(mean)
     text = ""
@@ -111,6 +114,7 @@ def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> int | None:
         return None
     ticks = ticks_since(fresh(robot), before)
     own, other = ticks[wheel], ticks[1 - wheel]
+    # The other wheel may move a little while somebody turns this one.
     if own < COUNTED_TICKS * TURNS or abs(other) > own / TURNS:
         detail = f"the left counter counted {ticks[0]} and the right one {ticks[1]}"
         raise Unfit([Problem(WRONG_WHEEL, wheel, detail)])

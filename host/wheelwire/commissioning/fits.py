@@ -76,6 +76,7 @@ def fit_first_order(edges: Sequence[Edge]) -> FirstOrder:
 def _zoomed(
     window: tuple[float, float], centre: float, bounds: tuple[float, float]
 ) -> tuple[float, float]:
+    # More than one step of the grid to each side: the best value lies between its points.
     half = 1.5 * (window[1] - window[0]) / (_GRID - 1)
     return max(bounds[0], centre - half), min(bounds[1], centre + half)
 
@@ -85,6 +86,8 @@ def _residual(edges: Sequence[Edge], delay_s: float, time_constant_s: float) -> 
     total = 0.0
     for edge in edges:
         times, speeds = np.asarray(edge.points, float).T
+        # speed = a + b * shape has a closed form: without their means, the part of the speeds that
+        # is not along the shape remains.
         shape = _ramp_response(times - delay_s, time_constant_s, edge.ramp_s)
         shape = shape - shape.mean()
         speeds = speeds - speeds.mean()
@@ -95,8 +98,11 @@ def _residual(edges: Sequence[Edge], delay_s: float, time_constant_s: float) -> 
 
 def _ramp_response(times: Values, time_constant_s: float, ramp_s: float) -> Values:
     """Of a lag to an input that rises from 0 to 1 within `ramp_s`."""
+    # A step is a ramp of length 0, by which the result would be divided.
     ramp_s = max(ramp_s, 1e-4)
 
+    # A ramp is the difference of two integrated steps, so its response is that of two integrals of
+    # the step response, 1 - exp(-t / time_constant_s).
     def integral(elapsed: Values) -> Values:
         elapsed = np.maximum(elapsed, 0.0)
         return elapsed + time_constant_s * np.expm1(-elapsed / time_constant_s)

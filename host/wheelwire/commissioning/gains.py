@@ -76,6 +76,7 @@ def tuned(identification: Identification, robot: BaseDriver) -> dict[str, float]
     if lag_s is not None and delay_s is not None and not bent:
         if not identification.on_the_floor:
             lag_s *= FLOOR_INERTIA
+        # The loop cannot act sooner than in its next step, however short the fitted delay is.
         delay_s = max(delay_s, 1 / robot.parameters["control_rate_hz"])
         pi = simc_pi(1 / feedforward, lag_s, delay_s, CLOSED_LOOP_DELAYS * delay_s)
         path_gain = robot.parameters["path_gain"]

@@ -156,13 +156,14 @@ def identify(
         RequestTimeout: It is in reach, but does not answer.
     """
     require_ready(robot)
-    sessions = robot.sessions
+    before = robot.statistics
     bench = _Bench(robot, report, on_the_floor)
     try:
         found = bench.identify()
     finally:
         robot.stop()
-    require_one_session(robot, sessions)
+    # Each record checks itself alone: a reset between two of them shows in the sessions only.
+    require_one_session(robot, before)
     return found
 
 
@@ -180,6 +181,7 @@ class _Stairs:
     def curve(self, *signs: int) -> tuple[tuple[float, float], ...]:
         """Each duty once, without its sign, in these directions."""
         speeds: dict[float, list[float]] = {}
+        # A duty may have several points: on the way up and down, and in both directions.
         for duty, speed in self._points:
             if math.copysign(1, duty) in signs:
                 speeds.setdefault(round(abs(duty), 6), []).append(abs(speed))
@@ -203,13 +205,16 @@ class _Bench:
         # Below the duty at which a wheel that stands trips a fault.
         self._most_breakaway = min(_MOST_BREAKAWAY, 0.98 * values["stall_duty"], self._most_duty)
         self._supply: list[float] = []
+        # Assumed if the steps cannot be measured: a slow drive, so that each stair settles.
         self._time_constant_s = 0.15
 
     def identify(self) -> Identification:
+        # In this order: the steps need the breakaway, and the stairs need both it and the lag.
         self._report("breakaway: the duty rises slowly until the wheels start to turn")
         breakaway = self._breakaway()
         self._report("step response: how fast the wheels follow a change of duty")
         lags = self._step_response(max(breakaway))
+        # The slower wheel decides how long each stair settles.
         known = [lag.time_constant_s for lag in lags if lag]
         if known:
             self._time_constant_s = max(known)
@@ -232,13 +237,16 @@ class _Bench:
     def _breakaway(self) -> Pair:
         found: list[Pair] = []
         for _ in range(_BREAKAWAY_ROUNDS):
+            # By turns, so that a robot on the floor stays where it is.
             for sign in (1, -1):
                 come_to_rest(self._robot)
                 found.append(self._breakaway_towards(sign))
+        # Friction at rest differs from start to start and with the direction.
         return Pair(*(median(side) for side in zip(*found, strict=True)))
 
     def _breakaway_towards(self, sign: int) -> Pair:
         """Both wheels at once; one that has started is let go."""
+        # With few counts per turn, 5 degrees are hardly more than an encoder at rest may toggle.
         ramps = _Ramps(sign, max(4.0, _BREAKAWAY_RAD / (2 * math.pi) * self._counts))
         follow_duty(
             self._robot,
@@ -268,9 +276,12 @@ class _Bench:
         for sign, record in records.items():
             for wheel, found in enumerate(edges):
                 found += self._edges(record, wheel, sign * low, sign * high)
+        # Up and down, forward and backward: an edge that is missing would leave a one-sided fit.
         return [fit_first_order(found) if len(found) == 4 else None for found in edges]
 
     def _step_duties(self, breakaway: float) -> tuple[float, float]:
+        # Clear of breakaway, so that the lower duty keeps both wheels turning; and at least 0.2
+        # apart, so that the step stands out from the noise of the measured speed.
         low = 1.3 * breakaway
         return low, min(self._most_duty, max(STAIRS[1], low + 0.2))
 
@@ -280,6 +291,7 @@ class _Bench:
         for sign in (1, -1):
             come_to_rest(self._robot)
             records[sign] = self._steps([sign * low, sign * high, sign * low])
+        # The fit takes a while: the wheels must not go on until the last setpoint runs out.
         come_to_rest(self._robot)
         return None if any(record.lapsed for record in records.values()) else records
 
@@ -300,9 +312,11 @@ class _Bench:
         speeds = [_speed(sample, wheel) for sample in record.samples]
         found = []
         for number, (start, end) in enumerate(((low, high), (high, low)), 1):
+            # When a setpoint was sent is known, but not when the robot obeyed it.
             begin = self._ramp_begin(times, duties, start, end, number * _EDGE_S)
             if begin is None:
                 continue
+            # From before the edge, since the speed there is fitted as well, to before the next one.
             chosen = [
                 (time - begin, speed)
                 for time, speed in zip(times, speeds, strict=True)
@@ -322,6 +336,7 @@ class _Bench:
     ) -> float | None:
         """When the output left `start`: the slew limit says so from any sample on the ramp."""
         for before, time, duty in zip(times, times[1:], duties[1:], strict=False):
+            # Further back is the ramp from standstill, or the edge before this one.
             if before < about_s - 0.05 or abs(duty - start) < 0.01:
                 continue
             ramp_s = abs(duty - start) / self._rate_per_s
@@ -335,13 +350,16 @@ class _Bench:
     def _staircase(self, breakaway: Pair) -> tuple[_Stairs, _Stairs]:
         stairs = _Stairs(), _Stairs()
         lowest, highest = STAIRS
+        # With much friction the stairs go higher, so that enough of them are beyond breakaway.
         highest = min(self._most_duty, max(highest, max(breakaway) + 0.3))
-        count = round((highest - lowest) / STAIR)
+        # Rounded up, the last one would be more than the robot allows, and off the curve.
+        count = int((highest - lowest) / STAIR + 1e-9)
         duties = [lowest + STAIR * step for step in range(count + 1)]
         if self._on_the_floor:
             self._to_and_fro(duties, 1.2 * max(breakaway), stairs)
         else:
             self._up_and_down(duties, 1.05 * max(breakaway), stairs)
+        # A line through two or three points would hide that the curve is bent.
         for wheel, found in zip(SIDES, stairs, strict=True):
             turned = min(len(found.curve(sign)) for sign in (1, -1))
             if turned < _FEWEST_STAIRS:
@@ -358,6 +376,8 @@ class _Bench:
         up = [duty for duty in duties if duty >= start]
         for sign in (1, -1):
             come_to_rest(self._robot)
+            # Below breakaway a wheel turns only if it turned before: these duties are measured on
+            # the way down alone.
             for duty in (*up, *reversed(duties[:-1])):
                 points = uninterrupted(partial(self._stair, sign * duty))
                 self._add(points, sign * duty, stairs)
@@ -377,10 +397,12 @@ class _Bench:
         speeds = []
         for sign in (1, -1):
             come_to_rest(self._robot)
+            # A duty below breakaway keeps a wheel turning, but does not start it.
             if duty < kick:
                 hold_duty(self._robot, Pair(sign * kick, sign * kick), 0.15)
             speeds.append(self._stair(sign * duty))
         forward, backward = speeds
+        # Both ways are repeated if one of them failed, so that the robot stays where it is.
         return None if forward is None or backward is None else (forward, backward)
 
     def _add(self, speeds: Pair, duty: float, stairs: tuple[_Stairs, _Stairs]) -> None:
@@ -389,12 +411,14 @@ class _Bench:
 
     def _stair(self, duty: float) -> Pair | None:
         """The steady speeds in m/s at one duty; None if a setpoint ran out meanwhile."""
+        # 0.1 s more for the link and for the ramp of the duty.
         settle_s = _SETTLED * self._time_constant_s + 0.1
         both = Pair(duty, duty)
         settling = hold_duty(self._robot, both, settle_s)
         record = follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
         if settling.lapsed or record.lapsed:
             return None
+        # While the wheels turn: the feed-forward will hold at the voltage of a loaded battery.
         self._supply += [sample.battery_v for sample in record.samples if sample.battery_v]
         return Pair(self._speed_mps(record, 0), self._speed_mps(record, 1))
 
@@ -410,6 +434,7 @@ class _Bench:
         def enough(record: Record) -> bool:
             turned = min(map(abs, record.ticks)) / self._counts
             if self._on_the_floor:
+                # The record leaves out the way of the settling, at about the same speed.
                 way_m = max(map(abs, record.ticks)) * self._m_per_tick
                 whole_way_m = way_m * (1 + settle_s / max(record.seconds, 1e-3))
                 return record.seconds >= _MEASURED_S or whole_way_m > _LONGEST_WAY_M
@@ -446,6 +471,7 @@ class _Bench:
     def _too_fast(self, wheels: Sequence[WheelIdentification]) -> list[str]:
         """Whether the robot's own limit leaves the loop nothing to correct with."""
         most_duty = _HEADROOM * self._most_duty
+        # The slower wheel decides: the limit is the same for both.
         reached = min(
             (most_duty - wheel.static_feedforward) / wheel.velocity_feedforward for wheel in wheels
         )
@@ -473,16 +499,20 @@ class _Ramps:
         duty = _RAMP_PER_S * record.seconds
         for wheel, ticks in enumerate(record.ticks):
             self._look(wheel, ticks * self._sign, duty)
+        # One that turns would only gain speed while the duty rises for the other one.
         left, right = (0.0 if broken is not None else self._sign * duty for broken in self.broken)
         return Pair(left, right)
 
     def _look(self, wheel: int, ticks: int, duty: float) -> None:
         if self.broken[wheel] is not None:
             return
+        # A single tick may be an encoder that toggles at rest, so a first move is dropped again
+        # when the count returns.
         if abs(ticks) < 2:
             self._first_move[wheel] = None
         elif self._first_move[wheel] is None:
             self._first_move[wheel] = duty
+        # The duty of the first move counts: it rises further on the way to `far_ticks`.
         first = self._first_move[wheel]
         if first is not None and abs(ticks) >= self._far_ticks:
             self.broken[wheel] = first if ticks > 0 else -first
@@ -502,6 +532,7 @@ def steady_rate(times_s: Sequence[float], ticks: Sequence[int], counts: int) -> 
     if turns == 0:
         return ticks[-1] / times_s[-1]
     goal = turns * counts
+    # The last whole turn ended between two samples.
     index = next(number for number, travelled in enumerate(ticks) if abs(travelled) >= goal)
     before, after = abs(ticks[index - 1]), abs(ticks[index])
     share = (goal - before) / (after - before)
@@ -510,6 +541,8 @@ def steady_rate(times_s: Sequence[float], ticks: Sequence[int], counts: int) -> 
 
 
 def _nonlinearity(curve: Sequence[tuple[float, float]], line: Line) -> str:
+    # A negative offset would mean that a wheel turns without any duty: then the curve is bent,
+    # however close the line is to its points.
     if line.deviation <= _BENT and line.offset >= 0:
         return ""
     middle = len(curve) // 2

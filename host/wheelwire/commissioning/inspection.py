@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample
-from .motion import SIDES, fresh
+from .motion import SIDES, BoardReset, fresh
 from .problems import (
     BLOCKED,
     CONTACT_OPEN,
@@ -25,7 +25,7 @@ from .problems import (
     WEAK,
     Problem,
 )
-from .pulses import COUNTED_TICKS, BoardReset, Pulsed, Run, pulse, run, show, ticks_since
+from .pulses import COUNTED_TICKS, Pulsed, Run, pulse, run, show, ticks_since
 from .questions import (
     AGAIN,
     BOTH,
@@ -117,11 +117,13 @@ def check_floor(robot: BaseDriver, person: Person) -> None:
 def _check_still(robot: BaseDriver) -> None:
     clear(robot)
     sample = fresh(robot)
+    # USB may feed the board while the battery is switched off.
     if sample.battery_v is not None and sample.battery_v < _LOWEST_SUPPLY_V:
         raise Unfit([Problem(NO_SUPPLY)])
     start = sample
     while sample.since(start).dt_s < _STILL_S:
         sample = robot.read()
+    # An encoder that rests on an edge may toggle by one tick.
     if max(map(abs, ticks_since(sample, start))) > 1:
         raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
 
@@ -138,11 +140,13 @@ def clear(robot: BaseDriver) -> None:
         if sample.state is SupervisorState.ESTOPPED:
             robot.clear_estop()
             sample = fresh(robot)
+        # A fault that the e-stop hid is in force again once that is cleared.
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
             raise
+        # `sample` is from before the refused request, so its state tells which one that was.
         if sample.state is SupervisorState.ESTOPPED:
             raise Unfit([Problem(CONTACT_OPEN)]) from error
         texts = " ".join(fault.doc for fault in Fault if fault in sample.faults)
@@ -165,9 +169,11 @@ def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Se
     say("Now the other motor.")
     choices = WHEEL_AND_WAY if other is None else ("forward", "backward")
     second = _ask(robot, person, "second", 1, (*choices, NONE, BOTH))
+    # Asked about the other wheel alone, a person answers only which way it turned.
     if other is not None and second.answer in choices:
         second = Seen(second.pulsed, f"{SIDES[other]} {second.answer}")
     problems = find_problems(first, second)
+    # Pulses alone do not tell a dead motor from a blocked wheel or a missing supply: a hand does.
     if not problems or any(one.answer == NONE for one in (first, second)):
         problems += _motionless(robot, person, first, second)
     if problems:
@@ -181,6 +187,7 @@ def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[
         text = "Which way did the other wheel turn?"
     question = Question(key, text, (*choices, AGAIN), AGAIN)
     pulsed = pulse(robot, side)
+    # Nothing tells how far a wheel has turned that no counter noticed: it is shown only once more.
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
         if (answer := person.answer(question)) != AGAIN:
             return Seen(pulsed, answer)
@@ -193,6 +200,7 @@ def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[
 def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) -> list[Problem]:
     """What is wrong with wheels that no pulse turned, found with a hand on them."""
     bridges = [side for side, seen in enumerate((first, second)) if seen.answer == NONE]
+    # Where a counter moved, the wheel is not motionless: `find_problems` has said what it is.
     if not bridges or any(one.pulsed.was_noticed for one in (first, second) if one.answer == NONE):
         return []
     moved = [one.wheel for one in (first, second) if one.wheel is not None]
@@ -207,6 +215,7 @@ def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) ->
         ]
         if found:
             return found[:1]
+    # If both wheels count when they are turned by hand, what is missing is what the motors share.
     if len(works) == 2 or (
         all(answer == SKIP for answer, _ in hands.values()) and len(wheels) == 2
     ):
@@ -227,6 +236,7 @@ def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> tuple[str, bool]:
             turn=HandTurn(wheel, 0.5),
         )
     )
+    # Either counter: the encoders may be swapped.
     return answer, max(map(abs, ticks_since(fresh(robot), before))) >= COUNTED_TICKS
 
 
@@ -267,6 +277,7 @@ def check_supply(robot: BaseDriver) -> list[Problem]:
     Raises:
         Unfit: The board was reset by it.
     """
+    # Two motors that start from rest at full duty draw the most current.
     try:
         burst = run(robot, (1.0, 1.0), _BURST_S)
     except BoardReset as error:
@@ -288,6 +299,7 @@ def check_wheels(robot: BaseDriver, pulsed: Sequence[float]) -> list[Problem]:
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     low, high = _STEADY_DUTY
+    # Well beyond what starts them, so that both turn steadily.
     duty = min(max(3 * max(pulsed), low), high)
     driven = run(robot, (duty, duty), _STEADY_S)
     bunched = [side for side in (0, 1) if _is_bunched(driven, side, duty)]
@@ -312,6 +324,7 @@ def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
 
 def _is_bunched(driven: Run, side: int, duty: float) -> bool:
     """Whether counts stop for a while at speed, and what was missed comes at once."""
+    # Only at steady speed: not while the wheels start, nor while they roll out.
     samples = [
         sample
         for sample in driven.samples
@@ -330,6 +343,8 @@ def _is_bunched(driven: Run, side: int, duty: float) -> bool:
         if ticks == 0:
             still_s, still_samples = still_s + seconds, still_samples + 1
             continue
+        # Where a magnet is missing, the counts come later and all at once. A wheel that hesitated
+        # does not make up for them.
         missed = rate * still_s
         if still_samples > 1 and missed >= _BUNCH_TICKS and ticks > typical + missed / 2:
             return True

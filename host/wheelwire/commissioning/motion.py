@@ -9,6 +9,7 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
+from ..link.info import LinkStatistics
 from ..samples import WheelSample
 
 TTL_S = 0.3
@@ -35,10 +36,14 @@ class Pair(NamedTuple):
     right: float
 
 
-RESET = (
-    "the board was reset while the wheels turned: does the supply sag? Check the battery and its "
-    "leads, then begin again"
-)
+class BoardReset(CommissioningFailed):
+    """The board was reset while a wheel was driven."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the board was reset while the wheels turned: does the supply sag? Check the battery "
+            "and its leads, then begin again"
+        )
 
 
 class Record:
@@ -52,18 +57,20 @@ class Record:
         self.samples = [first]
 
     def add(self, sample: WheelSample) -> None:
-        """Raises `CommissioningFailed` if the board was reset."""
+        """Raises `BoardReset` if the board was reset."""
         if sample.boot_id != self.samples[0].boot_id:
-            raise CommissioningFailed(RESET)
+            raise BoardReset
         self.samples.append(sample)
 
     @property
     def lapsed(self) -> bool:
         """A setpoint came too late to continue the one before, so the wheels were stopped."""
+        # TIMED_OUT before the first DRIVING is what an earlier motion has left.
         states = [sample.state for sample in self.samples]
         first = states.index(SupervisorState.DRIVING) if SupervisorState.DRIVING in states else 0
         if SupervisorState.TIMED_OUT in states[first:]:
             return True
+        # In a gap between two samples it may have run out and driven again, unseen.
         return any(
             later.since(earlier).dt_s > LAPSE_S
             for earlier, later in zip(self.samples, self.samples[1:], strict=False)
@@ -125,6 +132,7 @@ def send(setpoint: Callable[[], None]) -> None:
     except DeviceRefused as error:
         if error.code != RefusalCode.EXPIRED:
             raise
+        # The refusal is of the setpoint before, and is told once; this one was not sent yet.
         setpoint()
 
 
@@ -161,6 +169,8 @@ def come_to_rest(robot: BaseDriver) -> Record:
     anchor, last_move_s = record.ticks, 0.0
     while record.seconds - last_move_s < STANDSTILL_S:
         record.add(robot.read())
+        # Compared with where it last moved: from one sample to the next, a wheel that creeps may
+        # move no further than an encoder at rest toggles.
         moved = max(abs(now - then) for now, then in zip(record.ticks, anchor, strict=True))
         if moved > RESTING_TICKS:
             anchor, last_move_s = record.ticks, record.seconds
@@ -169,20 +179,22 @@ def come_to_rest(robot: BaseDriver) -> Record:
     return record
 
 
-def require_one_session(robot: BaseDriver, sessions: int) -> None:
+def require_one_session(robot: BaseDriver, before: LinkStatistics) -> None:
     """Refuse what was measured partly after a reset or with the link lost for a while.
 
     Args:
         robot: As it is now.
-        sessions: How many there had been at the beginning.
+        before: Its `statistics` at the beginning.
 
     Raises:
-        CommissioningFailed: There is a new one: parameters that were not saved are lost, too.
+        BoardReset: The board was reset since; or else
+        CommissioningFailed: There is a new session: parameters that were not saved are lost, too.
     """
-    if robot.statistics.sessions == sessions:
+    after = robot.statistics
+    if after.device_resets != before.device_resets:
+        raise BoardReset
+    if after.sessions == before.sessions:
         return
-    if robot.statistics.device_resets:
-        raise CommissioningFailed(RESET)
     raise CommissioningFailed("the link was lost for a while: check the cable, then begin again")
 
 

@@ -31,6 +31,7 @@ class Progress:
         try:
             content = json.loads(self._file.read_text("utf-8"))
         except (OSError, ValueError):
+            # A damaged file is not worth an error: the set-up only begins anew.
             return {}
         return content if _is_valid(content) else {}
 
@@ -40,6 +41,7 @@ class Progress:
         Raises:
             OutputFailed: It cannot be written.
         """
+        # Replaced as a whole: if this is interrupted, the former file is still there.
         new = self._file.with_suffix(".new")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)

@@ -53,6 +53,7 @@ _NOISE_SAMPLES = 3
 _PARTS = (
     (1.0, 1.0, 0.8),
     (0.4, 0.4, 0.5),
+    # Through zero without a rest, where friction changes its sign.
     (-1.0, -1.0, 0.8),
     (-0.4, -0.4, 0.5),
     (0.0, 0.0, 0.3),
@@ -62,6 +63,7 @@ _PARTS = (
     (1.0, 0.5, 0.5),
     (-1.0, -0.5, 0.5),
     (0.0, 0.0, 0.3),
+    # Crawling, where static friction decides.
     (0.12, 0.12, 1.0),
     (-0.12, -0.12, 1.0),
     (0.0, 0.0, 0.3),
@@ -101,6 +103,7 @@ class Course:
 
     def at(self, t_s: float) -> Pair:
         """The velocities in m/s at a time since the start."""
+        # `t_s` may be negative: what is measured at the start is about the time before it.
         part = self.parts[max(0, bisect_right(self._begins, t_s) - 1)]
         ramp_s = part.held_from_s - part.begin_s
         share = min(max((t_s - part.begin_s) / ramp_s, 0.0), 1.0) if ramp_s > 0 else 1.0
@@ -145,6 +148,7 @@ class Trace:
             held_s = part.end_s - part.held_from_s
             if abs(step) < _SMALLEST_STEP * course.top_mps or held_s < _SHORTEST_HOLD_S:
                 continue
+            # Divided by the step, overshoot is positive whichever way the step went.
             beyond = [
                 (pair[wheel] - part.held[wheel]) / step
                 for time, pair in zip(self.times_s, self.measured, strict=True)
@@ -199,6 +203,7 @@ class Proof:
             (self.left.rms_before_mps, self.left.rms_after_mps),
             (self.right.rms_before_mps, self.right.rms_after_mps),
         ]
+        # A drive that a fault ended is worse than any other.
         return all(
             after is not None and (before is None or after < before) for before, after in pairs
         )
@@ -238,6 +243,7 @@ class Proof:
                 axes = panels[wheel][column]
                 axes.grid(alpha=0.3)
                 if trace:
+                    # The command is thick and lies below, so that both lines can be seen.
                     lines = (("commanded", trace.commanded, 4.0), ("measured", trace.measured, 1.0))
                     for label, pairs, width in lines:
                         speeds = [pair[wheel] for pair in pairs]
@@ -267,14 +273,16 @@ def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, fl
         LinkLost: The robot is out of reach; a reset brings back what was saved.
     """
     require_ready(robot)
-    sessions = robot.sessions
+    statistics = robot.statistics
+    # One course for both drives: its speed follows from the new feed-forward.
     course = _course(robot, {**before, **after})
     try:
         traces = _drive_with(robot, before, course), _drive_with(robot, after, course)
     finally:
+        # The stop first: while the robot drives, some of the former values would be refused.
         robot.stop()
         _set(robot, before)
-    require_one_session(robot, sessions)
+    require_one_session(robot, statistics)
     left, right = (_wheel_proof(traces, course, wheel) for wheel in (0, 1))
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
     return Proof(left, right, rms[0], rms[1], traces)
@@ -287,6 +295,7 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
         for name in ("static_feedforward", "velocity_feedforward", "acceleration_feedforward")
     )
     most_duty = robot.parameters["max_duty"]
+    # Less than the robot's limits: the loop needs the rest to make up for errors.
     ramp_mps2 = min(RAMP_MPS2, 0.7 * robot.parameters["max_acceleration_mps2"])
     if of_acceleration > 0:
         ramp_mps2 = min(ramp_mps2, _DUTY_OF_RAMP * most_duty / of_acceleration)
@@ -295,12 +304,15 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
     top_mps = min(TOP_MPS, within_m, 0.8 * robot.parameters["max_velocity_mps"])
     if feedforward > 0:
         reached = (_DUTY_AT_TOP * most_duty - static) / feedforward
+        # With feed-forwards that are far off, the robot still has to move for a comparison.
         top_mps = min(top_mps, max(reached, 0.2 * top_mps))
     return Course(top_mps, ramp_mps2)
 
 
 def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) -> Trace | None:
     """None if a fault ends the drive; it is cleared then."""
+    # The setpoint of the drive before may still be in force, and some parameters change only while
+    # the robot stands.
     robot.stop()
     _set(robot, values)
     try:
@@ -325,6 +337,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
     ahead_s += resting.seconds / (len(resting.samples) - 1) / 2
     record = Record(robot.read())
     while record.seconds < course.seconds:
+        # Along the course by the robot's clock, so that a late sample does not stretch it.
         left, right = course.at(record.seconds + ahead_s)
         try:
             send(partial(robot.set_wheel_velocity, left, right, TTL_S))
@@ -333,6 +346,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
                 raise _Faulted from error
             raise
         record.add(robot.read())
+        # A fault may show in a sample before a setpoint is refused because of it.
         if record.samples[-1].state is SupervisorState.FAULT:
             raise _Faulted
     if record.lapsed:

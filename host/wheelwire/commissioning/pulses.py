@@ -10,7 +10,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused, LinkLost
 from ..samples import WheelSample, tick_difference
-from .motion import TTL_S, fresh, send
+from .motion import TTL_S, BoardReset, fresh, send
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -101,6 +101,7 @@ def pulse(robot: BaseDriver, side: int) -> Pulsed:
     while True:
         pulsed = _pulsed(duty, run(robot, _duties(side, duty), _RISE_S))
         if pulsed.was_noticed:
+            # The longer pulse has more ticks. If it shows nothing, the first one is what there is.
             shown = show(robot, side, pulsed)
             return shown if shown.was_noticed else pulsed
         # One tick or two: there is an encoder, and its wheel hardly moves yet.
@@ -131,6 +132,7 @@ def run(robot: BaseDriver, duties: tuple[float, float], seconds: float) -> Run:
     try:
         _drive(robot, duties, seconds, samples)
     except LinkLost:
+        # Raises `BoardReset` if a reset is why the link was lost.
         _next(robot, samples, _REOPENED_S)
         raise
     _clear(robot, samples[-1])
@@ -142,6 +144,7 @@ def _drive(
 ) -> None:
     set_until_s = 0.0
     while (now_s := _seconds(samples)) < seconds:
+        # Renewed at half of its life, so that a late sample does not interrupt the drive.
         if set_until_s < seconds and set_until_s - now_s < TTL_S / 2:
             ttl = min(TTL_S, seconds - now_s)
             _set_duty(robot, duties, ttl)
@@ -203,10 +206,3 @@ def _clear(robot: BaseDriver, sample: WheelSample) -> None:
         texts = " ".join(f.doc for f in Fault if f in sample.faults)
         raise CommissioningFailed(f"a fault stopped the robot: {texts}")
     robot.clear_fault()
-
-
-class BoardReset(CommissioningFailed):
-    """The board was reset while a wheel was driven."""
-
-    def __init__(self) -> None:
-        super().__init__("the board was reset while a wheel was driven")

@@ -75,6 +75,7 @@ class Question:
         Raises:
             InvalidArgument: It is neither. The message has what may be given.
         """
+        # YAML makes booleans of yes and no. Without the type check 1 would be yes: 1 == True.
         words = {True: YES, False: NO}.get(answer, answer) if isinstance(answer, bool) else answer
         text = " ".join(str(words).lower().replace("_", " ").replace("-", " ").split())
         for choice in self.choices:
@@ -86,6 +87,7 @@ class Question:
             try:
                 return repr(checked_value(self.parameter, float(str(words))))
             except ValueError as error:
+                # Only a number is told the bounds; a word is told what may be given.
                 if math.isfinite(_number(words)):
                     raise InvalidArgument(str(error)) from error
         expected = [*self.choices, *(["a number"] if self.parameter else [])]
@@ -133,6 +135,7 @@ class AnswersFile:
                 raise ConfigurationError(f"{self._file}: {error}") from error
         if self._otherwise is not None:
             return self._otherwise.answer(question)
+        # No default would be safe for these: only who is at the robot knows.
         if question.key in ANSWER_KEYS[:3]:
             raise ConfigurationError(
                 f"{self._file} has no answer `{question.key}`: add it; it is one of "
@@ -161,6 +164,7 @@ class SimulatedPerson:
 
     def answer(self, question: Question) -> str:
         """As the simulated robot is."""
+        # A person sees what has turned since the last question.
         before, self._turns = self._turns, self._true_turns()
         if question.key in self._answers:
             return question.parse(self._answers[question.key])
@@ -185,9 +189,11 @@ class SimulatedPerson:
         while left > 0.0 and patience_s > 0.0:
             self._robot.advance(0.1)
             now = abs(self._get(name))
+            # Only a wheel that does not give way uses up the patience.
             patience_s = _HAND_LIMIT_S if now < left else patience_s - 0.1
             left = now
         sim.set(name, 0.0)
+        # The next answer must not take this turn for that of a pulse.
         self._turns = self._true_turns()
         return TURNED if left == 0.0 else HELD
 

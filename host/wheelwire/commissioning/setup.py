@@ -27,10 +27,10 @@ from .inspection import (
     confirm,
     find_wiring,
 )
+from .motion import BoardReset
 from .problems import SAGS, Problem
 from .progress import Progress
 from .proof import Proof, prove
-from .pulses import BoardReset
 from .questions import NO, YES, Person, Question
 from .wiring import Wiring
 
@@ -138,6 +138,7 @@ class _SetUp:
     """The duty that set each wheel in motion, of a wiring found in this run."""
 
     def run(self) -> Findings:
+        # Before the trial of parameters: a new board takes a restart, which a trial refuses.
         if not self.options.on_the_floor:
             choose_board(self.robot, self.person, self.say)
         try:
@@ -153,6 +154,7 @@ class _SetUp:
             if self.options.progress is not None:
                 self.options.progress.forget()  # an answer may be what was wrong
         except BoardReset as error:
+            # Only the device knows whether it was the supply.
             sags = Problem(SAGS, detail=" so far that the board is reset")
             self._note([sags if _was_brownout(self.robot) else str(error)])
         except CommissioningFailed as error:
@@ -170,6 +172,7 @@ class _SetUp:
             self._set("wiring", resumed["wiring"])
         else:
             self._find_wiring()
+        # Also one that was resumed: somebody may have changed the wires since.
         self._check_wiring()
         self.say("3/4 Counts and sizes")
         if COUNTS in resumed:
@@ -185,9 +188,11 @@ class _SetUp:
         self._set("sizes", resumed.get("sizes") or self._ask_sizes())
 
     def _find_wiring(self) -> None:
+        # A correction that is in force would be mistaken for the wires.
         self._try(Wiring().corrections)
         wiring, pulsed = find_wiring(self.robot, self.person, self.say)
         self.findings = replace(self.findings, wiring=wiring)
+        # Pulses are counted by bridge, `self.pulsed` is by wheel.
         duties = [one.duty for one in pulsed]
         self.pulsed = duties[::-1] if wiring.motors_swapped else duties
         self._set("wiring", wiring.corrections)
@@ -199,6 +204,7 @@ class _SetUp:
         self.findings = replace(self.findings, wiring=Wiring.of_corrections(values))
         low, high = _CONFIRM_DUTY
         self.say("Both wheels turn forward now, for some seconds.")
+        # A resumed wiring comes without pulses: the highest duty stands in for theirs.
         confirm(self.robot, min(max(1.5 * max(self.pulsed, default=high), low), high))
         self._note(check_supply(self.robot))
         self._note(check_wheels(self.robot, self.pulsed or (high, high)))
@@ -230,6 +236,7 @@ class _SetUp:
             raise
         except CommissioningFailed as error:
             if self.options.on_the_floor:
+                # There the gains are all that was asked for.
                 raise
             # What was found before is good all the same.
             self._note([str(error)])
@@ -264,6 +271,7 @@ class _SetUp:
             self.say("nothing to save")
             self.findings = replace(self.findings, is_complete=True)
             return
+        # Only shown: all that was found is saved, since a value in force may not be in the store.
         changed = {n: v for n, v in values.items() if v != self.former[n]}
         for name, value in changed.items():
             unit = definition_of(name).unit.value
@@ -274,13 +282,16 @@ class _SetUp:
             _write(self.options.keep, _file_of(self.robot, values))
             self.say(f"written to {self.options.keep}; the robot has its former values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
+            # The device saves nothing while values are on trial.
             trial.keep()
+            # Each by its name: saving all would also save what somebody only tried before.
             for name in values:
                 self.robot.parameters.save(name)
             self.findings = replace(self.findings, saved=True)
             self.say("saved")
         else:
             self.say("not saved; the robot has its former values again")
+        # Whatever the answer was, there is nothing left to resume.
         if self.options.progress is not None:
             self.options.progress.forget()
 
@@ -315,6 +326,7 @@ class _SetUp:
 
     def _remember(self, names: Iterable[str]) -> dict[str, float]:
         now = {name: self.robot.parameters[name] for name in names}
+        # Only the first value is the former one: a parameter may be tried several times.
         for name, value in now.items():
             self.former.setdefault(name, value)
         return now
@@ -327,6 +339,7 @@ class _SetUp:
 
 
 def _was_brownout(robot: BaseDriver) -> bool:
+    # Waits until the device is back: what `info` says is then of its newest start.
     robot.read(timeout=3.0)
     return (
         isinstance(robot, DeviceDriver) and robot.info.device.reset_reason is ResetReason.BROWNOUT

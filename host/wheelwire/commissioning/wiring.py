@@ -43,6 +43,7 @@ class Wiring:
     @classmethod
     def of_corrections(cls, values: Mapping[str, float]) -> Wiring:
         """The wiring that these parameters correct."""
+        # A wire is reversed, and a parameter inverts it: otherwise the names are the same.
         return cls(
             **{f.name: bool(values[f.name.replace("reversed", "inverted")]) for f in fields(cls)}
         )
@@ -86,6 +87,7 @@ class Seen:
 
 def find_problems(first: Seen, second: Seen) -> list[Problem]:
     """What keeps the wiring from being deduced; not what keeps a wheel from turning."""
+    # A defect that concerns both wheels is returned alone: it explains what else was seen.
     seen = (first, second)
     if any(one.answer == BOTH for one in seen):
         return [Problem(BOTH_TURNED)]
@@ -113,9 +115,11 @@ def deduce(first: Seen, second: Seen) -> Wiring:
     Each must have turned one wheel and moved one counter: no problems were found.
     """
     wheels = [one.wheel for one in (first, second)]
+    # Pulses come by bridge, corrections are by wheel.
     by_wheel = (first, second) if wheels[0] == 0 else (second, first)
     motors = [one.is_backward for one in by_wheel]
     counters = [one.counters[0] for one in by_wheel]
+    # Counting up while the wheel turns forward, or down while it turns backward, is right.
     encoders = [
         (one.pulsed.ticks[counter] < 0) != one.is_backward
         for one, counter in zip(by_wheel, counters, strict=True)

@@ -22,6 +22,7 @@ def save_trajectory(
 
     figure = Figure(figsize=(9, 5), layout="constrained")
     axes = figure.subplots()
+    # From the widest to the narrowest, so that each line shows below the next one.
     styles: dict[str, dict[str, Any]] = {
         "commanded": {"color": "#bbbbbb", "linewidth": 5},
         "true (plant)": {"color": "#1b7837", "linewidth": 2},

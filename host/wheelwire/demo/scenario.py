@@ -80,12 +80,14 @@ class _Demonstration:
         while (now := time.monotonic()) < begin + seconds:
             if now >= next_command:
                 self._robot.set_velocity(*twist_at(now - begin), ttl=TTL_S)
+                # Counted from when it was due, so that small delays do not add up.
                 next_command += COMMAND_PERIOD_S
             self._watch(phase)
 
     def _hang(self) -> None:
         """Send no more commands, like a program that hangs: the firmware must stop the robot."""
         end = time.monotonic() + STANDSTILL_TIMEOUT_S
+        # By the plant's truth, not by what the robot reports about itself.
         while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
             if time.monotonic() > end:
                 raise WheelwireError(
@@ -116,6 +118,7 @@ class _Demonstration:
             crc_errors=statistics.bad_crc,
             round_trip_p50_us=statistics.round_trip_p50_us,
             round_trip_p99_us=statistics.round_trip_p99_us,
+            # The deadline is TTL_S after the setpoint was made, less the clock's error bound.
             command_age_us=last.drive_removed_us - last.deadline_us + round(TTL_S * 1e6),
             drive_removed_after_deadline_us=last.drive_removed_us - last.deadline_us,
             standstill_after_deadline_us=last.standstill_us - last.deadline_us,

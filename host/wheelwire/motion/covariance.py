@@ -49,19 +49,23 @@ class PoseCovariance:
         if update.rebased:
             unseen_m = np.array([update.unseen_right_m, update.unseen_left_m])
             distance, turn = _distance_and_turn(unseen_m, wheel_separation)
+            # The pose has not moved, so it is that of the unseen arc's beginning.
             by_travel = _by_travel(heading + turn / 2, distance, wheel_separation)
+            # Correlated, since both wheels stopped at the same time; the diagonal is the roll-out.
             errors = np.outer(unseen_m, unseen_m) + np.diag((ROLL_OUT * unseen_m) ** 2)
             # The arc may end anywhere between its two ends, which the Jacobian takes for a line.
             bent = (distance * turn / 4) ** 2 * np.diag([1.0, 1.0, 0.0])
             self.matrix = self.matrix + by_travel @ errors @ by_travel.T + bent
             return self.matrix
         distance, turn = update.distance_m, update.turn_rad
+        # The pose is that of the arc's end.
         middle = heading - turn / 2
         cosine, sine = math.cos(middle), math.sin(middle)
         by_pose = _matrix([[1, 0, -distance * sine], [0, 1, distance * cosine], [0, 0, 1]])
         half_turn_m = turn * wheel_separation / 2
         travel_m = np.abs([distance + half_turn_m, distance - half_turn_m])  # right, left
         by_travel = _by_travel(middle, distance, wheel_separation)
+        # F_d S: S is diagonal, so it scales the columns.
         spread = by_travel * (self._variances_m * travel_m)
         self.matrix = by_pose @ self.matrix @ by_pose.T + spread @ by_travel.T
         return self.matrix

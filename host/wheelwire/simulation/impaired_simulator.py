@@ -25,6 +25,8 @@ class ImpairedSimulator(Simulator):
         self._folder = TemporaryDirectory(prefix="wheelwire-")
         device_port = Path(self._folder.name) / "device"
         port = link or Path(self._folder.name) / "robot"
+        # Locked is the name that hosts open. The simulator's own port is in a private folder, where
+        # no other simulator could take its place.
         arguments = [*options.pop("arguments", ()), f"--lock={port}"]
         super().__init__(link=device_port, arguments=arguments, **options)
         self._relay = ImpairedRelay(device_port, port, profile, self.reset)
@@ -42,10 +44,16 @@ class ImpairedSimulator(Simulator):
     def start(self) -> None:
         """Start the device, then the line."""
         super().start()
-        self._relay.start()
+        try:
+            self._relay.start()
+        except BaseException:
+            # Else the process would go on with nobody to end it.
+            super().close()
+            raise
 
     def close(self) -> None:
         """End the line, then the device."""
+        # In this order: an incident on the line may be about to reset the device.
         self._relay.close()
         super().close()
         self._folder.cleanup()

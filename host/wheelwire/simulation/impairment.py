@@ -118,6 +118,7 @@ def load_profile(name: str) -> LineProfile:
         ConfigurationError: The file does not exist or is invalid.
     """
     shipped = SHIPPED / f"{name}.yaml"
+    # Here: a line that is described in Python needs no PyYAML.
     import yaml
 
     path = shipped if name in shipped_profiles() else Path(name)
@@ -159,6 +160,7 @@ def _filled(kind: type[Any], values: Any, where: str) -> Any:
     try:
         return kind(**values)
     except TypeError as error:
+        # A value is missing, or it is no number and cannot be compared with its bounds.
         raise ConfigurationError(f"{where}: {error}") from error
 
 
@@ -172,6 +174,7 @@ def _check_names(where: str, given: Mapping[str, Any], known: set[str]) -> None:
 
 BUFFER = 4096
 """Bytes that a line with a baud rate buffers: the usual size of a kernel's buffer."""
+# A frame with those of its delimiters that the write contains, or a delimiter alone.
 _PIECE = re.compile(rb"\0?[^\0]+\0?|\0")
 
 
@@ -207,6 +210,7 @@ class Direction:
         self.impairment = replace(impairment)
         self.truth = GroundTruth()
         self._random = random
+        # A piece may be a part of a frame: only a decoder knows where good frames end.
         self._sent = Decoder()
         self._frame_hit = False
         self._stalled = False
@@ -304,6 +308,7 @@ class Direction:
     def _enter(self, piece: bytes, *, hit: bool) -> None:
         """Record a piece in the ground truth; a frame may come in several pieces."""
         self._frame_hit = self._frame_hit or hit
+        # What was given is decoded, not what arrives: this counts the frames that could be lost.
         completed = len(self._sent.feed(piece))
         self.truth.missing = self._sent.counters.seq_lost
         if completed:
@@ -328,6 +333,7 @@ class Direction:
     def _add_noise(self, now_us: int) -> None:
         since_us = now_us if self._noise_us is None else self._noise_us
         count = int((now_us - since_us) * self.impairment.noise_bytes_per_s / 1e6)
+        # The time is used up only by whole bytes, or frequent calls would round all noise away.
         if count or self._noise_us is None:
             self._noise_us = now_us
         if count and not self._stalled:
@@ -370,6 +376,7 @@ class ImpairedLine:
 
     def advance(self, now_us: int) -> list[LineEvent]:
         """Do what is due; return the events that the owner has to carry out, in order."""
+        # First what begins: an incident without a duration also ends in this call.
         events = [*self._begin_due(now_us)]
         if _is_due(self._stalled_until_us, now_us):
             self._stalled_until_us = None
@@ -408,8 +415,10 @@ class ImpairedLine:
     def _begin_due(self, now_us: int) -> Iterator[LineEvent]:
         while self._script and self._script[0][0] <= now_us:
             due_us, number, incident = heappop(self._script)
+            # Counted from when it was due: a late call must not shift those that follow.
             if incident.every_s:
                 heappush(self._script, (due_us + round(incident.every_s * 1e6), number, incident))
+            # From now: one that begins late lasts as long.
             until_us = now_us + round(incident.for_s * 1e6)
             if incident.what == "stall":
                 self._stalled_until_us = until_us

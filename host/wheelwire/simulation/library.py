@@ -96,6 +96,7 @@ def _load() -> ctypes.CDLL:
     if not path.exists():
         raise SimulatorNotFound(f"the library {path} does not exist: {native.remedy()}")
     library = ctypes.CDLL(str(path))
+    # What is not declared, ctypes takes for an int: a handle would lose its upper half.
     for name, (result, arguments) in _SIGNATURES.items():
         function = getattr(library, name)
         function.restype = result
@@ -112,6 +113,7 @@ class FwSim:
     """
 
     def __init__(self, seed: int = 1, store: Path | None = None) -> None:
+        # Set first: `__del__` reads it, also when the library is missing.
         self._handle: int | None = None
         self._library = _load()
         self._handle = self._library.fwsim_create(seed)
@@ -179,6 +181,7 @@ class FwSim:
         """Take all bytes that have reached the host."""
         received = bytearray()
         size = ctypes.c_size_t(READ_SIZE)
+        # A buffer that was filled may have left something behind.
         while size.value == READ_SIZE:
             status = self._library.fwsim_read(
                 self._handle, self._buffer, READ_SIZE, ctypes.byref(size)

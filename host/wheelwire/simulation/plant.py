@@ -98,6 +98,7 @@ def parse_plant(content: object) -> Plant:
 def _parse_value(name: str, entry: object) -> PlantValue:
     fields = entry if isinstance(entry, dict) else {"value": entry}
     value = fields.get("value")
+    # YAML makes a bool of `yes`, and a bool is an int.
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ConfigurationError(f"{name} must be a number, or have one as its `value`")
     if not set(fields) <= _FIELDS or {"source", "assumed"} <= set(fields):

@@ -89,12 +89,14 @@ class ImpairedRelay:
     def _turn(self) -> None:
         for event in self.line.advance(host_clock_us()):
             self._obey(event)
+        # The device's port may have gone by itself, and may be back.
         if self._device is None and not self._unplugged:
             self._plug()
         if self._device is None:
             self._end.wait(min(REOPEN_S, self._wait_s()))
             return
         try:
+            # In this order: `_read` waits until the line or an end has something to do.
             self._write()
             self._read()
         except (OSError, termios.error):  # the device's port is gone: remove ours
@@ -120,6 +122,8 @@ class ImpairedRelay:
         device = _opened(self._device_port)
         if device is None:
             return
+        # The slave stays open here as well. Linux reports a hang-up on the master while nobody has
+        # it open, and its settings tell which baud rate the host has chosen.
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave, termios.TCSANOW)
@@ -133,6 +137,7 @@ class ImpairedRelay:
     def _unplug(self) -> None:
         if self._device is None:
             return
+        # The name first: a host that opens it again must not get the terminal that is about to go.
         self.port.unlink(missing_ok=True)
         for descriptor in (self._device, self._master, self._slave):
             with contextlib.suppress(OSError):
@@ -184,6 +189,7 @@ class ImpairedRelay:
         device = self._device
         if device is None:
             return
+        # The simulator garbles bytes by the rate that is set on its own port.
         self._follow_baud_rate(device)
         now_us = host_clock_us()
         self._to_host = _written(self._master, self._to_host, self.line.to_host.take(now_us))
@@ -215,6 +221,7 @@ def _opened(port: Path) -> int | None:
 
 def _written(descriptor: int, waiting: bytes, pieces: list[bytes]) -> bytes:
     """Write what is queued, then each piece separately; returns what did not fit."""
+    # Without anything new, what is queued is tried once more.
     for piece in pieces or [b""]:
         waiting += piece
         if waiting:

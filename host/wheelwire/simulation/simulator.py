@@ -149,11 +149,11 @@ class Simulator:
         options = {
             "link": link,
             "seed": seed,
-            "baud": baud,
+            "baud": baud or None,
             "store": store,
-            "truth-hz": truth_hz,
+            "truth-hz": truth_hz or None,
         }
-        self._arguments = [f"--{name}={value}" for name, value in options.items() if value]
+        self._arguments = [f"--{name}={v}" for name, v in options.items() if v is not None]
         self._arguments += [f"--set={name}={value}" for name, value in (settings or {}).items()]
         self._arguments += arguments
         self._socket = socket
@@ -177,6 +177,8 @@ class Simulator:
             WheelwireError: It refused its arguments. The message has its reason.
         """
         inherited, arguments = self._inheritance()
+        # However this process ends, the kernel closes the pipe to the simulator's standard input,
+        # and the simulator ends, too.
         process = subprocess.Popen(
             [str(find_simulator()), "--exit-with-stdin", *arguments, *self._arguments],
             pass_fds=inherited,
@@ -188,8 +190,10 @@ class Simulator:
             start_new_session=True,
         )
         self._process = process
+        # The process has a copy. While this one is open, the peer would not see that one's end.
         if self._socket is not None:
             self._socket.close()
+        # True states come unasked, between the answers to commands.
         self._reader = threading.Thread(
             target=self._read, args=(process,), name="simulator", daemon=True
         )
@@ -197,6 +201,7 @@ class Simulator:
         try:
             self._port = str(self._next_answer()["port"])
         except BaseException:
+            # Also after Ctrl-C: nobody else knows of the process yet.
             self.close()
             raise
 
@@ -209,6 +214,8 @@ class Simulator:
         process, self._process = self._process, None
         if process is None:
             return
+        # It ends with its standard input. To one that has ended already, what is still in the
+        # buffer cannot be written.
         with contextlib.suppress(BrokenPipeError):
             _pipe(process.stdin).close()
         try:
@@ -216,6 +223,7 @@ class Simulator:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        # Before the pipe is closed, from which that thread reads.
         if self._reader:
             self._reader.join()
         _pipe(process.stdout).close()
@@ -294,12 +302,15 @@ class Simulator:
 
     def take_states(self) -> list[TrueState]:
         """Take the true states since the last call, oldest first."""
+        # Not copied and then cleared: the reading thread appends meanwhile.
         return [self._states.popleft() for _ in range(len(self._states))]
 
     def _inheritance(self) -> tuple[list[int], list[str]]:
         if self._socket is None:
             return [], []
         fd = self._socket.fileno()
+        # A fork of this process may keep socket and pipes open, so their end would not come: the
+        # simulator watches the process itself.
         return [fd], [f"--socket={fd}", f"--parent={os.getpid()}"]
 
     def _running(self) -> subprocess.Popen[str]:
@@ -331,6 +342,7 @@ class Simulator:
         return answer
 
     def _error_output(self) -> str:
+        # Read to its end, which comes: the process has ended.
         return _pipe(self._running().stderr).read().strip() or "it gave no reason"
 
 

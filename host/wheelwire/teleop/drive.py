@@ -134,11 +134,14 @@ class Teleop:
 
     def _take_direction(self, event: KeyEvent, now: float, *, stale: bool) -> None:
         released = event.action is Action.RELEASED
+        # A release only ever ends a motion, so it counts however late it comes.
         if stale and not released:
             return
         drove = self._presses.motion(now) is not STILL
         self._presses.take(event, now)
+        # Only the last release stops at once: until then another key asks for some motion.
         if released and drove and self._presses.motion(now) is STILL:
+            # The stop voids what was sent, whether or not its answer comes.
             self._sent = None
             self._robot.stop()
 
@@ -147,6 +150,7 @@ class Teleop:
         self._sent = None
 
     def _take_command(self, key: str) -> None:
+        # Whoever presses a command wants to know what is wrong, even if it was said before.
         self._complaint = ""
         if key == INTERRUPT:
             raise KeyboardInterrupt
@@ -197,11 +201,13 @@ def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> 
         if data is None:
             return
         now = time.monotonic()
+        # What was typed may have waited for as long as this loop did not come round.
         stale, seen = now - seen > STALE_S, now
         for event in decoder.feed(data):
             if isinstance(event, KeyboardFlags):
                 terminal.take_flags(event)
             else:
+                # The time anew: a key before this one may have waited for the robot's answer.
                 teleop.take(event, time.monotonic(), stale=stale)
         teleop.command(time.monotonic())
         display.update(robot, now)

@@ -78,6 +78,7 @@ class KeyDecoder:
             return None
         if not sequence:
             return _plain(byte)
+        # No sequence contains these: it was the escape key alone, or the rest was lost.
         if byte <= _SPACE or byte >= _DELETE:
             sequence.clear()
             return _plain(byte)
@@ -86,6 +87,7 @@ class KeyDecoder:
             return None
         text = sequence[1:].decode("ascii")
         sequence.clear()
+        # SS3: an arrow of a terminal in application mode.
         if text[0] == "O":
             return _typed(_ARROWS.get(text[1]))
         # Anything else than CSI is a key after the escape key, or with alt.
@@ -132,6 +134,7 @@ def _control_sequence(text: str) -> Event | None:
         action = int(state[1] or 1) if len(state) > 1 else None
     except ValueError:
         return None
+    # Codes beyond ASCII are of other characters and of function keys.
     if code > _DELETE:
         return None
     if final == "u":
@@ -142,6 +145,8 @@ def _control_sequence(text: str) -> Event | None:
         key = chr(code).lower() if _SPACE <= code < _DELETE else None
     else:
         key = _ARROWS[final]
+    # With alt or ctrl it is another key. But a space always stops, and a release always ends its
+    # press, whatever is held beside it.
     if key is None or (
         modifiers & _IGNORED_MODIFIERS and key != SPACE and _action(action) is not Action.RELEASED
     ):

@@ -63,6 +63,7 @@ class Presses:
             if pressed:  # not of a key that was let go by `clear` while it was held
                 self._renew_all(now + REPEAT_LIFE_S)
         elif action is Action.TYPED and pressed:
+            # Where presses and repeats look alike, a key that comes again in time is repeated.
             self._renew(key, now + REPEAT_LIFE_S)
         else:
             self._drop_opposite(key)
@@ -95,6 +96,7 @@ class Presses:
         self._ends = {k: end for k, end in self._ends.items() if DIRECTIONS[k] != opposite}
 
     def _renew(self, key: str, end: float) -> None:
+        # The first repeat must not shorten the longer life of its press.
         self._ends[key] = max(self._ends[key], end)
 
     def _renew_all(self, end: float) -> None:

@@ -44,6 +44,7 @@ class Terminal:
 
     def __enter__(self) -> Terminal:
         self._before = termios.tcgetattr(self._keyboard)
+        # Not a copy, which would share the inner list of characters that is changed below.
         attributes = termios.tcgetattr(self._keyboard)
         attributes[_LFLAG] &= ~(termios.ICANON | termios.ECHO)
         attributes[_IFLAG] &= ~termios.IXON  # Ctrl-S would block the loop at its next output
@@ -54,6 +55,7 @@ class Terminal:
         disabled = bytes([os.fpathconf(self._keyboard, "PC_VDISABLE")])
         characters[termios.VSUSP] = characters[termios.VQUIT] = disabled
         termios.tcsetattr(self._keyboard, termios.TCSAFLUSH, attributes)
+        # A terminal that does not know the protocol ignores the query.
         self._write(_QUERY)
         return self
 
@@ -84,6 +86,7 @@ class Terminal:
     def take_flags(self, answer: KeyboardFlags) -> None:
         """Take the terminal's answer: ask for releases, then see whether they were granted."""
         if not self._pushed:
+            # Any answer to the first query means that the terminal knows the protocol.
             self._pushed = True
             self._write(_PUSH + _QUERY)
         else:
@@ -94,6 +97,8 @@ class Terminal:
 
     def show(self, line: str) -> None:
         """Show a line in place of the last one, cut to the terminal's width."""
+        # A pseudo-terminal that was given no size says 0. The last column stays free: a character
+        # there makes some terminals begin a new line.
         columns = os.get_terminal_size(self._screen).columns or 80
         line = line[: columns - 1]
         if line != self._line:
@@ -102,6 +107,7 @@ class Terminal:
 
     def say(self, text: str) -> None:
         """Print a text of its own above the line."""
+        # Forgotten, or `show` would take the line for one that is on the screen.
         line, self._line = self._line, ""
         self._write(f"\r{text}{_CLEAR_TO_END}\r\n".encode(errors="replace"))
         self.show(line)

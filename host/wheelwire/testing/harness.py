@@ -72,6 +72,7 @@ class DriveHarness:
 
         It tries again, because this program or the robot's may have been delayed for a while.
         """
+        # The first second is for getting up to speed.
         self.drive(linear, angular, 1.0)
         return self.first(lambda: self.drive(linear, angular, 1.0), expected)
 
@@ -86,7 +87,9 @@ class DriveHarness:
         def attempt() -> tuple[WheelSample, float]:
             before = self.next().command_seq
             begin()
+            # The clock of the driver's stamps, which may be a virtual one.
             begun_s = self.driver._now_us() / 1e6
+            # A sample from before `begin` may still be waiting; it has the former number.
             sample = self.wait(lambda s: s.command_seq != before and condition(s))
             return sample, sample.stamp - begun_s
 

@@ -76,6 +76,7 @@ class LifecycleTests:
         threads = _threads()
         driver = bench.open()
         DriveHarness(driver).drive_until(SPEED_MPS, 0.0, turning)
+        # A thread of the driver that refers to it would keep it alive, and the robot driving.
         del driver
         gc.collect()
         assert not _threads() - threads

@@ -41,6 +41,7 @@ class MotionTests:
 
     def test_a_left_turn_has_the_right_wheel_faster(self, harness: DriveHarness) -> None:
         separation = harness.driver.geometry.wheel_separation
+        # A difference has the errors of both velocities.
         close = pytest.approx(0.5 * separation, rel=2 * CLOSE)
         harness.steady(SPEED_MPS, 0.5, lambda s: mean_of(s, "right") - mean_of(s, "left") == close)
 

@@ -50,6 +50,7 @@ class RefusingTests:
     def test_a_stamp_of_another_clock_is_rejected(
         self, harness: DriveHarness, ahead_s: float
     ) -> None:
+        # On a busy machine much time may pass until the calls; the stamp has to be ahead of them.
         later = harness.next().stamp + TIMEOUT_S + ahead_s
         for call in (harness.driver.set_velocity, harness.driver.set_wheel_velocity):
             with pytest.raises(errors.InvalidCommand, match="monotonic"):
@@ -91,10 +92,12 @@ class RefusingTests:
         before = {name: parameters[name] for name in ("counts_per_revolution", "ttl_max_s")}
         harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         for name, value in before.items():
+            # Renewed for each: the requests take a part of a setpoint's life.
             harness.driver.set_velocity(SPEED_MPS, 0.0)
             with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
                 parameters.set(name, value * 2)
             assert parameters[name] == value
+            # Setting the value that is in force is no change.
             parameters.set(name, value)
         harness.driver.stop()
         parameters.set("ttl_max_s", 0.5)
@@ -114,6 +117,7 @@ class RefusingTests:
         with parameters.trial() as trial:
             parameters.set("integral_gain", 12.0)
             trial.keep()
+        # What counts is the device's value, not the one that is known here.
         parameters.refresh("integral_gain")
         assert parameters["integral_gain"] == 12.0
 

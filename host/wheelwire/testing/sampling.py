@@ -27,6 +27,7 @@ class SamplingTests:
             travel = after.since(before)
             assert not travel.rebased
             most = 3 * SPEED_MPS * per_metre * (travel.dt_s + BATCH_S)
+            # A wheel that starts from an edge may toggle before it goes on.
             assert -2 <= travel.left <= most
             assert -2 <= travel.right <= most
 

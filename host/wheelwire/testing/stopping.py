@@ -55,6 +55,7 @@ class StoppingTests:
             harness.drive(SPEED_MPS, 0.0, 0.8)
             harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1.4, stamp=made)
 
+        # 0.8 of the 1.4 s have passed when it is sent.
         sample = harness.time_to(command_with_an_old_stamp, not_driving, 0.6 + WATCHDOG_MARGIN_S)
         assert sample.state is SupervisorState.TIMED_OUT
 
@@ -82,6 +83,8 @@ class StoppingTests:
 
     def test_a_full_reversal_is_no_fault(self, harness: DriveHarness) -> None:
         harness.drive(0.3, 0.0, 1.0)
+        # Until they turn round, the wheels are driven against their motion, as with a reversed
+        # encoder.
         harness.drive(-0.3, 0.0, 1.0)
         assert harness.next().faults == Fault(0)
         assert harness.next().state is SupervisorState.DRIVING
@@ -107,6 +110,7 @@ class StoppingTests:
         with pytest.raises(errors.DeviceRefused, match="fault"):
             harness.driver.set_velocity(SPEED_MPS, 0.0)
         harness.driver.clear_fault()
+        # Zero, because the encoder is still blocked.
         harness.driver.set_velocity(0.0, 0.0)
 
     @staticmethod
@@ -114,4 +118,5 @@ class StoppingTests:
         try:
             return harness.drive_until(SPEED_MPS, 0.0, lambda s: s.state is SupervisorState.FAULT)
         except errors.DeviceRefused:
+            # The fault was known before a sample showed it.
             return harness.wait(lambda s: s.state is SupervisorState.FAULT)
