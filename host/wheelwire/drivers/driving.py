@@ -46,9 +46,12 @@ class Driving(ABC):
         linear, angular = _finite("linear", linear), _finite("angular", angular)
         # Asked for once: a parameter may change between two uses.
         geometry = self.geometry
-        left, right = geometry.wheel_velocities(Twist(linear, angular))
+        wheels = geometry.wheel_velocities(Twist(linear, angular))
         # Finite numbers can overflow in the conversion.
-        wheels = WheelVelocities(_finite("left", left), _finite("right", right))
+        if not (isfinite(wheels.left_mps) and isfinite(wheels.right_mps)):
+            raise InvalidCommand(
+                f"linear = {linear:g}, angular = {angular:g}: no wheel can turn that fast"
+            )
         self._drive_velocity(geometry.saturate(wheels), expiry_us)
 
     def set_wheel_velocity(

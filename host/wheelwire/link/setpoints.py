@@ -29,6 +29,11 @@ Setpoint: TypeAlias = SetWheelVelocity | SetDuty
 
 SETPOINT_IDS = frozenset({message_id(SetWheelVelocity), message_id(SetDuty)})
 
+_Unseen: TypeAlias = tuple[Setpoint, int, int]
+"""Sent, and no state frame has shown yet that the device obeys it: the setpoint, when it expires on
+the host's clock, and when it is to be repeated."""
+
+_ESTOPPED, _FAULT = SupervisorState.ESTOPPED, SupervisorState.FAULT
 _LATCHED = {
     SupervisorState.ESTOPPED: RefusalCode.ESTOPPED,
     SupervisorState.FAULT: RefusalCode.FAULT,
@@ -43,14 +48,6 @@ class OpenSession(NamedTuple):
     command_seqs: count[int]
     """Shared by setpoints and stops: a stop's number is above those of all setpoints before it."""
     encoder: Encoder
-
-
-class _Unseen(NamedTuple):
-    """Sent, and no state frame has shown yet that the device obeys it."""
-
-    setpoint: Setpoint
-    expiry_host_us: int
-    repeat_due_us: int
 
 
 class SetpointSender:
@@ -88,7 +85,7 @@ class SetpointSender:
     def repeat_due_us(self) -> int | None:
         """When `advance` has something to do."""
         unseen = self._unseen
-        return None if unseen is None else unseen.repeat_due_us
+        return None if unseen is None else unseen[2]
 
     def end_session(self) -> None:
         """The session is over: nothing can be sent, and what is known of the device is void."""
@@ -169,19 +166,20 @@ class SetpointSender:
         """Send an unseen setpoint once more, with its own number and expiry, while it is valid."""
         # Read once: another thread may replace it meanwhile.
         unseen = self._unseen
-        if unseen is None or now_us < unseen.repeat_due_us:
+        if unseen is None or now_us < unseen[2]:
             return
+        setpoint, expiry_host_us, _ = unseen
         # An expired one would be refused, and `check` would then refuse the next for it.
-        if now_us < unseen.expiry_host_us:
+        if now_us < expiry_host_us:
             self.repeated += 1
-            self._send(unseen.setpoint)
+            self._send(setpoint)
         self._forget(unseen)
 
     def on_obeyed(self, command_seq: int) -> None:
         """The device says which setpoint it obeys."""
         unseen = self._unseen
         # An older one says nothing about the newest, which may be lost.
-        if unseen is not None and unseen.setpoint.command_seq == command_seq:
+        if unseen is not None and unseen[0].command_seq == command_seq:
             self._forget(unseen)
 
     def on_refused(self, refuse: Refuse) -> None:
@@ -197,7 +195,10 @@ class SetpointSender:
         if opened is None:  # asked once: the port's thread may end the session meanwhile
             raise self._why_closed().with_traceback(None)
         self._trial.check("the setpoint")
-        self.check()
+        # By identity: a look into a dictionary would hash the state, which Python code does.
+        state = self.supervisor
+        if self._refusal is not None or state is _ESTOPPED or state is _FAULT:
+            self.check()
         # The device's clock is known only within a bound. Subtract the bound from the expiry, or
         # the setpoint could live longer than its ttl.
         device_expiry_us, error_us = opened.clock.conversion.host_to_device(expiry_us)
@@ -212,7 +213,7 @@ class SetpointSender:
         command_seq = next(opened.command_seqs)
         setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
         # Before it is written: the state frame that shows it may come at any moment after.
-        self._unseen = _Unseen(setpoint, sure_us, now_us + REPEAT_AFTER_US)
+        self._unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
         return opened.encoder.encode(setpoint)
 
     def _forget(self, unseen: _Unseen) -> None:

@@ -83,8 +83,9 @@ class DifferentialDrive:
 
         The path's radius is (L/2)(r + l)/(r - l): one factor keeps it, clamping each bends it.
         """
-        fastest = max(abs(wheels.left_mps), abs(wheels.right_mps))
-        if fastest <= self.max_velocity_mps:
+        limit = self.max_velocity_mps
+        if -limit <= wheels.left_mps <= limit and -limit <= wheels.right_mps <= limit:
             return wheels
+        fastest = max(abs(wheels.left_mps), abs(wheels.right_mps))
         factor = self.max_velocity_mps / fastest
         return WheelVelocities(wheels.left_mps * factor, wheels.right_mps * factor)
