@@ -26,7 +26,7 @@ from support.commissioning import (
 )
 from wheelwire.commissioning.gains import FLOOR_INERTIA, tuned
 from wheelwire.commissioning.identification import Identification, WheelIdentification, identify
-from wheelwire.commissioning.motion import TTL_S
+from wheelwire.commissioning.motion import TTL_S, BoardReset
 from wheelwire.commissioning.proof import Proof, prove
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed
@@ -270,6 +270,30 @@ def test_an_interrupted_proof_leaves_the_former_parameters(
         assert robot.simulator.get("drive_on") == 0
         robot.parameters.refresh()
         assert {name: robot.parameters[name] for name in before} == before
+
+
+@pytest.mark.parametrize("reopened", [True, False])
+@pytest.mark.parametrize("after", [200, 1900])
+def test_a_reset_with_values_on_trial_is_told_as_a_reset(
+    monkeypatch: pytest.MonkeyPatch, after: int, reopened: bool
+) -> None:
+    before = {"velocity_feedforward": 1.365, "integral_gain": 16.0}
+    with plant_robot("tt-1-48", raised=True) as robot:
+        set_wheel_velocity, left = robot.set_wheel_velocity, [after]
+
+        def reset(*arguments: float) -> None:
+            left[0] -= 1
+            if left[0] == 0:
+                robot.simulator.reset()
+                # Half a second is enough for a new session, in which nothing is on trial.
+                robot.advance(0.5 if reopened else 0.002)
+            set_wheel_velocity(*arguments)
+
+        monkeypatch.setattr(robot, "set_wheel_velocity", reset)
+        with pytest.raises(BoardReset), robot.parameters.trial():
+            prove(robot, before, {"velocity_feedforward": 1.2, "integral_gain": 10.0})
+        robot.advance(0.01)
+        assert robot.simulator.get("drive_on") == 0
 
 
 def test_setpoints_are_short_and_the_floor_is_a_metre(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ from .motion import (
     come_to_rest,
     follow_duty,
     hold_duty,
-    require_one_session,
+    one_session,
     require_ready,
     uninterrupted,
 )
@@ -156,15 +156,13 @@ def identify(
         RequestTimeout: It is in reach, but does not answer.
     """
     require_ready(robot)
-    before = robot.statistics
     bench = _Bench(robot, report, on_the_floor)
-    try:
-        found = bench.identify()
-    finally:
-        robot.stop()
     # Each record checks itself alone: a reset between two of them shows in the sessions only.
-    require_one_session(robot, before)
-    return found
+    with one_session(robot):
+        try:
+            return bench.identify()
+        finally:
+            robot.stop()
 
 
 class _Stairs:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import NamedTuple, TypeVar
 
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
-from ..errors import CommissioningFailed, DeviceRefused
-from ..link.info import LinkStatistics
+from ..errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from ..samples import WheelSample
 
 TTL_S = 0.3
@@ -23,6 +23,9 @@ STANDSTILL_S = 0.15
 LONGEST_ROLL_S = 5.0
 RESTING_TICKS = 1
 """An encoder that rests on an edge may toggle by this much."""
+
+_REOPENED_S = 3.0
+"""For a board to start, and a new session with it to open."""
 
 SIDES = ("left", "right")
 
@@ -179,23 +182,32 @@ def come_to_rest(robot: BaseDriver) -> Record:
     return record
 
 
-def require_one_session(robot: BaseDriver, before: LinkStatistics) -> None:
+@contextmanager
+def one_session(robot: BaseDriver) -> Iterator[None]:
     """Refuse what was measured partly after a reset or with the link lost for a while.
 
-    Args:
-        robot: As it is now.
-        before: Its `statistics` at the beginning.
-
     Raises:
-        BoardReset: The board was reset since; or else
+        BoardReset: The board was reset meanwhile; or else
         CommissioningFailed: There is a new session: parameters that were not saved are lost, too.
     """
+    before = robot.statistics
+    try:
+        yield
+    except (LinkLost, DeviceRefused) as error:
+        # A reset shows as a lost link, or as a refusal for want of the trial of parameters that it
+        # has ended. Which of them it was, only the next session tells.
+        with suppress(WheelwireError):
+            robot.read(_REOPENED_S)
+        if robot.statistics.device_resets != before.device_resets:
+            raise BoardReset from error
+        raise
     after = robot.statistics
     if after.device_resets != before.device_resets:
         raise BoardReset
-    if after.sessions == before.sessions:
-        return
-    raise CommissioningFailed("the link was lost for a while: check the cable, then begin again")
+    if after.sessions != before.sessions:
+        raise CommissioningFailed(
+            "the link was lost for a while: check the cable, then begin again"
+        )
 
 
 def require_ready(robot: BaseDriver) -> None:

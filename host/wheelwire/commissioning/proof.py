@@ -25,7 +25,7 @@ from .motion import (
     Pair,
     Record,
     come_to_rest,
-    require_one_session,
+    one_session,
     require_ready,
     send,
     uninterrupted,
@@ -273,16 +273,15 @@ def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, fl
         LinkLost: The robot is out of reach; a reset brings back what was saved.
     """
     require_ready(robot)
-    statistics = robot.statistics
     # One course for both drives: its speed follows from the new feed-forward.
     course = _course(robot, {**before, **after})
-    try:
-        traces = _drive_with(robot, before, course), _drive_with(robot, after, course)
-    finally:
-        # The stop first: while the robot drives, some of the former values would be refused.
-        robot.stop()
-        _set(robot, before)
-    require_one_session(robot, statistics)
+    with one_session(robot):
+        try:
+            traces = _drive_with(robot, before, course), _drive_with(robot, after, course)
+        finally:
+            # The stop first: while the robot drives, some of the former values would be refused.
+            robot.stop()
+            _set(robot, before)
     left, right = (_wheel_proof(traces, course, wheel) for wheel in (0, 1))
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
     return Proof(left, right, rms[0], rms[1], traces)

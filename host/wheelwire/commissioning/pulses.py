@@ -8,9 +8,9 @@ from itertools import pairwise
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
-from ..errors import CommissioningFailed, DeviceRefused, LinkLost
+from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample, tick_difference
-from .motion import TTL_S, BoardReset, fresh, send
+from .motion import TTL_S, BoardReset, fresh, one_session, send
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -24,7 +24,6 @@ _HIGHEST_DUTY = 0.6
 _SHOW_S = 0.25
 _REST_S = 0.1
 _LONGEST_REST_S = 5.0
-_REOPENED_S = 3.0
 _OWN_FAULTS = (
     Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING | Fault.LEFT_REVERSED | Fault.RIGHT_REVERSED
 )
@@ -129,12 +128,8 @@ def run(robot: BaseDriver, duties: tuple[float, float], seconds: float) -> Run:
         CommissioningFailed: The board was reset, or an e-stop or another fault was latched.
     """
     samples = [fresh(robot)]
-    try:
+    with one_session(robot):
         _drive(robot, duties, seconds, samples)
-    except LinkLost:
-        # Raises `BoardReset` if a reset is why the link was lost.
-        _next(robot, samples, _REOPENED_S)
-        raise
     _clear(robot, samples[-1])
     return Run(tuple(samples))
 
@@ -190,8 +185,8 @@ def _set_duty(robot: BaseDriver, duties: tuple[float, float], seconds: float) ->
             raise
 
 
-def _next(robot: BaseDriver, samples: list[WheelSample], timeout_s: float = 1.0) -> WheelSample:
-    sample = robot.read(timeout_s)
+def _next(robot: BaseDriver, samples: list[WheelSample]) -> WheelSample:
+    sample = robot.read()
     if sample.boot_id != samples[0].boot_id:
         raise BoardReset
     return sample

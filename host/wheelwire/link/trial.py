@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 
 from wheelwire_protocol.codes import RefusalCode, TrialAction
 from wheelwire_protocol.types import ParameterTrial
@@ -16,7 +17,6 @@ RENEWALS = 4
 
 
 class _State(enum.Enum):
-    NONE = enum.auto()
     RUNNING = enum.auto()
     ENDING = enum.auto()
     """The device was asked to keep or revert it."""
@@ -24,24 +24,39 @@ class _State(enum.Enum):
     """The device has reverted it, and the application has not left it yet."""
 
 
+@dataclass(slots=True)
+class _Trial:
+    timeout_s: float
+    due_us: int
+    state: _State = _State.RUNNING
+    renewing: bool = False
+
+    def wait(self, now_us: int) -> None:
+        self.due_us = now_us + round(self.timeout_s * 1e6 / RENEWALS)
+
+
 class HeldTrial:
-    """What a session knows of its application's trial. At most one is held."""
+    """What a session knows of its application's trial. At most one is held.
+
+    Any thread may release it. That needs no lock: each method takes the trial that is held once,
+    and what it notes of a trial that was released meanwhile is noted nowhere else.
+    """
 
     def __init__(self) -> None:
-        self._state = _State.NONE
-        self._timeout_s = 0.0
-        self._due_us = 0
-        self._renewing = False
+        self._held: _Trial | None = None
 
     @property
     def due_us(self) -> int | None:
         """When to renew it next."""
-        running = self._state is _State.RUNNING and not self._renewing
-        return self._due_us if running else None
+        held = self._held
+        if held is None or held.state is not _State.RUNNING or held.renewing:
+            return None
+        return held.due_us
 
     def check(self, subject: str) -> None:
         """Raise `DeviceRefused` for what relies on values that are no longer in force."""
-        if self._state is _State.LOST:
+        held = self._held
+        if held is not None and held.state is _State.LOST:
             raise DeviceRefused(RefusalCode.NO_TRIAL, subject)
 
     def on_request(self, request: ParameterTrial) -> None:
@@ -50,43 +65,45 @@ class HeldTrial:
         Raises:
             DeviceRefused: Another one is held.
         """
-        if request.action == TrialAction.BEGIN and self._state is not _State.NONE:
+        held = self._held
+        if held is None:
+            return
+        if request.action == TrialAction.BEGIN:
             raise DeviceRefused(RefusalCode.ON_TRIAL, "another trial of parameters")
-        if request.action != TrialAction.BEGIN and self._state is _State.RUNNING:
-            self._state = _State.ENDING  # a renewal after that would find none
+        if held.state is _State.RUNNING:
+            held.state = _State.ENDING  # a renewal after that would find none
 
     def on_done(self, request: ParameterTrial, now_us: int) -> None:
         """The device has done what it was asked for."""
         if request.action == TrialAction.BEGIN:
-            self._state = _State.RUNNING
-            self._timeout_s = request.timeout_s
-            self._renewing = False
-            self._wait(now_us)
+            begun = _Trial(request.timeout_s, now_us)
+            begun.wait(now_us)
+            self._held = begun
         elif request.action != TrialAction.RENEW:
             self.release()
 
     def renewal(self, now_us: int) -> ParameterTrial | None:
         """The request to send now, if any. `renewed` is to be called when it is over."""
-        due_us = self.due_us  # once: another thread may release it at any moment
-        if due_us is None or now_us < due_us:
+        held, due_us = self._held, self.due_us
+        if held is None or due_us is None or now_us < due_us:
             return None
         # None beside it until it is over: the request is repeated as it is.
-        self._renewing = True
-        self._wait(now_us)
-        return ParameterTrial(0, 0, TrialAction.RENEW, self._timeout_s)
+        held.renewing = True
+        held.wait(now_us)
+        return ParameterTrial(0, 0, TrialAction.RENEW, held.timeout_s)
 
     def renewed(self) -> None:
         """The renewal was answered, or given up."""
-        self._renewing = False
+        held = self._held
+        if held is not None:
+            held.renewing = False
 
     def lose(self) -> None:
         """The session is over, and the trial with it."""
-        if self._state is not _State.NONE:
-            self._state = _State.LOST
+        held = self._held
+        if held is not None:
+            held.state = _State.LOST
 
     def release(self) -> None:
         """The application has left it; from any thread."""
-        self._state = _State.NONE
-
-    def _wait(self, now_us: int) -> None:
-        self._due_us = now_us + round(self._timeout_s * 1e6 / RENEWALS)
+        self._held = None

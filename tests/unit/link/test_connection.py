@@ -52,9 +52,10 @@ def pty_with(speech: bytes, period_s: float = 0.02) -> Iterator[str]:
 
 
 def test_a_silent_port() -> None:
-    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="921600 baud") as told:
+    with pty_with(b"") as port, pytest.raises(errors.DeviceSilent, match="at 921600") as told:
         SerialDriver(port, connect_timeout=0.3)
-    assert told.value.baud_rates == (921_600,)
+    # A busy computer may get to the next one.
+    assert told.value.baud_rates[0] == 921_600
 
 
 def test_a_device_that_is_not_ours() -> None:
