@@ -1,8 +1,19 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from support.lines import LINES
+from support.stalls import again_after_a_stall
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """These tests run programs in real time: a stall of the computer is told from a defect."""
+    for item in items:
+        # The hook sees the tests of all directories.
+        if isinstance(item, pytest.Function) and Path(__file__).parent in item.path.parents:
+            item.obj = again_after_a_stall(item.obj)
 
 
 @pytest.fixture(params=LINES)

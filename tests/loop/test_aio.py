@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from support.lines import GOOD, simulator_on
-from support.stalls import again_after_a_stall
 from support.waiting import is_open
 from wheelwire import aio, errors
 from wheelwire.samples import WheelSample
@@ -82,7 +81,6 @@ async def use_every_verb(simulator: Simulator) -> None:
         await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
 
 
-@again_after_a_stall
 def test_every_verb(line: str) -> None:
     with simulator_on(line) as simulator:
         asyncio.run(use_every_verb(simulator))

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from support.command import PROGRAM, TIMEOUT_S, check_error, run, run_json
+from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
 from support.lines import GOOD, simulator_on
 from support.processes import interruptible
 from support.usb_ports import fake_usb_ports
@@ -43,7 +43,7 @@ def quiet() -> Iterator[Simulator]:
 
 
 def test_info(simulator: Simulator) -> None:
-    text = run("info", simulator.port).stdout
+    text = output("info", simulator.port)
     assert "SIMULATED" in text
     assert "IDLE" in text
     reported = run_json("info", simulator.port)
@@ -59,10 +59,10 @@ def test_info_says_when_a_core_dump_is_there(simulator: Simulator) -> None:
     reported = run_json("info", simulator.port)
     assert reported["core_dump"] is True
     assert "CORE_DUMP" in reported["link"]["device"]["capabilities"]
-    assert "of a crash, in flash" in run("info", simulator.port).stdout
+    assert "of a crash, in flash" in output("info", simulator.port)
     simulator.set("core_dump", 0)
     simulator.reset()
-    assert "of a crash" not in run("info", simulator.port).stdout
+    assert "of a crash" not in output("info", simulator.port)
 
 
 def test_drive_drives_and_stops(simulator: Simulator) -> None:
@@ -75,18 +75,17 @@ def test_drive_drives_and_stops(simulator: Simulator) -> None:
 
 
 def test_an_estop_holds_until_it_is_cleared(simulator: Simulator) -> None:
-    assert "wheelwire clear" in run("estop", simulator.port).stdout
+    assert "wheelwire clear" in output("estop", simulator.port)
     line = check_error(run("drive", simulator.port, "--linear", "0.2"), errors.DeviceRefused)
     assert "Emergency stop is latched" in line
     assert f"`wheelwire clear {simulator.port}` ends it" in line
     assert "estop_input_enabled 0 --save" in line
-    assert (
-        f"`wheelwire clear {simulator.port}` ends it"
-        in run("info", simulator.port, COLUMNS="200").stdout
+    assert f"`wheelwire clear {simulator.port}` ends it" in output(
+        "info", simulator.port, COLUMNS="200"
     )
     reported = {"ended": "ESTOPPED", "state": "IDLE", "faults": []}
     assert run_json("clear", simulator.port) == reported
-    assert run("clear", simulator.port).stdout == "nothing was latched\n"
+    assert output("clear", simulator.port) == "nothing was latched\n"
     assert run_json("info", simulator.port)["state"] == "IDLE"
 
 
@@ -97,7 +96,7 @@ def test_a_fault_that_ends_a_drive_is_named(simulator: Simulator) -> None:
     finally:
         simulator.set("left.encoder_dead", 0)
     assert "LEFT_NOT_COUNTING: The left wheel" in check_error(result, errors.DeviceRefused)
-    assert run("clear", simulator.port).stdout == "FAULT cleared\n"
+    assert output("clear", simulator.port) == "FAULT cleared\n"
 
 
 def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator) -> None:
@@ -107,10 +106,10 @@ def test_a_fault_that_an_estop_hid_is_named_when_the_estop_ends(quiet: Simulator
     finally:
         quiet.set("left.encoder_dead", 0)
     run("estop", quiet.port)
-    text = run("clear", quiet.port).stdout
+    text = output("clear", quiet.port)
     assert text.startswith("ESTOPPED cleared\nFAULT remains. LEFT_NOT_COUNTING: ")
     assert f"`wheelwire clear {quiet.port}` again" in text
-    assert run("clear", quiet.port).stdout == "FAULT cleared\n"
+    assert output("clear", quiet.port) == "FAULT cleared\n"
 
 
 def test_an_open_contact_says_what_to_do_where_none_is_fitted(quiet: Simulator) -> None:
@@ -124,9 +123,9 @@ def test_an_open_contact_says_what_to_do_where_none_is_fitted(quiet: Simulator) 
 
 
 def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(quiet: Simulator) -> None:
-    text = run("drive", quiet.port, "--linear", "5", "--seconds", "0.3").stdout
+    text = output("drive", quiet.port, "--linear", "5", "--seconds", "0.3")
     assert "limited to 0.4 m/s and 0 rad/s: no wheel may exceed 0.4 m/s" in text
-    text = run("drive", quiet.port, "--linear", "0.2", "--seconds", "1").stdout
+    text = output("drive", quiet.port, "--linear", "0.2", "--seconds", "1")
     assert "no wheel" not in text
     assert "m of it while stopping" in text
     reported = run_json("drive", quiet.port, "--linear", "-5", "--seconds", "0.3")
@@ -135,7 +134,7 @@ def test_a_drive_beyond_the_limit_says_so_and_how_it_came_to_a_stop(quiet: Simul
 
 
 def test_monitor_lines_are_json(simulator: Simulator) -> None:
-    lines = run("monitor", simulator.port, "--seconds", "0.3", "--json").stdout.splitlines()
+    lines = output("monitor", simulator.port, "--seconds", "0.3", "--json").splitlines()
     times = [json.loads(line)["t_us"] for line in lines]
     assert len(times) > 5
     assert times == sorted(set(times))
@@ -149,13 +148,13 @@ def test_parameters_are_listed_set_saved_and_reset(simulator: Simulator) -> None
         "saved": True,
     }
     simulator.reset()
-    assert run("params", "get", simulator.port, "wheel_radius").stdout == "0.04\n"
+    assert output("params", "get", simulator.port, "wheel_radius") == "0.04\n"
     assert run_json("params", "reset", simulator.port) == {"reset": True}
     assert run_json("params", "get", simulator.port, "wheel_radius") == {"wheel_radius": 0.033}
 
 
 def test_a_narrow_terminal_gets_the_parameters_without_a_table(quiet: Simulator) -> None:
-    lines = run("params", "list", quiet.port, COLUMNS="80").stdout.splitlines()
+    lines = output("params", "list", quiet.port, COLUMNS="80").splitlines()
     assert lines[:2] == [
         "wheel_radius = 0.033 m, 0.005..1",
         "    Radius of the driven wheels." + " " * 48,
@@ -165,17 +164,17 @@ def test_a_narrow_terminal_gets_the_parameters_without_a_table(quiet: Simulator)
 
 def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
     port = quiet.port
-    text = run("params", "set", port, "integral_gain", "12").stdout
+    text = output("params", "set", port, "integral_gain", "12")
     assert text == "integral_gain = 12, until the next reset; --save keeps it\n"
-    text = run("params", "set", port, "proportional_gain", "1.5", "--save").stdout
+    text = output("params", "set", port, "proportional_gain", "1.5", "--save")
     assert text == "proportional_gain = 1.5, saved\n"
     quiet.reset()
-    assert run("params", "get", port, "integral_gain").stdout == "16\n"
-    assert run("params", "get", port, "proportional_gain").stdout == "1.5\n"
+    assert output("params", "get", port, "integral_gain") == "16\n"
+    assert output("params", "get", port, "proportional_gain") == "1.5\n"
     run("params", "set", port, "integral_gain", "12")
     run("params", "set", port, "path_gain", "1")
-    assert run("params", "save", port, "path_gain").stdout == "saved: path_gain = 1\n"
-    assert run("params", "save", port).stdout == (
+    assert output("params", "save", port, "path_gain") == "saved: path_gain = 1\n"
+    assert output("params", "save", port) == (
         "all values saved; different from their defaults: "
         "proportional_gain = 1.5, integral_gain = 12, path_gain = 1\n"
     )
@@ -186,9 +185,9 @@ def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
 
 
 def test_a_value_that_acts_after_a_reset_says_so(quiet: Simulator) -> None:
-    text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000").stdout
+    text = output("params", "set", quiet.port, "pwm_frequency_hz", "18000")
     assert "no effect: it acts only after a reset, and is lost then; use --save" in text
-    text = run("params", "set", quiet.port, "pwm_frequency_hz", "18000", "--save").stdout
+    text = output("params", "set", quiet.port, "pwm_frequency_hz", "18000", "--save")
     assert text == "pwm_frequency_hz = 18000, saved; takes effect after the next reset\n"
     run("params", "reset", quiet.port)
 
@@ -212,7 +211,7 @@ def test_a_robots_file_is_an_address(quiet: Simulator, file: str) -> None:
     assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 0.5}
     assert run_json("params", "set", file, "path_gain", "1") == {"path_gain": 1, "saved": False}
     check_error(run("params", "set", file, "max_duty", "1"), errors.InvalidArgument)
-    assert f"`wheelwire clear {file}` ends it" in run("estop", file).stdout
+    assert f"`wheelwire clear {file}` ends it" in output("estop", file)
     assert run_json("info", file)["state"] == "ESTOPPED"
     assert run_json("clear", file)["state"] == "IDLE"
     run("params", "reset", quiet.port)
@@ -227,13 +226,13 @@ def test_looking_and_stopping_leave_the_parameters_alone(quiet: Simulator, file:
 
 def test_mock_is_an_address() -> None:
     assert run_json("info", "mock")["link"]["device"]["board"] == "SIMULATED"
-    assert run("monitor", "mock", "--seconds", "0.1").stdout.count("IDLE") > 0
+    assert output("monitor", "mock", "--seconds", "0.1").count("IDLE") > 0
     assert run_json("drive", "mock", "--linear", "0.2", "--seconds", "0.5")["x_m"] > 0.05
     assert run_json("estop", "mock") == {"latched": None}
-    assert "stopped, but not latched" in run("estop", "mock").stdout
-    assert run("clear", "mock").stdout == "nothing was latched\n"
-    assert run("params", "get", "mock", "wheel_radius").stdout == "0.033\n"
-    text = run("params", "set", "mock", "wheel_radius", "0.04").stdout
+    assert "stopped, but not latched" in output("estop", "mock")
+    assert output("clear", "mock") == "nothing was latched\n"
+    assert output("params", "get", "mock", "wheel_radius") == "0.033\n"
+    text = output("params", "set", "mock", "wheel_radius", "0.04")
     assert text == "wheel_radius = 0.04, for this command only: the robot's process ended with it\n"
     assert len(run_json("params", "list", "mock")) > 20
     assert run_json("params", "reset", "mock") == {"reset": True}
@@ -244,9 +243,9 @@ def test_the_environment_names_the_robot(quiet: Simulator) -> None:
     result = run("drive", "--linear", "0.2", "--seconds", "0.3", **robot)
     assert result.returncode == 0
     assert result.stderr == f"wheelwire: using {quiet.port}, named by WHEELWIRE_ROBOT\n"
-    assert run("params", "set", "path_gain", "1", **robot).stdout.startswith("path_gain = 1, until")
-    assert run("params", "get", "path_gain", **robot).stdout == "1\n"
-    assert run("params", "save", "path_gain", **robot).stdout == "saved: path_gain = 1\n"
+    assert output("params", "set", "path_gain", "1", **robot).startswith("path_gain = 1, until")
+    assert output("params", "get", "path_gain", **robot) == "1\n"
+    assert output("params", "save", "path_gain", **robot) == "saved: path_gain = 1\n"
     assert run("params", "reset", **robot).returncode == 0
 
 
@@ -256,7 +255,7 @@ def test_an_estop_of_the_only_candidate_asks_nothing(quiet: Simulator, tmp_path:
     assert result.returncode == 0, result.stderr
     assert f"{quiet.port} is the only candidate" in result.stderr
     assert run_json("info", quiet.port)["state"] == "ESTOPPED"
-    assert run("clear", "--yes", WHEELWIRE_ROBOT="", **ports).stdout == "ESTOPPED cleared\n"
+    assert output("clear", "--yes", WHEELWIRE_ROBOT="", **ports) == "ESTOPPED cleared\n"
 
 
 @pytest.mark.parametrize(("answer", "drives"), [("y", True), ("n", False), ("", False)])

@@ -19,7 +19,6 @@ import pytest
 
 from support.command import TIMEOUT_S
 from support.processes import interruptible
-from support.stalls import again_after_a_stall
 from support.waiting import wait_until
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
@@ -62,7 +61,6 @@ def wait_while_running(process: subprocess.Popen[str], condition: Callable[[], b
         pytest.fail(process.communicate()[1])
 
 
-@again_after_a_stall
 def test_the_square_closes() -> None:
     with Simulator() as simulator:
         output = end(start("square.py", "--port", simulator.port, "--side", "0.4"))
@@ -89,7 +87,6 @@ def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
     assert {row["state"] for row in rows} == {"IDLE"}
 
 
-@again_after_a_stall
 def test_a_task_drives_while_another_one_watches() -> None:
     with Simulator() as simulator:
         output = end(start("asyncio_drive.py", "--port", simulator.port, "--seconds", "2"))
@@ -116,7 +113,6 @@ def test_ctrl_c_stops_a_robot_on_asyncio() -> None:
     assert any(state == SupervisorState.IDLE for state in states)
 
 
-@again_after_a_stall
 def test_the_e_stop_is_lived_through() -> None:
     with Simulator() as simulator:
         process = start("estop.py", "--port", simulator.port, "--seconds", "2")

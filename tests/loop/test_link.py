@@ -94,7 +94,7 @@ def test_an_uncommon_baud_rate_is_named() -> None:
     with Simulator(baud=57_600) as simulator:
         with pytest.raises((DeviceSilent, ForeignDevice), match="921600"):
             SerialDriver(simulator.port, connect_timeout=2.0)
-        with SerialDriver(simulator.port, baud_rate=57_600) as robot:
+        with SerialDriver(simulator.port, baud_rate=57_600, connect_timeout=10.0) as robot:
             assert robot.info.baud_rate == 57_600
 
 

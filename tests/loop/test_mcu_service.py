@@ -13,7 +13,6 @@ import pytest
 
 from support.command import run, run_json
 from support.pigpio_process import PigpioProcess
-from support.stalls import again_after_a_stall
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
@@ -128,7 +127,6 @@ def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path:
     assert not daemon.truth()["driven"]
 
 
-@again_after_a_stall
 def test_what_is_saved_outlives_the_host(address: str) -> None:
     with SerialDriver(address) as driver:
         driver.parameters.set("integral_gain", 7.5)

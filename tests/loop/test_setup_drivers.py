@@ -10,7 +10,6 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
-from support.stalls import again_after_a_stall
 from wheelwire.commissioning.questions import SKIP, Question
 from wheelwire.commissioning.setup import set_up
 from wheelwire.commissioning.wiring import Wiring
@@ -54,7 +53,6 @@ def check(robot: BaseDriver) -> None:
     assert findings.is_complete, lines
 
 
-@again_after_a_stall
 def test_pigpio() -> None:
     with (
         PigpioProcess() as daemon,
@@ -69,7 +67,6 @@ def test_pigpio() -> None:
         check(robot)
 
 
-@again_after_a_stall
 def test_l298n(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with GpioChip(Path(mkdtemp(dir=tmp_path))) as chip:
         for name, value in chip.environment.items():
@@ -83,7 +80,6 @@ def test_l298n(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             check(robot)
 
 
-@again_after_a_stall
 def test_mock() -> None:
     wired = {"encoders_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
     with MockDriver() as robot:

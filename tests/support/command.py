@@ -33,11 +33,16 @@ def run_within(
     )
 
 
+def output(*arguments: str, **environment: str) -> str:
+    """What the command prints; it must succeed."""
+    result = run(*arguments, **environment)
+    assert result.returncode == 0, result.stderr
+    return result.stdout
+
+
 def run_json(*arguments: str) -> Any:
     """The command's output with `--json`."""
-    result = run(*arguments, "--json")
-    assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout)
+    return json.loads(output(*arguments, "--json"))
 
 
 def check_error(

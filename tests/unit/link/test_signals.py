@@ -32,7 +32,8 @@ from wheelwire_protocol.types import ParameterSet
 CALLS: dict[str, Callable[[SerialDriver], object]] = {
     "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=60.0),
     "stop": lambda robot: robot.stop(),
-    "read": lambda robot: robot.read(),
+    # A busy computer may take more than the usual second for a sample.
+    "read": lambda robot: robot.read(30.0),
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
     "statistics": lambda robot: robot.statistics,
     "refresh": lambda robot: robot.parameters.refresh("wheel_radius"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from wheelwire.board_file import load_board
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import LinkLost
 from wheelwire.linux_mcu.gpio.base import release_pins
 from wheelwire_protocol.board import Stage
 
@@ -128,7 +129,9 @@ def drive(robot: DeviceDriver, stand_in: StandIn, speed_mps: float) -> None:
     start = travel(stand_in)
 
     def has_moved() -> bool:
-        robot.set_velocity(speed_mps, 0.0, ttl=TTL_S)
+        # A core that this computer gave no time takes no setpoints for a while.
+        with suppress(LinkLost):
+            robot.set_velocity(speed_mps, 0.0, ttl=TTL_S)
         ways = [sign * (b - a) for a, b in zip(start, travel(stand_in), strict=True)]
         return min(ways) > TRAVEL
 
