@@ -20,13 +20,17 @@ from .types import AnyMessage
 
 def _scalar(letters: str) -> str:
     if letters.endswith("s"):
-        return f"S{letters[:-1]}"
+        # Raw bytes: numpy's own text, S, drops the zeros at the end, which the message has.
+        return f"V{letters[:-1]}"
     kind = "f" if letters == "f" else "u" if letters.isupper() else "i"
     return f"<{kind}{struct.calcsize('<' + letters)}"
 
 
 def dtype(message_type: type[AnyMessage]) -> np.dtype[np.void]:
-    """The structured dtype of a message's body: its fields, packed and little-endian."""
+    """The structured dtype of a message's body: its fields, packed and little-endian.
+
+    A text is raw bytes (`V24`) with the zeros that fill it, as in the message.
+    """
     formats = map(_scalar, BY_TYPE[message_type].field_formats)
     return np.dtype(list(zip(message_type._fields, formats, strict=True)))
 

@@ -21,7 +21,8 @@ _DEFINITIONS = {BY_ID[definition.id].type: definition for definition in MESSAGES
 def values_of(field: Field) -> st.SearchStrategy[Any]:
     """Any value of a field except NaN, which is not equal to itself."""
     if field.is_text:
-        return st.binary(min_size=field.subcon.length, max_size=field.subcon.length)
+        length = field.subcon.length
+        return st.binary(max_size=length).map(lambda text: text.ljust(length, b"\0"))
     if field.format == "f":
         return st.floats(width=32, allow_nan=False)
     bits = 8 * struct.calcsize("<" + field.format)

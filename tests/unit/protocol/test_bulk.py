@@ -1,12 +1,13 @@
 import itertools
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
 
 from wheelwire_protocol import decode_capture, dtype, iter_capture, native
 from wheelwire_protocol.framing import PythonDecoder, encode_frame
-from wheelwire_protocol.types import ClearFault, Estop, WheelState
+from wheelwire_protocol.types import BoardValue, ClearFault, Estop, WheelState
 
 
 @pytest.fixture(params=[True, False], ids=["firmware's decoder", "numpy"], autouse=True)
@@ -27,6 +28,13 @@ def test_columns_are_the_fields() -> None:
 @pytest.mark.parametrize("buffer", [bytes, bytearray, memoryview])
 def test_any_bytes_like_capture(buffer: type) -> None:
     assert decode_capture(buffer(FRAME), Estop).tolist() == [(0x1A2B3C4D, 7)]
+
+
+def test_a_text_keeps_the_zeros_that_fill_it() -> None:
+    zeros: list[Any] = [0] * len(BoardValue._fields)
+    board = BoardValue(*zeros)._replace(name=b"rover".ljust(24, b"\0"))
+    rows = decode_capture(encode_frame(board, 5), BoardValue)
+    assert rows.tolist() == [tuple(board)]
 
 
 @pytest.mark.parametrize("byte", [b"\0", b"\1"], ids=["delimiters", "no delimiter"])
