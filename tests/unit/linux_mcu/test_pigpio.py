@@ -39,8 +39,12 @@ def daemon() -> Iterator[PigpioProcess]:
 @pytest.fixture
 def client(daemon: PigpioProcess) -> Iterator[Any]:
     client = pigpio.pi(HOST, daemon.port)
+    callback_thread = client._notify  # `stop` forgets it without waiting for its end
     yield client
     client.stop()
+    # Still alive when the daemon ends, it would raise ConnectionResetError in a later test.
+    callback_thread.join(LONG_S)
+    assert not callback_thread.is_alive()
 
 
 def driver_at(daemon: PigpioProcess) -> PigpioDriver:
@@ -91,20 +95,18 @@ def test_two_wheels_on_one_pwm_channel_are_refused() -> None:
         PigpioDriver(HOST, 1, pins=Pins(left_pwm=4))
 
 
-def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(daemon: PigpioProcess) -> None:
-    client = pigpio.pi(HOST, daemon.port)
-    try:
-        for _ in range(3):
-            subprocess.run(
-                [sys.executable, "-c", _OPEN_AND_DIE, str(daemon.port)],
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-                check=False,
-            )
-        with driver_at(daemon):
-            assert len(stored_scripts(client)) == 1
-        assert stored_scripts(client) == []
-    finally:
-        client.stop()
+def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(
+    daemon: PigpioProcess, client: Any
+) -> None:
+    for _ in range(3):
+        subprocess.run(
+            [sys.executable, "-c", _OPEN_AND_DIE, str(daemon.port)],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            check=False,
+        )
+    with driver_at(daemon):
+        assert len(stored_scripts(client)) == 1
+    assert stored_scripts(client) == []
 
 
 _OPEN_AND_DIE = """
