@@ -29,7 +29,8 @@ def _scalar(letters: str) -> str:
 def dtype(message_type: type[AnyMessage]) -> np.dtype[np.void]:
     """The structured dtype of a message's body: its fields, packed and little-endian.
 
-    A text is raw bytes (`V24`) with the zeros that fill it, as in the message.
+    A text is raw bytes (`V24`) with the zeros that fill it, as in the message; `tolist()`
+    of its column gives `bytes`.
     """
     formats = map(_scalar, BY_TYPE[message_type].field_formats)
     return np.dtype(list(zip(message_type._fields, formats, strict=True)))
