@@ -1,14 +1,38 @@
 """What every device counts, asked for with and without waiting."""
 
-from support.waiting import wait_until
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
 from wheelwire.drivers.mock import MockDriver
+from wheelwire.link.requests import RequestMessage
 
 
-def test_control_counters_are_asked_for_with_and_without_waiting() -> None:
+def test_control_counters_are_asked_for_with_and_without_waiting(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with MockDriver() as driver:
         assert driver.control_counters().latest_step_us > 0
+        post = driver._link.post
+
+        def post_and_wait(message: RequestMessage, done: Callable[[Any], None]) -> None:
+            answered = threading.Event()
+
+            def keep(answer: Any) -> None:
+                done(answer)
+                answered.set()
+
+            post(message, keep)
+            assert answered.wait(30)
+
+        monkeypatch.setattr(driver._link, "post", post_and_wait)
+        # Even when the answer comes while it asks, it is the next call's.
         assert driver.latest_control_counters() is None
-        wait_until(lambda: driver.latest_control_counters() is not None)
+        assert driver.latest_control_counters() is not None
     assert driver.latest_control_counters() is not None
 
 

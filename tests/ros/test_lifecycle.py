@@ -65,6 +65,8 @@ def test_a_robot_opens_and_closes_while_callbacks_run(graph: Graph) -> None:
 
     with RobotNode(graph, driver_type="mock", publish_limited_velocity=True, autostart=False):
         wait(client.service_is_ready, "the node's parameters")
+        # A node that answers a later client has found this one too.
+        assert graph.state(NODE) == "unconfigured"
         for _ in range(4):
             ask()  # each answer asks again, so the node's threads never rest
         for _ in range(CYCLES):

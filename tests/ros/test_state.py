@@ -137,9 +137,6 @@ def test_stopping_ends_the_drive_and_the_next_command_drives_again(rig: Rig) -> 
 
 def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Path) -> None:
     """A device that is there and silent: connecting to it takes seconds, again and again."""
-    get = graph.node.create_client(GetParameters, f"{NODE}/get_parameters")
-    get_state = graph.node.create_client(GetState, f"{NODE}/get_state")
-    estop = graph.node.create_client(SetBool, f"{NODE}/estop")
 
     def ask(client: Any, request: Any) -> tuple[Any, float]:
         """The answer, and how long it took."""
@@ -151,9 +148,12 @@ def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Pat
     path = tmp_path / "port"
     with PtyDevice(path) as device:
         device.device.mute = True
-        with RobotNode(graph, port=path) as node:
-            for client in (get, get_state, estop):
-                wait(client.service_is_ready, "the node's services")
+        with (
+            RobotNode(graph, port=path) as node,
+            graph.client(GetParameters, f"{NODE}/get_parameters") as get,
+            graph.client(GetState, f"{NODE}/get_state") as get_state,
+            graph.client(SetBool, f"{NODE}/estop") as estop,
+        ):
             waits_s: list[float] = []
             while len(waits_s) < 20:
                 state, _ = ask(get_state, GetState.Request())

@@ -6,6 +6,7 @@ import itertools
 import os
 import socket
 import threading
+import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -30,6 +31,7 @@ from support.waiting import wait_until
 
 TIMEOUT_S = 90.0
 """On a busy computer, starting a node takes half a minute."""
+ASK_AGAIN_S = 5.0
 MESSAGES_KEPT = 10_000
 ENVIRONMENT = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -122,12 +124,44 @@ class Graph:
 
     def call(self, type_: Any, name: str, **fields: Any) -> Any:
         """A service's answer."""
+        with self.client(type_, name) as client:
+            future = client.call_async(type_.Request(**fields))
+            wait(future.done, f"the answer of {name}")
+            return future.result()
+
+    @contextmanager
+    def client(self, type_: Any, name: str) -> Iterator[Any]:
+        """A client of a service, whose node has found it: an answer to any other is dropped."""
+        with self._new_client(type_, name) as client:
+            # A node finds clients in the order in which they were made: when it answers a later
+            # one, it knows this one.
+            self._ask(GetParameters, f"{name.rpartition('/')[0]}/get_parameters")
+            yield client
+
+    def _ask(self, type_: Any, name: str, **fields: Any) -> Any:
+        """As `call`, for a question that changes nothing: it is asked again if it must be."""
+        with self._new_client(type_, name) as client:
+            futures = []
+            again_s = 0.0
+
+            def is_answered() -> bool:
+                nonlocal again_s
+                if time.monotonic() >= again_s:
+                    futures.append(client.call_async(type_.Request(**fields)))
+                    again_s = time.monotonic() + ASK_AGAIN_S
+                return any(future.done() for future in futures)
+
+            wait(is_answered, f"the answer of {name}")
+            return next(future.result() for future in futures if future.done())
+
+    @contextmanager
+    def _new_client(self, type_: Any, name: str) -> Iterator[Any]:
         client = self.node.create_client(type_, name)
         wait(client.service_is_ready, name)
-        future = client.call_async(type_.Request(**fields))
-        wait(future.done, f"the answer of {name}")
-        self.node.destroy_client(client)
-        return future.result()
+        try:
+            yield client
+        finally:
+            self.node.destroy_client(client)
 
     def set_parameter(self, node: str, name: str, value: Any) -> Any:
         """The result."""
@@ -141,13 +175,13 @@ class Graph:
 
     def parameter(self, node: str, name: str) -> Any:
         """A parameter's value; None if it is not set."""
-        answer = self.call(GetParameters, f"{node}/get_parameters", names=[name])
+        answer = self._ask(GetParameters, f"{node}/get_parameters", names=[name])
         return RosParameter.from_parameter_msg(Parameter(name=name, value=answer.values[0])).value
 
     def dump(self, node: str) -> dict[str, Any]:
         """Every listed parameter with its value, as `ros2 param dump` reads them."""
-        listed = self.call(ListParameters, f"{node}/list_parameters").result.names
-        values = self.call(GetParameters, f"{node}/get_parameters", names=listed).values
+        listed = self._ask(ListParameters, f"{node}/list_parameters").result.names
+        values = self._ask(GetParameters, f"{node}/get_parameters", names=listed).values
         return {
             name: RosParameter.from_parameter_msg(Parameter(name=name, value=value)).value
             for name, value in zip(listed, values, strict=True)
@@ -155,12 +189,12 @@ class Graph:
 
     def describe(self, node: str, name: str) -> Any:
         """A parameter's descriptor."""
-        answer = self.call(DescribeParameters, f"{node}/describe_parameters", names=[name])
+        answer = self._ask(DescribeParameters, f"{node}/describe_parameters", names=[name])
         return answer.descriptors[0]
 
     def state(self, node: str) -> str:
         """The state of the node's lifecycle."""
-        return str(self.call(GetState, f"{node}/get_state").current_state.label)
+        return str(self._ask(GetState, f"{node}/get_state").current_state.label)
 
     def change_state(self, node: str, transition: int) -> bool:
         """Whether it succeeded."""

@@ -77,8 +77,9 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         return cast("ControlCounters", self._link.request(ControlCountersGet(0, 0)))
 
     def latest_control_counters(self) -> ControlCounters | None:
-        """As `control_counters`, without waiting: the answer to the last call, if it has come."""
+        """As `control_counters`, without waiting: the newest answer to an earlier call."""
         newest = self._newest_counters
+        known = newest[0] if newest else None  # first: this call's answer may come while it asks
 
         def keep(answer: Answer | WheelwireError) -> None:
             if isinstance(answer, ControlCounters):
@@ -87,7 +88,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         with suppress(LinkLost):
             # Only a link in virtual time raises here; any other tells `keep` that it is lost.
             self._link.post(ControlCountersGet(0, 0), keep)
-        return newest[0] if newest else None
+        return known
 
     def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.
