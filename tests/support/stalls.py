@@ -17,6 +17,7 @@ REPORTS = (
     "had expired on arrival",
     "no sample came within",
     "no answer to ",
+    "are left of the setpoint's ttl",
 )
 """What the library says when its own process, or the device's, got no time for 0.3 s to 1 s."""
 

@@ -60,7 +60,7 @@ class StoppingTests:
         assert sample.state is SupervisorState.TIMED_OUT
 
     def test_reading_does_not_extend_a_setpoint(self, harness: DriveHarness) -> None:
-        harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.2)
+        harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.3)
         start = harness.next()
         while harness.next().t_us - start.t_us < 0.6e6:
             harness.driver.get_encoder_ticks()
@@ -77,7 +77,7 @@ class StoppingTests:
         assert sample.state is SupervisorState.TIMED_OUT
 
     def test_a_fresh_setpoint_ends_a_time_out(self, harness: DriveHarness) -> None:
-        harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.1)
+        harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=0.3)
         harness.wait(lambda s: s.state is SupervisorState.TIMED_OUT)
         harness.drive_until(SPEED_MPS, 0.0, turning)
 

@@ -418,7 +418,7 @@ def test_the_death_of_the_links_thread_is_told(
 
 
 def test_a_stop_of_the_device_by_itself_is_seen(robot: PtyDevice, driver: SerialDriver) -> None:
-    driver.set_velocity(0.1, 0.0, ttl=0.1)
+    driver.set_velocity(0.1, 0.0, ttl=0.3)
     wait_until(lambda: driver.read().state is SupervisorState.TIMED_OUT)
     robot.device.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, 0)
     wait_until(lambda: driver.read().state is SupervisorState.IDLE)
