@@ -23,6 +23,7 @@ from .local import demo, ports, sim
 from .mcu import mcu
 from .output import UsageError, print_error, show_help_alone
 from .parameter_files import app as parameters_app
+from .prompts import use_read_line
 from .robot import clear, drive, estop, info, monitor
 from .setup import setup
 from .teleop import teleop
@@ -58,6 +59,7 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail
+    use_read_line()
     sys.exit(_result(sys.argv[1:]))
 
 

@@ -1,0 +1,52 @@
+"""What typer's prompts read a line with."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import sys
+from typing import Any
+
+import typer
+
+PIPE_BYTES = 4096
+
+
+def read_line(prompt: str = "") -> str:
+    """As `input`, at a terminal without its gap in which Ctrl-C is lost.
+
+    `input` shows its prompt and begins to wait within one call. Python notes a signal that comes in
+    between, but handles it only when that call returns: at the next line, or at a second Ctrl-C.
+    This function waits for a line or for a signal noted by then, whichever comes first.
+
+    Raises:
+        EOFError: There is no line any more.
+    """
+    if not sys.stdin.isatty():
+        return input(prompt)
+    sys.stdout.write(prompt)
+    sys.stdout.flush()
+    noted, note = os.pipe()
+    os.set_blocking(note, False)
+    before = signal.set_wakeup_fd(note, warn_on_full_buffer=False)
+    try:
+        # A terminal hands over one line at a time, so none is in Python's buffer.
+        while noted in select.select([sys.stdin, noted], [], [])[0]:
+            os.read(noted, PIPE_BYTES)  # its handler has run, and raised nothing
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(noted)
+        os.close(note)
+    line = sys.stdin.readline()
+    if not line:
+        raise EOFError
+    return line.rstrip("\n")
+
+
+def use_read_line() -> None:
+    """Have `typer.prompt` and `typer.confirm` read lines by `read_line`."""
+    # Click keeps its function in a variable of this module, where its own test tools replace it,
+    # too. Versions of typer differ in which copy of click they use.
+    termui: Any = sys.modules[typer.prompt.__module__]
+    termui.visible_prompt_func = read_line

@@ -1,0 +1,104 @@
+"""Reading a line at a terminal: what is typed arrives, and Ctrl-C is never lost."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import io
+import os
+import select
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import typer
+
+from wheelwire.cli import prompts
+
+
+class Terminal(io.TextIOWrapper):
+    """Standard input, typed at `keyboard`."""
+
+    def __init__(self) -> None:
+        self.keyboard, end = os.openpty()
+        super().__init__(os.fdopen(end, "rb"))
+
+    def press(self, keys: bytes) -> None:
+        os.write(self.keyboard, keys)
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
+    with Terminal() as terminal:
+        monkeypatch.setattr("sys.stdin", terminal)
+        yield terminal
+        os.close(terminal.keyboard)
+
+
+def test_lines_that_are_typed_ahead(terminal: Terminal, capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.press(b"left\n\nx\x7fright\n")
+    assert [prompts.read_line("which? ") for _ in range(3)] == ["left", "", "right"]
+    assert capsys.readouterr().out == "which? " * 3
+
+
+def test_the_end_of_the_input(terminal: Terminal) -> None:
+    terminal.press(b"\x04")
+    with pytest.raises(EOFError):
+        prompts.read_line()
+
+
+def test_input_that_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("left\nright\n"))
+    assert [prompts.read_line(), prompts.read_line()] == ["left", "right"]
+
+
+def test_ctrl_c_in_the_last_moment_before_it_waits(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real_select = select.select
+
+    def select_after_a_signal(*lists: Any) -> Any:
+        # Called from C one after the other: Python has no chance to handle the signal in between.
+        calls = [
+            functools.partial(ctypes.PyDLL(None)["raise"], int(signal.SIGINT)),
+            functools.partial(real_select, *lists),
+        ]
+        return list(map(functools.partial.__call__, calls))[1]
+
+    monkeypatch.setattr(select, "select", select_after_a_signal)
+    # What ends the wait if the signal does not.
+    timer = threading.Timer(5.0, terminal.press, [b"too late\n"])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        prompts.read_line()
+    assert timer.is_alive()
+    timer.cancel()
+
+
+def test_a_signal_whose_handler_returns_ends_no_wait(terminal: Terminal) -> None:
+    handled = threading.Event()
+    before = signal.signal(signal.SIGUSR1, lambda *_: handled.set())
+
+    def signal_and_type() -> None:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert handled.wait(30)
+        terminal.press(b"left\n")
+
+    typist = threading.Timer(0.05, signal_and_type)
+    typist.start()
+    assert prompts.read_line() == "left"
+    typist.join()
+    signal.signal(signal.SIGUSR1, before)
+    assert signal.set_wakeup_fd(-1) == -1
+
+
+def test_typers_prompts_read_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Put back afterwards.
+    monkeypatch.setattr(sys.modules[typer.prompt.__module__], "visible_prompt_func", input)
+    monkeypatch.setattr(prompts, "read_line", lambda _: "y")
+    prompts.use_read_line()
+    assert typer.prompt("Which wheel?") == "y"
+    assert typer.confirm("Go on?")
