@@ -106,6 +106,14 @@ class BoardDescription:
     line: BoardLine = BoardLine.UART
     pulldowns: frozenset[int] = field(default_factory=frozenset)
 
+    def fingerprint(self) -> int:
+        """The 32-bit checksum that names this board; another board has another one.
+
+        Raises:
+            ConfigurationError: As `packed`.
+        """
+        return int.from_bytes(self.packed()[-_CRC_SIZE:], "little")
+
     def packed(self) -> bytes:
         """The bytes in which it travels and is kept.
 

@@ -54,8 +54,8 @@ class BoardState(DocumentedEnum):
     """Where the board in force is from."""
 
     NONE = 0, "There is none: nothing is driven."
-    BUILT_IN = 1, "It is the one in the image."
-    STORED = 2, "It was written, and confirmed."
+    BUILT_IN = 1, "It is the image's own, which nobody confirmed: nothing is driven."
+    STORED = 2, "It was confirmed."
     TRIAL = 3, "It was written, and waits for its confirmation: nothing drives."
 
 

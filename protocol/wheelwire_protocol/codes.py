@@ -99,6 +99,20 @@ class RefusalCode(DocumentedEnum):
     BOARD_ON_TRIAL = 20, "A board is on trial: confirm it, or wait until the former one returns."
     NO_BOARD_ON_TRIAL = 21, "No board is on trial; write one and restart the device first."
     NOT_SUPPORTED = 22, "This device cannot do that; see its documentation for what does."
+    BOARD_UNCONFIRMED = (
+        23,
+        "Nobody has confirmed which board this device is on, so it drives nothing: "
+        "confirm it with `wheelwire board confirm`, or store another with `wheelwire board write`.",
+    )
+    UNARMED = (
+        24,
+        "An e-stop or a fault was cleared: first send a zero setpoint, "
+        "or none at all for rearm_gap_s.",
+    )
+    CONTRADICTION = (
+        25,
+        "Parameters contradict each other; `wheelwire info` lists which ones.",
+    )
 
 
 class Group(DocumentedEnum):
@@ -115,6 +129,7 @@ class StopMode(DocumentedEnum):
     CONFIGURED = 0, "As the parameter stop_mode says."
     COAST = 1, "Outputs off."
     BRAKE = 2, "Windings shorted for brake_time_s, then outputs off."
+    BRAKE_UNTIL_DRIVEN = 3, "Windings shorted until the next setpoint drives."
 
 
 class TrialAction(DocumentedEnum):
@@ -146,6 +161,7 @@ class EventCode(DocumentedEnum):
     STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; defaults are in force."
     STORE_EMPTY = 2, "No parameters were saved yet; defaults are in force."
     TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, the former parameters in force."
+    ROLLING = 4, "The robot rolls although it is not driven: a slope, or somebody pushes it."
 
 
 class Board(DocumentedEnum):
@@ -203,7 +219,8 @@ class Fault(DocumentedFlag):
     STORE_FULL = (
         256,
         "The flash of the saved parameters has no free page, so they could not be read and "
-        "defaults are in force: reset the parameters, which erases it, and clear the fault.",
+        "defaults are in force: reset the parameters, which erases them and the board, then clear "
+        "the fault, restart, and write the board again.",
     )
     STORE_NEWER = (
         512,
@@ -213,12 +230,17 @@ class Fault(DocumentedFlag):
     STORE_UNREADABLE = (
         1024,
         "The saved parameters could not be read from flash, and defaults are in force: "
-        "reset the parameters, which erases it, and clear the fault.",
+        "reset the parameters, clear the fault and restart. If the whole flash partition is "
+        "damaged, this erases the board, too: write it again.",
     )
     NO_BOARD = (
         2048,
         "No board is stored that this device can use, so it drives no pin: "
         "write one with `wheelwire board write`.",
+    )
+    EXTERNAL = (
+        4096,
+        "An input of the board stopped the robot: remove what triggered it, then clear the fault.",
     )
 
 
@@ -234,6 +256,40 @@ class Capability(DocumentedFlag):
 
 # The schema hash covers names, values and order of all of these: with a new member, host and
 # firmware have to be of one release. The docs are not part of it.
+class Contradiction(DocumentedFlag):
+    """Active parameters that contradict each other, or the board. While any do, nothing drives."""
+
+    OVERRUN_LIMIT = (
+        1,
+        "overrun_limit_us is less than 1.5 control periods (control_rate_hz): every step would "
+        "trip CONTROL_OVERRUN; raise one of the two.",
+    )
+    PWM_FREQUENCY = (
+        2,
+        "pwm_frequency_hz is more than the board's power stage can switch; lower it.",
+    )
+    STREAM_RATE = (
+        4,
+        "stream_rate_hz is above control_rate_hz: there is one state for each control step; "
+        "lower the one or raise the other.",
+    )
+    SUPPLY_DROP = (
+        8,
+        "supply_drop_v is not below nominal_supply_v and unmeasured_supply_v: nothing would be "
+        "left for the motor; correct one of the three.",
+    )
+    TICK_RATE = (
+        16,
+        "max_velocity_mps gives more ticks in a control period than a counter can tell apart "
+        "(counts_per_revolution, wheel_radius, control_rate_hz); lower max_velocity_mps.",
+    )
+    GLITCH_FILTER = (
+        32,
+        "glitch_filter_ns swallows the encoder's pulses at max_velocity_mps "
+        "(counts_per_revolution, wheel_radius); lower one of the two.",
+    )
+
+
 ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     SupervisorState,
     SupervisorEvent,
@@ -245,4 +301,4 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     EventCode,
     Board,
 )
-FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability)
+FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction)

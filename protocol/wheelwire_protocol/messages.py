@@ -18,6 +18,7 @@ from .board_layout import board_fields
 from .codes import (
     Board,
     Capability,
+    Contradiction,
     EventCode,
     Fault,
     Group,
@@ -238,6 +239,13 @@ RESTART = Message(
     body=Struct(_session(), _request()),
 )
 
+CONTRADICTIONS_GET = Message(
+    id=0x14,
+    name="ContradictionsGet",
+    doc="Asks which parameters contradict each other; the answer is Contradictions.",
+    body=Struct(_session(), _request()),
+)
+
 # --- boards, from the host: ids 0x20 to 0x2f -----------------------------------------------------
 
 BOARD_GET = Message(
@@ -258,8 +266,12 @@ BOARD_WRITE = Message(
 BOARD_CONFIRM = Message(
     id=0x22,
     name="BoardConfirm",
-    doc="Keeps the board that is on trial, and lets it drive. Only while stopped.",
-    body=Struct(_session(), _request()),
+    doc="Confirms the board on trial, or the image's own, and lets it drive. Only while stopped.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("fingerprint", Int32ul, Unit.NONE, "The crc of the board that is meant."),
+    ),
     group=Group.BOARD,
 )
 
@@ -392,6 +404,12 @@ EVENT = Message(
         field("before", Int8ul, Unit.NONE, "State left.", SupervisorState),
         field("after", Int8ul, Unit.NONE, "State entered.", SupervisorState),
         field("faults", Int16ul, Unit.NONE, "Latched fault flags.", Fault),
+        field(
+            "speed_mps",
+            Float32l,
+            Unit.METRE_PER_SECOND,
+            "Of ROLLING: how fast the faster wheel turns; otherwise 0.",
+        ),
     ),
 )
 LINK_COUNTERS = Message(
@@ -460,6 +478,24 @@ GROUP_INFO = Message(
     ),
 )
 
+CONTRADICTIONS = Message(
+    id=0x8B,
+    name="Contradictions",
+    doc="Which parameters contradict each other, or the board.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("active", Int32ul, Unit.NONE, "Of the active values: nothing drives.", Contradiction),
+        field(
+            "refused",
+            Int32ul,
+            Unit.NONE,
+            "Of the values that this session was last refused for.",
+            Contradiction,
+        ),
+    ),
+)
+
 # --- boards, from the device: ids 0xa0 to 0xaf ---------------------------------------------------
 
 BOARD_VALUE = Message(
@@ -496,6 +532,7 @@ MESSAGES: tuple[Message, ...] = (
     PARAMETER_TRIAL,
     GROUP_GET,
     RESTART,
+    CONTRADICTIONS_GET,
     BOARD_GET,
     BOARD_WRITE,
     BOARD_CONFIRM,
@@ -510,6 +547,7 @@ MESSAGES: tuple[Message, ...] = (
     LINK_COUNTERS,
     CONTROL_COUNTERS,
     GROUP_INFO,
+    CONTRADICTIONS,
     BOARD_VALUE,
 )
 

@@ -19,7 +19,7 @@ from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 4
+ABI = 5
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
@@ -124,6 +124,24 @@ class Core:
     def take_board(self, packed: bytes) -> BoardFault:
         """Drive the power stages of this board, before the start. NONE, or its first fault."""
         return BoardFault(self._library.wheelwire_core_board(self._live, packed, len(packed)))
+
+    def keep_latches(self, record: bytes, save: Callable[[bytes], bool]) -> None:
+        """Let a latched e-stop and latched faults survive this process; call it before the start.
+
+        Args:
+            record: What `save` was last called with; empty if nothing is known to be latched. A
+                damaged one counts as an e-stop.
+            save: Stores the record. Called at each change, also while driving: it must be quick,
+                and must not raise.
+        """
+
+        def saved(_context: object, block: int | None, size: int) -> int:
+            return save(ctypes.string_at(block, size) if block else b"")
+
+        self._save_latches = _SAVE(saved)  # as `_save`: it must live as long as the core
+        self._library.wheelwire_core_latches(
+            self._live, record, len(record), self._save_latches, None
+        )
 
     def preset(self, parameter_id: int, value: float) -> RefusalCode:
         """Change the default of a parameter, before the start. NONE, or why it was refused."""
@@ -453,6 +471,10 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     ),
     "wheelwire_core_destroy": (None, (_CORE,)),
     "wheelwire_core_board": (ctypes.c_uint8, (_CORE, ctypes.c_char_p, ctypes.c_size_t)),
+    "wheelwire_core_latches": (
+        None,
+        (_CORE, ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
+    ),
     "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
     "wheelwire_core_start": (
         None,

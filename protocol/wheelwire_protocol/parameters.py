@@ -114,8 +114,9 @@ PARAMETERS: tuple[Parameter, ...] = (
            "Velocity is measured between ticks about this long apart."),
     _real(16, "ttl_max_s", _STOPPED, Unit.SECOND, 1.0, 0.02, 5,
           "A setpoint expires at the latest this long after its arrival."),
-    _whole(17, "stop_mode", _STOPPED, Unit.NONE, 2, 1, 2,
-           "1: coast. 2: brake for brake_time_s, then coast."),
+    _whole(17, "stop_mode", _STOPPED, Unit.NONE, 2, 1, 3,
+           "1: coast. 2: brake for brake_time_s, then coast. 3: brake until driven, as on a slope; "
+           "the power stage then stays switched on."),
     _real(18, "brake_time_s", _STOPPED, Unit.SECOND, 1.0, 0, 5, "How long a stop brakes."),
     _real(19, "stall_duty", _STOPPED, Unit.DUTY, 0.45, 0.05, 1,
           "At this duty or more a wheel must count, or NOT_COUNTING trips."),
@@ -166,6 +167,12 @@ PARAMETERS: tuple[Parameter, ...] = (
     _switch(41, "encoders_swapped", _STOPPED, False,
             "The left encoder's pins have the right wheel's encoder, and the right ones the left "
             "wheel's. left_encoder_inverted is always of the left wheel's encoder."),
+    _real(42, "rearm_gap_s", _STOPPED, Unit.SECOND, 0.5, 0, 5,
+          "After an e-stop or a fault was cleared the robot drives once a zero setpoint came, or "
+          "none for this long. 0 switches the rule off."),
+    _real(43, "rolling_velocity_mps", _ALWAYS, Unit.METRE_PER_SECOND, 0.25, 0.02, 10,
+          "A wheel that turns this fast without drive, and does not slow down, is reported as "
+          "ROLLING."),
 )
 # fmt: on
 

@@ -219,6 +219,15 @@ class Restart(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
+class ContradictionsGet(NamedTuple):
+    """Asks which parameters contradict each other; the answer is Contradictions."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
 class BoardGet(NamedTuple):
     """Asks for the board in force; the answer is BoardValue."""
 
@@ -298,12 +307,14 @@ class BoardWrite(NamedTuple):
 
 
 class BoardConfirm(NamedTuple):
-    """Keeps the board that is on trial, and lets it drive. Only while stopped."""
+    """Confirms the board on trial, or the image's own, and lets it drive. Only while stopped."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
     request_id: int
     """Counts up in a session; the answer returns it."""
+    fingerprint: int
+    """The crc of the board that is meant."""
 
 
 class DeviceHello(NamedTuple):
@@ -462,6 +473,8 @@ class Event(NamedTuple):
     """State entered. See `codes.SupervisorState`."""
     faults: int
     """Latched fault flags. See `codes.Fault`."""
+    speed_mps: float
+    """Of ROLLING: how fast the faster wheel turns; otherwise 0. [m/s]"""
 
 
 class LinkCounters(NamedTuple):
@@ -523,6 +536,19 @@ class GroupInfo(NamedTuple):
     """As asked. See `codes.Group`."""
     hash: int
     """0: this device has no such group."""
+
+
+class Contradictions(NamedTuple):
+    """Which parameters contradict each other, or the board."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    active: int
+    """Of the active values: nothing drives. See `codes.Contradiction`."""
+    refused: int
+    """Of the values that this session was last refused for. See `codes.Contradiction`."""
 
 
 class BoardValue(NamedTuple):
@@ -616,6 +642,7 @@ AnyMessage = (
     | ParameterTrial
     | GroupGet
     | Restart
+    | ContradictionsGet
     | BoardGet
     | BoardWrite
     | BoardConfirm
@@ -630,6 +657,7 @@ AnyMessage = (
     | LinkCounters
     | ControlCounters
     | GroupInfo
+    | Contradictions
     | BoardValue
 )
 
@@ -653,9 +681,10 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x11, ParameterTrial, "LHBf"),
     (0x12, GroupGet, "LHB"),
     (0x13, Restart, "LH"),
+    (0x14, ContradictionsGet, "LH"),
     (0x20, BoardGet, "LH"),
     (0x21, BoardWrite, "LHBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
-    (0x22, BoardConfirm, "LH"),
+    (0x22, BoardConfirm, "LHL"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -663,10 +692,11 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x84, Pong, "LHQQQ"),
     (0x85, ParameterValue, "LHBf"),
     (0x86, ParameterEntry, "LHBBBffff"),
-    (0x87, Event, "LLBBBBH"),
+    (0x87, Event, "LLBBBBHf"),
     (0x88, LinkCounters, "LHLLLLLLLLLH"),
     (0x89, ControlCounters, "LHLLLLL"),
     (0x8A, GroupInfo, "LHBL"),
+    (0x8B, Contradictions, "LHLL"),
     (0xA0, BoardValue, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
 )
 """Id, class, and the body in the format characters of `struct`."""
@@ -706,8 +736,8 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
 """Of the packed board: each field and its format characters."""
 
 GROUP_HASHES: dict[Group, int] = {
-    Group.BASE: 0x3C28CB1B,
-    Group.BOARD: 0x2393F3CB,
+    Group.BASE: 0x5D587965,
+    Group.BOARD: 0xDC7E9309,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 

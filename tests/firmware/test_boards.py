@@ -14,7 +14,14 @@ from wheelwire.board_file import load_board, shipped_boards
 from wheelwire.errors import DeviceRefused
 from wheelwire_protocol.board import BoardState, Stage
 from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.codes import Fault, Group, RefusalCode, ResetReason, SupervisorState
+from wheelwire_protocol.codes import (
+    Fault,
+    Group,
+    RefusalCode,
+    ResetReason,
+    StopMode,
+    SupervisorState,
+)
 from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import (
@@ -23,8 +30,10 @@ from wheelwire_protocol.types import (
     BoardGet,
     BoardValue,
     BoardWrite,
+    ClearEstop,
     GroupGet,
     GroupInfo,
+    ParameterSave,
     Restart,
 )
 
@@ -45,6 +54,11 @@ def in_force(robot: VirtualRobot) -> tuple[BoardState, str]:
     return state, unpacked(packed).name if state is not BoardState.NONE else ""
 
 
+def confirmation(board: BoardDescription) -> BoardConfirm:
+    """The message that confirms a board."""
+    return BoardConfirm(0, 0, board.fingerprint())
+
+
 def restart(robot: VirtualRobot) -> None:
     """Restart by request; the session is open again."""
     boot = robot.sim.get("boot_id")
@@ -59,8 +73,15 @@ def with_board(name: str, store: Path) -> VirtualRobot:
     robot = VirtualRobot(1, store, wheels_free=1).open()
     robot.request(written(load_board(name)))
     restart(robot)
-    robot.request(BoardConfirm(0, 0))
+    robot.request(confirmation(load_board(name)))
     return robot
+
+
+def unwritten(store: Path | None = None) -> VirtualRobot:
+    """A fresh chip: nobody has said which board it is on."""
+    robot = VirtualRobot(1, store, wheels_free=1, board_unwritten=1)
+    robot.sim.reset(ResetReason.POWER_ON)
+    return robot.open()
 
 
 def refused(robot: VirtualRobot, message: object) -> RefusalCode:
@@ -69,9 +90,123 @@ def refused(robot: VirtualRobot, message: object) -> RefusalCode:
     return RefusalCode(error.value.code)
 
 
-def test_a_device_has_its_images_board_at_first() -> None:
+def test_a_simulated_robot_has_its_board_confirmed() -> None:
     robot = VirtualRobot().open()
+    assert in_force(robot) == (BoardState.STORED, "L298N, ESP32-DevKitC")
+    robot.drive(0.2, 0.2, 0.5)
+    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
+
+
+def test_a_fresh_chip_drives_nothing_until_its_board_is_confirmed(tmp_path: Path) -> None:
+    robot = unwritten(tmp_path / "store")
     assert in_force(robot) == (BoardState.BUILT_IN, "L298N, ESP32-DevKitC")
+    for reason in (None, ResetReason.POWER_ON, ResetReason.SOFTWARE):
+        if reason is not None:
+            robot.sim.reset(reason)
+            robot.samples.clear()
+            robot.run_until(lambda: bool(robot.samples))
+        with pytest.raises(DeviceRefused, match="wheelwire board confirm") as error:
+            robot.drive(0.2, 0.2, 0.3)
+        assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
+        robot.stop(StopMode.BRAKE)
+        robot.run(0.1)
+        assert robot.sim.get("left.duty") == robot.sim.get("left.shorted") == 0.0
+
+
+def test_the_images_board_is_confirmed_by_its_fingerprint(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    robot = unwritten(store)
+    # That of another board says that somebody means another one.
+    assert refused(robot, confirmation(load_board("tb6612"))) == RefusalCode.BOARD_REFUSED
+    boot = robot.sim.get("boot_id")
+    robot.request(confirmation(load_board("l298n")))
+    robot.run_until(lambda: robot.sim.get("boot_id") != boot)
+    robot.samples.clear()
+    robot.run_until(lambda: bool(robot.samples))
+    assert in_force(robot) == (BoardState.STORED, "L298N, ESP32-DevKitC")
+    robot.drive(0.2, 0.2, 0.5)
+    assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
+    again = VirtualRobot(2, store, wheels_free=1, board_unwritten=1)
+    again.sim.reset(ResetReason.POWER_ON)
+    assert in_force(again.open())[0] is BoardState.STORED
+
+
+def test_a_board_that_was_written_but_not_restarted_for_is_never_tried(tmp_path: Path) -> None:
+    robot = with_board("drv8833", tmp_path / "store")
+    robot.request(written(load_board("tb6612")))
+    for reason in (ResetReason.POWER_ON, ResetReason.SOFTWARE):
+        robot.sim.reset(reason)
+        robot.run(1.0)
+        assert in_force(robot) == (BoardState.STORED, "DRV8833")
+    robot.request(written(load_board("tb6612")))
+    robot.session.connect(robot.now_us)  # another session, perhaps months later
+    robot.samples.clear()
+    robot.run_until(lambda: bool(robot.samples))
+    restart(robot)
+    assert in_force(robot) == (BoardState.STORED, "DRV8833")
+
+
+@pytest.mark.parametrize("by_contact", [True, False])
+def test_no_board_is_a_way_around_an_estop(tmp_path: Path, by_contact: bool) -> None:
+    robot = with_board("l298n", tmp_path / "store")
+    if by_contact:
+        robot.sim.set("estop_open", 1)
+        robot.run(0.01)
+        robot.sim.set("estop_open", 0)  # it is closed again, and still latched
+    else:
+        robot.estop()
+    without_contact = BoardDescription(**{**load_board("l298n").__dict__, "estop": None})
+    assert refused(robot, written(without_contact)) == RefusalCode.ESTOPPED
+    assert refused(robot, confirmation(load_board("l298n"))) == RefusalCode.ESTOPPED
+    restart(robot)  # allowed: what is latched survives it
+    assert robot.state() is SupervisorState.ESTOPPED
+    robot.request(ClearEstop(0, 0))
+    robot.request(written(without_contact))
+    robot.estop()
+    assert refused(robot, Restart(0, 0)) == RefusalCode.ESTOPPED
+
+
+def test_an_unconfirmed_boards_contact_counts_for_nothing() -> None:
+    robot = unwritten()
+    robot.sim.set("estop_open", 1)  # a fresh chip has nothing on that pin
+    robot.run(0.1)
+    assert robot.state() is SupervisorState.IDLE
+    robot.request(written(load_board("l298n")))
+    restart(robot)
+    # Now there is a contact, and it is open.
+    assert robot.state() is SupervisorState.ESTOPPED
+    assert refused(robot, confirmation(load_board("l298n"))) == RefusalCode.ESTOPPED
+    robot.sim.set("estop_open", 0)
+    robot.request(ClearEstop(0, 0))
+    robot.request(confirmation(load_board("l298n")))
+
+
+def test_an_estop_input_that_was_switched_off_is_on_with_another_board(tmp_path: Path) -> None:
+    robot = with_board("l298n", tmp_path / "store")
+    robot.set_parameter("estop_input_enabled", 0)
+    robot.request(ParameterSave(0, 0, 0))
+    restart(robot)
+    assert robot.parameter("estop_input_enabled") == 0
+    robot.request(written(load_board("tb6612")))
+    restart(robot)
+    robot.request(confirmation(load_board("tb6612")))
+    assert robot.parameter("estop_input_enabled") == 1
+    robot.sim.set("estop_open", 1)
+    robot.run(0.01)
+    assert robot.state() is SupervisorState.ESTOPPED
+
+
+def test_an_erased_flash_leaves_a_device_that_drives_nothing(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    with_board("mdd10a", store)
+    # As a flash that cannot be opened is: formatted, with all that it held.
+    for name in ("store", "store.board", "store.latch"):
+        store.with_name(name).unlink(missing_ok=True)
+    robot = unwritten(store)
+    assert in_force(robot)[0] is BoardState.BUILT_IN
+    with pytest.raises(DeviceRefused) as error:
+        robot.drive(0.2, 0.2, 0.3)
+    assert error.value.code == RefusalCode.BOARD_UNCONFIRMED
 
 
 def test_the_groups_of_a_device_have_their_hashes() -> None:
@@ -85,7 +220,7 @@ def test_the_groups_of_a_device_have_their_hashes() -> None:
 def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
     robot = VirtualRobot(1, tmp_path / "store", wheels_free=1).open()
     robot.request(written(load_board("tb6612")))
-    assert in_force(robot)[0] is BoardState.BUILT_IN  # until the restart
+    assert in_force(robot)[1] == "L298N, ESP32-DevKitC"  # until the restart
     restart(robot)
     assert in_force(robot) == (BoardState.TRIAL, "TB6612FNG")
     # On trial nothing drives.
@@ -93,7 +228,7 @@ def test_a_written_board_is_tried_and_kept(tmp_path: Path) -> None:
         robot.drive(0.2, 0.2, 0.3)
     assert error.value.code == RefusalCode.BOARD_ON_TRIAL
     assert robot.sim.get("left.duty") == 0.0
-    robot.request(BoardConfirm(0, 0))
+    robot.request(confirmation(load_board("tb6612")))
     assert in_force(robot) == (BoardState.STORED, "TB6612FNG")
     robot.drive(0.2, 0.2, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.2, abs=0.03)
@@ -130,7 +265,8 @@ def test_a_chip_that_dies_on_trial_comes_back_with_the_former_board(
 def test_a_board_is_written_only_while_stopped(tmp_path: Path) -> None:
     robot = with_board("l298n", tmp_path / "store")
     robot.drive(0.2, 0.2, 0.2)
-    for message in (written(load_board("tb6612")), Restart(0, 0), BoardConfirm(0, 0)):
+    board = load_board("tb6612")
+    for message in (written(board), Restart(0, 0), confirmation(board)):
         assert refused(robot, message) == RefusalCode.NOT_STOPPED
         robot.drive(0.2, 0.2, 0.1)
 
@@ -152,7 +288,7 @@ def test_a_board_that_breaks_a_rule_is_refused_by_the_device_too() -> None:
     assert refused(robot, written(wrong)) == RefusalCode.BOARD_REFUSED
     damaged = written(board)._replace(left_in1=27)
     assert refused(robot, damaged) == RefusalCode.BOARD_REFUSED
-    assert refused(robot, BoardConfirm(0, 0)) == RefusalCode.NO_BOARD_ON_TRIAL
+    assert refused(robot, confirmation(board)) == RefusalCode.NO_BOARD_ON_TRIAL
 
 
 def test_a_store_that_fails_changes_nothing(tmp_path: Path) -> None:
@@ -177,7 +313,7 @@ def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
     assert in_force(robot) == (BoardState.NONE, "")
     robot.request(written(load_board("drv8833")))
     restart(robot)
-    robot.request(BoardConfirm(0, 0))
+    robot.request(confirmation(load_board("drv8833")))
     assert in_force(robot) == (BoardState.STORED, "DRV8833")
     assert robot.state() is SupervisorState.IDLE
 

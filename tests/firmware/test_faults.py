@@ -109,6 +109,7 @@ def test_a_fault_is_cleared_and_driving_goes_on() -> None:
     robot.request(ClearFault(0, 0))
     robot.run(0.05)
     assert robot.state() is SupervisorState.IDLE
+    robot.drive(0.0, 0.0, 0.1)  # a clear alone restarts nothing
     robot.drive(0.2, 0.2, 1.0)
     assert robot.sim.get("true.left_mps") == pytest.approx(0.2, abs=0.02)
 

@@ -131,7 +131,7 @@ def test_a_hello_that_is_refused_leaves_the_session_and_its_setpoint(host: RawHo
     assert host.state().command_seq == 2
 
 
-@pytest.mark.parametrize("mode", [3, 255])
+@pytest.mark.parametrize("mode", [4, 255])
 def test_a_stop_of_an_unknown_mode_stops(host: RawHost, mode: int) -> None:
     host.open()
     host.send(velocity(host, 1))

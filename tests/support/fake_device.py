@@ -17,13 +17,21 @@ from wheelwire_protocol.codes import (
 )
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Counters, Encoder
-from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Changes, Kind
+from wheelwire_protocol.parameters import (
+    PARAMETER_BY_ID,
+    PARAMETER_BY_NAME,
+    PARAMETERS,
+    Changes,
+    Kind,
+)
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
     ClearEstop,
     ClearFault,
+    Contradictions,
+    ContradictionsGet,
     ControlCounters,
     ControlCountersGet,
     DeviceHello,
@@ -64,6 +72,7 @@ Request = (
     | ParameterTrial
     | LinkCountersGet
     | ControlCountersGet
+    | ContradictionsGet
 )
 
 
@@ -112,6 +121,8 @@ class FakeDevice:
         self._synchronised = False
         self._newest_command = self._command_seq = 0
         self._deadline_us = 0
+        self._unarmed = False
+        self._quiet_since_us = 0
         self.former: dict[int, float] | None = None
         """Before the trial that runs."""
 
@@ -181,7 +192,7 @@ class FakeDevice:
         before, self.supervisor = self.supervisor, state
         t_us = self.clock(now_us) & MASK_32
         if self._nonce is not None:
-            self.send(Event(self.boot_id, t_us, 0, cause, before, state, 0))
+            self.send(Event(self.boot_id, t_us, 0, cause, before, state, 0, 0.0))
 
     def send(self, message: AnyMessage) -> None:
         self._output += self._encoder.encode(message)
@@ -205,7 +216,7 @@ class FakeDevice:
         elif isinstance(message, Ping):
             self._on_ping(message, now_us)
         elif isinstance(message, Request):
-            self._on_request(message)
+            self._on_request(message, now_us)
 
     def _greet(self, hello: Hello, now_us: int) -> None:
         refusal = RefusalCode.NONE
@@ -272,15 +283,23 @@ class FakeDevice:
             return RefusalCode.NOT_FINITE
         if not self._synchronised:
             return RefusalCode.CLOCK_UNSYNCHRONISED
+        gap_us = self.parameters[PARAMETER_BY_NAME["rearm_gap_s"].id] * 1e6
+        after_gap = now_us - self._quiet_since_us >= gap_us
+        self._quiet_since_us = now_us
         if setpoint.expiry_us <= self.clock(now_us):
             return RefusalCode.EXPIRED
         latched = {
             SupervisorState.ESTOPPED: RefusalCode.ESTOPPED,
             SupervisorState.FAULT: RefusalCode.FAULT,
         }
-        return latched.get(self.supervisor)
+        if self.supervisor in latched:
+            return latched[self.supervisor]
+        if self._unarmed and any(setpoint[-2:]) and not after_gap:
+            return RefusalCode.UNARMED
+        self._unarmed = False
+        return None
 
-    def _on_request(self, request: Request) -> None:
+    def _on_request(self, request: Request, now_us: int) -> None:
         if request.session_id != self.session_id:
             self._refuse(request, RefusalCode.NO_SESSION, request.request_id)
             return
@@ -292,6 +311,8 @@ class FakeDevice:
             return
         self._newest_request = request.request_id
         answer = self._try(request) if isinstance(request, ParameterTrial) else self._do(request)
+        if isinstance(request, (ClearEstop, ClearFault)):
+            self._quiet_since_us = now_us
         self._cache[request.request_id] = answer
         while len(self._cache) > CACHE:
             self._cache.popitem(last=False)
@@ -322,13 +343,16 @@ class FakeDevice:
             c = self._decoder.counters
             damage = (c.bad_crc, c.bad_cobs, c.unknown_id, c.wrong_length, c.seq_lost)
             return LinkCounters(*head, c.frames, 0, *damage, 0, 0, 0)
-        if isinstance(request, ControlCountersGet):
-            return ControlCounters(*head, 0, 0, 0, 0, 0)
+        if isinstance(request, (ContradictionsGet, ControlCountersGet)):
+            contradicts = isinstance(request, ContradictionsGet)
+            return Contradictions(*head, 0, 0) if contradicts else ControlCounters(*head, *[0] * 5)
         if isinstance(request, ParameterReset):
             self.parameters = {p.id: float(p.default) for p in PARAMETERS}
         elif isinstance(request, SetStreamRate):
             self.rate_hz = request.rate_hz
         elif isinstance(request, (ClearEstop, ClearFault)):
+            latched = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
+            self._unarmed |= self.supervisor in latched
             self.supervisor = SupervisorState.IDLE
         return Ack(*head, message_id(type(request)))
 

@@ -34,6 +34,8 @@ struct wheelwire_core {
             .encoders = encoders,
             .line = line,
             .store = store,
+            .latches = latches,
+            .latch_store = no_store,
             .estop = contact,
             .battery = battery};
   }
@@ -68,8 +70,11 @@ struct wheelwire_core {
   Encoders encoders;
   Line line;
   Store store;
+  LatchRecord latches;
+  NoStore no_store;
   Contact contact;
   Battery battery;
+  wheelwire::BoardFacts board;
   bool failed = false;
   std::optional<wheelwire::Device> device;  // From wheelwire_core_start() on.
 };
@@ -96,6 +101,9 @@ uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board, size_t 
   core->left_motor.emplace(core->left_pins, stage);
   core->right_motor.emplace(core->right_pins, stage);
   wheelwire::apply_board(description, core->specs);
+  core->board = {.fingerprint = wheelwire::fingerprint(description),
+                 .max_pwm_hz = stage.max_frequency_hz,
+                 .is_confirmed = true};
   return 0;
 }
 
@@ -106,12 +114,17 @@ uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter, float val
   return static_cast<uint8_t>(refusal);
 }
 
+void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record, size_t size,
+                            wheelwire_save save, void* context) {
+  core->latches.use(record, size, save, context);
+}
+
 void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
                           wheelwire_outputs* outputs) {
   core->encoders.left.start(inputs->left_ticks);
   core->encoders.right.start(inputs->right_ticks);
   core->read(*inputs);
-  core->device.emplace(core->hal(), core->identity, core->specs);
+  core->device.emplace(core->hal(), core->identity, core->specs, core->board);
   if (core->failed) core->device->report_driver_failure();
   core->device->start(inputs->now_us);
   core->write(*outputs);

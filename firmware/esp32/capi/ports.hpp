@@ -5,6 +5,7 @@
 
 #include "byte_ring.hpp"
 #include "hal.hpp"
+#include "latches.hpp"
 #include "parameters.hpp"
 #include "wheelwire_core.h"
 
@@ -108,6 +109,40 @@ class Store final : public ParameterStore {
   void* context_;
   uint8_t block_[kMaxParameterBlock];
   size_t size_;
+};
+
+/// What is latched, kept by the caller.
+class LatchRecord final : public LatchMemory {
+ public:
+  void use(const uint8_t* record, size_t size, wheelwire_save forward, void* context) {
+    save_ = forward;
+    context_ = context;
+    // A longer one is damaged, and stays so when it is cut off.
+    size_ = size < sizeof record_ ? size : sizeof record_;
+    if (size_ > 0) memcpy(record_, record, size_);
+  }
+
+  size_t load(uint8_t* out, size_t capacity) override {
+    memcpy(out, record_, size_ < capacity ? size_ : capacity);
+    return size_;
+  }
+  void save(const uint8_t* data, size_t size) override {
+    if (save_ != nullptr) save_(context_, data, size);
+  }
+
+ private:
+  wheelwire_save save_ = nullptr;
+  void* context_ = nullptr;
+  uint8_t record_[Latches::kSize + 1];
+  size_t size_ = 0;
+};
+
+/// The caller's record is enough: it survives whatever the process survives.
+class NoStore final : public ParameterStore {
+ public:
+  size_t load(uint8_t*, size_t) override { return 0; }
+  bool save(const uint8_t*, size_t) override { return true; }
+  bool erase() override { return true; }
 };
 
 class Contact final : public EstopInput {

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 4
+#define WHEELWIRE_ABI 5
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -83,6 +83,13 @@ WHEELWIRE_EXPORT uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_
 /* Changes the default of a parameter, before the start. Returns a RefusalCode. */
 WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter,
                                                float value);
+
+/* What is latched survives the process: `save` is called with each change, also while driving, and
+ * must not block; its result is ignored. `record`: what it was called with last, copied; NULL and
+ * size 0 if that is not known to exist. A record that is damaged counts as a latched e-stop. Call it
+ * before the start; without it nothing survives. */
+WHEELWIRE_EXPORT void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record,
+                                             size_t size, wheelwire_save save, void* context);
 
 /* Call once, when the pins are ready; then a step each period. Before the start the functions below
  * do nothing. */

@@ -31,15 +31,13 @@ void BoardKeeper::start() {
   uint8_t bytes[BoardBlock::kSize];
   const size_t size = store_.load(bytes, sizeof bytes);
   if (size == 0 && store_.faults() == 0) {
-    if (built_in_ == nullptr) return;
-    board_ = *built_in_;
-    state_ = BoardState::kBuiltIn;
+    take_built_in();
     return;
   }
   // What is stored cannot be read: nothing is known of the wiring, so nothing is driven.
   if (!BoardBlock::decode(bytes, size, block_)) return;
   using Candidate = BoardBlock::Candidate;
-  if (block_.candidate_state == Candidate::kWritten) {
+  if (block_.candidate_state == Candidate::kRequested) {
     // Noted before it is tried: if the chip does not come back, the next start finds it tried.
     block_.candidate_state = Candidate::kTried;
     if (save() && take(block_.candidate, BoardState::kTrial)) return;
@@ -50,9 +48,8 @@ void BoardKeeper::start() {
   }
   if (block_.has_confirmed) {
     take(block_.confirmed, BoardState::kStored);
-  } else if (built_in_ != nullptr) {
-    board_ = *built_in_;
-    state_ = BoardState::kBuiltIn;
+  } else {
+    take_built_in();
   }
 }
 
@@ -63,22 +60,34 @@ RefusalCode BoardKeeper::write(const uint8_t* packed) {
     return RefusalCode::kBoardRefused;
   memcpy(block_.candidate, packed, sizeof block_.candidate);
   block_.candidate_state = BoardBlock::Candidate::kWritten;
-  if (save()) return RefusalCode::kNone;
+  is_fresh_ = save();
+  if (is_fresh_) return RefusalCode::kNone;
   block_.candidate_state = BoardBlock::Candidate::kNone;
   return RefusalCode::kStoreFailed;
 }
 
-RefusalCode BoardKeeper::confirm() {
-  if (!on_trial()) return RefusalCode::kNoBoardOnTrial;
+RefusalCode BoardKeeper::request_trial() {
+  if (!is_fresh_) return RefusalCode::kNone;
+  block_.candidate_state = BoardBlock::Candidate::kRequested;
+  if (save()) return RefusalCode::kNone;
+  block_.candidate_state = BoardBlock::Candidate::kWritten;
+  return RefusalCode::kStoreFailed;
+}
+
+RefusalCode BoardKeeper::confirm(uint32_t fingerprint) {
+  if (!on_trial() && state_ != BoardState::kBuiltIn) return RefusalCode::kNoBoardOnTrial;
+  if (fingerprint != fingerprint_) return RefusalCode::kBoardRefused;
   const BoardBlock before = block_;
-  memcpy(block_.confirmed, block_.candidate, sizeof block_.confirmed);
+  write_board(board_, block_.confirmed);
   block_.has_confirmed = true;
   block_.candidate_state = BoardBlock::Candidate::kNone;
   if (!save()) {
     block_ = before;
     return RefusalCode::kStoreFailed;
   }
-  state_ = BoardState::kStored;
+  is_fresh_ = false;
+  // The image's own board gets its pins at the next start, as any board does.
+  if (on_trial()) state_ = BoardState::kStored;
   return RefusalCode::kNone;
 }
 
@@ -87,8 +96,16 @@ bool BoardKeeper::take(const uint8_t* packed, BoardState state) {
   if (read_board(packed, BoardDescription::kSize, board) != BoardFault::kNone || !fits(board))
     return false;
   board_ = board;
+  fingerprint_ = wheelwire::fingerprint(board);
   state_ = state;
   return true;
+}
+
+void BoardKeeper::take_built_in() {
+  if (built_in_ == nullptr) return;
+  board_ = *built_in_;
+  fingerprint_ = wheelwire::fingerprint(board_);
+  state_ = confirmation_ == BuiltIn::kConfirmed ? BoardState::kStored : BoardState::kBuiltIn;
 }
 
 bool BoardKeeper::fits(const BoardDescription& board) const {

@@ -1,5 +1,6 @@
-// Which board is in force. A board that was written is tried at the next start, and kept only if
-// the host confirms it; otherwise the former one returns.
+// Which board is active. A board that was written is tried once the host restarts the device, and
+// saved only if the host then confirms it; otherwise the previous one returns. Nothing is driven on
+// a board that nobody confirmed.
 #pragma once
 
 #include "board_rules.hpp"
@@ -14,7 +15,8 @@ constexpr uint64_t kBoardTrialUs = 10'000'000;
 /// What the store holds: both boards and how far the trial is, replaced as a whole. So a cut of the
 /// power leaves what was before a write, or what is after it.
 struct BoardBlock {
-  enum class Candidate : uint8_t { kNone, kWritten, kTried };
+  /// kWritten: no restart was asked for yet. kRequested: the next start tries it.
+  enum class Candidate : uint8_t { kNone, kWritten, kTried, kRequested };
 
   static constexpr uint8_t kFormat = 1;
   static constexpr size_t kHeaderSize = 4;
@@ -32,15 +34,27 @@ struct BoardBlock {
 
 class BoardKeeper {
  public:
-  /// `chip`: a board for another one is refused; kSimulated takes any. `built_in`: in force while
-  /// none is stored; nullptr: there is none.
-  BoardKeeper(ParameterStore& store, Board chip, const BoardDescription* built_in)
-      : store_(store), chip_(chip), built_in_(built_in) {}
+  /// What becomes of the image's own board while none is stored.
+  enum class BuiltIn : uint8_t { kUnconfirmed, kConfirmed };
 
-  /// Decides which board is in force until the next start. Call it once, before any pin is touched.
+  /// `chip`: a board for another one is refused; kSimulated takes any. `built_in`: the image's own,
+  /// active while none is stored; nullptr: there is none. A simulated robot has the board that it
+  /// says, so that board is confirmed from the start.
+  BoardKeeper(ParameterStore& store, Board chip, const BoardDescription* built_in,
+              BuiltIn confirmation = BuiltIn::kUnconfirmed)
+      : store_(store), chip_(chip), built_in_(built_in), confirmation_(confirmation) {}
+
+  /// Decides which board is active until the next start. Call it once, before any pin is touched.
   void start();
 
   BoardState state() const { return state_; }
+  /// Whether somebody said that this is the board, at least for a trial. Otherwise no pin is
+  /// driven, and what the board's inputs read means nothing.
+  bool is_confirmed() const {
+    return state_ == BoardState::kStored || state_ == BoardState::kTrial;
+  }
+  /// Of the active board; 0 if there is none.
+  uint32_t fingerprint() const { return fingerprint_; }
   /// Of BoardState::kNone it has no meaning.
   const BoardDescription& board() const { return board_; }
 
@@ -51,19 +65,30 @@ class BoardKeeper {
   }
 
   // Each returns kNone, or why it was refused.
-  /// Stores a packed board, to be tried at the next start.
+  /// Stores a packed board, to be tried if a restart is asked for in this session.
   RefusalCode write(const uint8_t* packed);
-  /// Keeps the board that is on trial.
-  RefusalCode confirm();
+  /// Saves the board that is on trial, or the image's own, which drives from the next start on.
+  RefusalCode confirm(uint32_t fingerprint);
+  /// A restart was asked for: a board that was written in this session is tried.
+  RefusalCode request_trial();
+
+  /// Whether a restart would try another board.
+  bool has_candidate() const { return is_fresh_; }
+  /// A new session: what the previous one wrote and did not restart for is not tried.
+  void drop_candidate() { is_fresh_ = false; }
 
  private:
   bool take(const uint8_t* packed, BoardState state);
+  void take_built_in();
   bool fits(const BoardDescription& board) const;
   bool save();
 
   ParameterStore& store_;
   Board chip_;
   const BoardDescription* built_in_;
+  BuiltIn confirmation_;
+  bool is_fresh_ = false;  ///< The candidate was written in this session.
+  uint32_t fingerprint_ = 0;
   BoardBlock block_;
   BoardDescription board_;
   BoardState state_ = BoardState::kNone;

@@ -16,6 +16,12 @@ void write_board(const BoardDescription& board, uint8_t* out) {
   wire::put(end, crc32(out, BoardDescription::kSize - kCrcSize));
 }
 
+uint32_t fingerprint(const BoardDescription& board) {
+  uint8_t packed[BoardDescription::kSize];
+  board.encode(packed);
+  return crc32(packed, BoardDescription::kSize - kCrcSize);
+}
+
 BoardFault read_board(const uint8_t* data, size_t size, BoardDescription& out) {
   if (size != BoardDescription::kSize || crc32(data, size) != kCrcResidue)
     return BoardFault::kDamaged;

@@ -254,6 +254,9 @@ constexpr BoardIssue first_issue(const BoardDescription& board) {
 /// Writes BoardDescription::kSize bytes with the checksum that belongs to them.
 void write_board(const BoardDescription& board, uint8_t* out);
 
+/// The checksum of the packed board: it names the board.
+uint32_t fingerprint(const BoardDescription& board);
+
 /// Reads a board. kDamaged: not its size, or a wrong checksum; `out` is then unchanged.
 BoardFault read_board(const uint8_t* data, size_t size, BoardDescription& out);
 

@@ -101,6 +101,8 @@ ControlConfig make_config(const Parameters& parameters) {
       .stop_mode = static_cast<StopMode>(parameters.get(kStopMode)),
       .brake_time_us = to_us(parameters.get(kBrakeTimeS)),
       .ttl_max_us = to_us(parameters.get(kTtlMaxS)),
+      .rearm_gap_us = to_us(parameters.get(kRearmGapS)),
+      .rolling_umps = to_umps(parameters.get(kRollingVelocityMps)),
       .overrun_limit_us = static_cast<uint32_t>(parameters.get(kOverrunLimitUs)),
       .estop_input_enabled = parameters.is_on(kEstopInputEnabled),
   };

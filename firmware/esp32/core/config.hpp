@@ -30,6 +30,8 @@ struct ControlConfig {
   StopMode stop_mode;
   uint32_t brake_time_us;
   uint32_t ttl_max_us;
+  uint32_t rearm_gap_us;
+  int32_t rolling_umps;
   uint32_t overrun_limit_us;
   bool estop_input_enabled;
 };

@@ -2,6 +2,14 @@
 
 namespace wheelwire {
 
+BoardFacts Device::facts_of(const BoardKeeper* keeper) {
+  if (keeper == nullptr) return {};
+  const StageTable* const stage = table_of(keeper->board().stage);
+  return {.fingerprint = keeper->fingerprint(),
+          .max_pwm_hz = keeper->is_confirmed() && stage != nullptr ? stage->max_frequency_hz : 0,
+          .is_confirmed = keeper->is_confirmed()};
+}
+
 /// The order matters. Faults are latched before the link is read: a message may clear a fault, or
 /// stop the wheels, only after the fault has been reported. Contact and deadline are checked after
 /// it, and just before the outputs are written: a setpoint that has just arrived counts, but drives

@@ -9,13 +9,16 @@ namespace wheelwire {
 
 class Device {
  public:
-  /// `specs`: see Parameters. `keeper`: started; nullptr where no board can be written.
-  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters,
-         BoardKeeper* keeper = nullptr)
-      : server_(robot_, hal.line, identity, keeper), robot_(hal, server_, specs) {
+  /// `specs`: see Parameters. `keeper`: started.
+  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs, BoardKeeper* keeper)
+      : server_(robot_, hal.line, identity, keeper), robot_(hal, server_, specs, facts_of(keeper)) {
     if (keeper != nullptr && keeper->state() == BoardState::kNone)
       robot_.report_failure(fault::kNoBoard);
   }
+  /// Where no board can be written.
+  Device(const Hal& hal, const Identity& identity, const ParameterSpec* specs = kParameters,
+         const BoardFacts& board = {})
+      : server_(robot_, hal.line, identity, nullptr), robot_(hal, server_, specs, board) {}
   Device(const Device&) = delete;  // The two halves refer to each other.
   Device& operator=(const Device&) = delete;
 
@@ -44,6 +47,8 @@ class Device {
   uint64_t deadline_us() const { return robot_.deadline_us(); }
 
  private:
+  static BoardFacts facts_of(const BoardKeeper* keeper);
+
   MessageServer server_;
   Robot robot_;
 };

@@ -30,7 +30,7 @@ class Drive {
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows.
   void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
-  /// One control step of a stop: brakes for brake_time, then coasts.
+  /// One control step of a stop: brakes as long as its mode says, then coasts.
   void keep_stopped(uint64_t now_us);
 
   /// Call when the parameters have changed.
@@ -38,6 +38,8 @@ class Drive {
 
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
+  /// Of the faster wheel, at least 0.
+  int32_t speed_umps() const;
 
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);
@@ -54,7 +56,7 @@ class Drive {
   WheelPair command_{};    // The setpoint with the correction of the following error.
   WheelPair direction_{};  // Signs of the setpoint in the last step.
   uint16_t battery_mv_ = 0;
-  int32_t supply_q12_ = 0;  // 0: to be computed
+  int32_t supply_q12_ = 0;  // 0: not computed yet
   uint64_t brake_until_us_ = 0;
   bool stop_began_ = false;  // Since the last control step.
 };

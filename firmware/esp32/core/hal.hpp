@@ -109,6 +109,19 @@ class ParameterStore {
   ~ParameterStore() = default;
 };
 
+/// A few bytes that survive a reset of the processor, and may be lost with the power.
+class LatchMemory {
+ public:
+  /// Returns the size of what was saved; 0 when nothing is known, as after a power-on. At most
+  /// `capacity` bytes are copied.
+  virtual size_t load(uint8_t* out, size_t capacity) = 0;
+  /// Also called while driving: it must not block.
+  virtual void save(const uint8_t* data, size_t size) = 0;
+
+ protected:
+  ~LatchMemory() = default;
+};
+
 /// The emergency-stop contact, normally closed.
 class EstopInput {
  public:
@@ -133,6 +146,8 @@ struct Hal {
   EncoderPort& encoders;
   ByteStream& line;
   ParameterStore& store;
+  LatchMemory& latches;
+  ParameterStore& latch_store;  ///< Of an e-stop that is latched.
   EstopInput& estop;
   BatterySense& battery;
 };

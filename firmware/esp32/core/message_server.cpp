@@ -61,6 +61,8 @@ void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
       return once(GroupGet::decode(frame.body), now_us);
     case Restart::kId:
       return once(Restart::decode(frame.body), now_us);
+    case ContradictionsGet::kId:
+      return once(ContradictionsGet::decode(frame.body), now_us);
     case BoardGet::kId:
       return once(BoardGet::decode(frame.body), now_us);
     case BoardWrite::kId:
@@ -83,6 +85,7 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
   if (opens) {
     session_.open(hello.nonce, identity_.boot_id);
     link_.restart_sequence();
+    if (keeper_ != nullptr) keeper_->drop_candidate();
     robot_.end_session(SupervisorEvent::kSession, now_us);
   }
   link_.send(DeviceHello{
@@ -121,7 +124,7 @@ void MessageServer::report_store() {
 
 void MessageServer::on(const Stop& stop, uint64_t now_us) {
   if (session_.matches(stop.session_id)) session_.take_command(stop.command_seq);
-  const bool known_mode = stop.mode == StopMode::kCoast || stop.mode == StopMode::kBrake;
+  const bool known_mode = stop.mode <= StopMode::kBrakeUntilDriven;
   robot_.stop(known_mode ? stop.mode : StopMode::kConfigured, now_us);
   link_.send(Ack{stop.session_id, stop.request_id, Stop::kId});
 }
@@ -159,7 +162,9 @@ template <typename Message>
 void MessageServer::obey(const Message& message, ControlMode mode, WheelPair wheels,
                          uint64_t now_us) {
   RefusalCode refusal = RefusalCode::kClockUnsynchronised;
-  if (keeper_ != nullptr && keeper_->on_trial()) {
+  if (keeper_ != nullptr && keeper_->state() == BoardState::kBuiltIn) {
+    refusal = RefusalCode::kBoardUnconfirmed;
+  } else if (keeper_ != nullptr && keeper_->on_trial()) {
     refusal = RefusalCode::kBoardOnTrial;
   } else if (restart_us_ != 0) {
     refusal = RefusalCode::kBooting;
@@ -291,6 +296,13 @@ void MessageServer::on(const ControlCountersGet& request, uint64_t) {
          });
 }
 
+void MessageServer::on(const ContradictionsGet& request, uint64_t) {
+  answer(request.request_id, Contradictions{.session_id = session_.id(),
+                                            .request_id = request.request_id,
+                                            .active = robot_.active_contradictions(),
+                                            .refused = robot_.refused_contradictions()});
+}
+
 void MessageServer::on(const ParameterTrial& request, uint64_t now_us) {
   conclude(request.kId, request.request_id,
            robot_.try_parameters(request.action, request.timeout_s, now_us));
@@ -341,6 +353,11 @@ void MessageServer::on(const GroupGet& request, uint64_t) {
 void MessageServer::on(const Restart& request, uint64_t now_us) {
   RefusalCode refusal = robot_.check_stopped();
   if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
+  if (refusal == RefusalCode::kNone && keeper_ != nullptr && keeper_->has_candidate()) {
+    refusal = robot_.check_estop(now_us);
+    if (refusal == RefusalCode::kNone) refusal = keeper_->request_trial();
+    robot_.note_stall();
+  }
   if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
 }
@@ -359,18 +376,34 @@ void MessageServer::on(const BoardGet& request, uint64_t) {
   link_.send_body(BoardValue::kId, body, sizeof body);
 }
 
-void MessageServer::on(const BoardWrite& request, uint64_t) {
+/// Why the board cannot be changed now. Else a board without the contact that is open would be a
+/// way around it.
+RefusalCode MessageServer::check_board_change(uint64_t now_us) {
+  if (keeper_ == nullptr) return RefusalCode::kNotSupported;
+  const RefusalCode refusal = robot_.check_stopped();
+  return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
+}
+
+void MessageServer::on(const BoardWrite& request, uint64_t now_us) {
   uint8_t body[BoardWrite::kSize];
   request.encode(body);
-  RefusalCode refusal = keeper_ == nullptr ? RefusalCode::kNotSupported : robot_.check_stopped();
-  if (refusal == RefusalCode::kNone)
+  RefusalCode refusal = check_board_change(now_us);
+  if (refusal == RefusalCode::kNone) {
     refusal = keeper_->write(body + BoardWrite::kSize - BoardDescription::kSize);
+    robot_.note_stall();
+  }
   conclude(request.kId, request.request_id, refusal);
 }
 
-void MessageServer::on(const BoardConfirm& request, uint64_t) {
-  RefusalCode refusal = keeper_ == nullptr ? RefusalCode::kNotSupported : robot_.check_stopped();
-  if (refusal == RefusalCode::kNone) refusal = keeper_->confirm();
+void MessageServer::on(const BoardConfirm& request, uint64_t now_us) {
+  RefusalCode refusal = check_board_change(now_us);
+  if (refusal == RefusalCode::kNone) {
+    refusal = keeper_->confirm(request.fingerprint);
+    robot_.note_stall();
+  }
+  // Its pins are started as those of any board: when the device starts.
+  if (refusal == RefusalCode::kNone && !keeper_->is_confirmed())
+    restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
 }
 
@@ -384,7 +417,13 @@ void MessageServer::on_trial_expired(uint64_t now_us) {
   send_event(EventCode::kTrialExpired, {{}, robot_.state(), robot_.state()}, now_us);
 }
 
-void MessageServer::send_event(EventCode code, Transition transition, uint64_t t_us) {
+void MessageServer::on_rolling(int32_t speed_umps, uint64_t now_us) {
+  if (!session_.is_open()) return;
+  send_event(EventCode::kRolling, {{}, robot_.state(), robot_.state()}, now_us, to_mps(speed_umps));
+}
+
+void MessageServer::send_event(EventCode code, Transition transition, uint64_t t_us,
+                               float speed_mps) {
   link_.send(Event{
       .boot_id = identity_.boot_id,
       .t_us = static_cast<uint32_t>(t_us),
@@ -393,6 +432,7 @@ void MessageServer::send_event(EventCode code, Transition transition, uint64_t t
       .before = transition.before,
       .after = transition.after,
       .faults = static_cast<uint16_t>(robot_.faults()),
+      .speed_mps = speed_mps,
   });
 }
 

@@ -46,6 +46,7 @@ class MessageServer final : public RobotObserver {
 
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
+  void on_rolling(int32_t speed_umps, uint64_t now_us) override;
 
  private:
   void dispatch(const Frame& frame, uint64_t now_us);
@@ -73,6 +74,7 @@ class MessageServer final : public RobotObserver {
   void on(const ParameterTrial& request, uint64_t now_us);
   void on(const GroupGet& request, uint64_t now_us);
   void on(const Restart& request, uint64_t now_us);
+  void on(const ContradictionsGet& request, uint64_t now_us);
   void on(const BoardGet& request, uint64_t now_us);
   void on(const BoardWrite& request, uint64_t now_us);
   void on(const BoardConfirm& request, uint64_t now_us);
@@ -91,7 +93,8 @@ class MessageServer final : public RobotObserver {
 
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
   void report_store();
-  void send_event(EventCode code, Transition transition, uint64_t t_us);
+  void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
+  RefusalCode check_board_change(uint64_t now_us);
 
   Robot& robot_;
   Link link_;

@@ -15,12 +15,15 @@ constexpr bool ids_count_from_one() {
 static_assert(ids_count_from_one(), "values are found by id - 1");
 
 // The block: magic, count, (id, value) for each, CRC-32. Keyed by id, so that releases with more
-// and with fewer parameters can read each other's blocks.
+// and with fewer parameters can read each other's blocks. The last entry has the board's
+// fingerprint for its value.
 constexpr uint32_t kMagic = 0x31505757;  // "WWP1"
 constexpr size_t kHead = 5;
 constexpr size_t kEntry = 5;
 constexpr size_t kTail = 4;
-static_assert(kMaxParameterBlock >= kHead + kParameterCount * kEntry + kTail);
+constexpr size_t kSavedSize = kHead + (kParameterCount + 1) * kEntry + kTail;
+constexpr auto kBoardEntry = static_cast<ParameterId>(255);
+static_assert(kMaxParameterBlock >= kSavedSize && kParameterCount < 255);
 
 }  // namespace
 
@@ -62,33 +65,42 @@ Parameters::Load Parameters::load(ParameterStore& store) {
   wire::get(in, count);
   if (magic != kMagic || size != kHead + count * kEntry + kTail) return Load::kCorrupt;
 
-  Parameters loaded(specs_);
+  Parameters loaded(specs_, board_);
+  uint32_t saved_for = 0;
   for (; count > 0; --count) {
     ParameterId id;
-    float value;
+    uint32_t value;
     wire::get(in, id);
     wire::get(in, value);
-    if (exists(id) && loaded.set(id, value) != RefusalCode::kNone) return Load::kCorrupt;
+    if (id == kBoardEntry) saved_for = value;
+    if (exists(id) && loaded.set(id, __builtin_bit_cast(float, value)) != RefusalCode::kNone)
+      return Load::kCorrupt;
+  }
+  if (saved_for != board_) {
+    const ParameterSpec& contact = spec(ParameterId::kEstopInputEnabled);
+    loaded.set(contact.id, contact.default_value);
   }
   *this = loaded;
   return Load::kLoaded;
 }
 
 bool Parameters::save(ParameterStore& store) const {
-  uint8_t block[kHead + kParameterCount * kEntry + kTail];
+  uint8_t block[kSavedSize];
   uint8_t* out = block;
   wire::put(out, kMagic);
-  wire::put(out, static_cast<uint8_t>(kParameterCount));
+  wire::put(out, static_cast<uint8_t>(kParameterCount + 1));
   for (const ParameterSpec& spec : kParameters) {
     wire::put(out, spec.id);
     wire::put(out, get(spec.id));
   }
+  wire::put(out, kBoardEntry);
+  wire::put(out, board_);
   wire::put(out, crc32(block, static_cast<size_t>(out - block)));
   return store.save(block, sizeof block);
 }
 
 bool Parameters::save_one(ParameterStore& store, ParameterId id) const {
-  Parameters stored(specs_);
+  Parameters stored(specs_, board_);
   stored.load(store);
   if (store.faults() != 0) return false;  // It would overwrite a block that may still be of use.
   stored.values_[static_cast<size_t>(id) - 1] = get(id);

@@ -14,7 +14,11 @@ class Parameters {
   enum class Load : uint8_t { kLoaded, kEmpty, kCorrupt };
 
   /// `specs`: kParameterCount rows, in the order of the ids; they must outlive this object.
-  explicit Parameters(const ParameterSpec* specs = kParameters) : specs_(specs) { set_defaults(); }
+  /// `board`: the fingerprint of the board that they are for.
+  explicit Parameters(const ParameterSpec* specs = kParameters, uint32_t board = 0)
+      : specs_(specs), board_(board) {
+    set_defaults();
+  }
 
   float get(ParameterId id) const { return values_[static_cast<size_t>(id) - 1]; }
   bool is_on(ParameterId id) const { return get(id) != 0; }
@@ -26,7 +30,8 @@ class Parameters {
   void set_defaults();
 
   /// Takes the values from the store. A block that is corrupt, of another format or has a value out
-  /// of bounds changes nothing.
+  /// of bounds changes nothing. If another board was active when the e-stop input was switched off,
+  /// it has its default: that board had no contact, or a different one.
   Load load(ParameterStore& store);
   bool save(ParameterStore& store) const;
   /// Saves this one. The others keep their stored values, or their defaults if there are none.
@@ -37,6 +42,7 @@ class Parameters {
 
  private:
   const ParameterSpec* specs_;
+  uint32_t board_;
   float values_[kParameterCount];
 };
 

@@ -10,7 +10,7 @@ namespace wheelwire {
 
 namespace schema {
 constexpr uint16_t kVersion = 2;
-constexpr uint32_t kHash = 0x3c28cb1b;
+constexpr uint32_t kHash = 0x5d587965;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
@@ -64,6 +64,12 @@ enum class RefusalCode : uint8_t {
   kBoardOnTrial = 20,    ///< A board is on trial: confirm it, or wait until the former one returns.
   kNoBoardOnTrial = 21,  ///< No board is on trial; write one and restart the device first.
   kNotSupported = 22,    ///< This device cannot do that; see its documentation for what does.
+  kBoardUnconfirmed =
+      23,  ///< Nobody has confirmed which board this device is on, so it drives nothing: confirm it
+           ///< with `wheelwire board confirm`, or store another with `wheelwire board write`.
+  kUnarmed = 24,  ///< An e-stop or a fault was cleared: first send a zero setpoint, or none at all
+                  ///< for rearm_gap_s.
+  kContradiction = 25,  ///< Parameters contradict each other; `wheelwire info` lists which ones.
 };
 
 enum class Group : uint8_t {
@@ -72,9 +78,10 @@ enum class Group : uint8_t {
 };
 
 enum class StopMode : uint8_t {
-  kConfigured = 0,  ///< As the parameter stop_mode says.
-  kCoast = 1,       ///< Outputs off.
-  kBrake = 2,       ///< Windings shorted for brake_time_s, then outputs off.
+  kConfigured = 0,        ///< As the parameter stop_mode says.
+  kCoast = 1,             ///< Outputs off.
+  kBrake = 2,             ///< Windings shorted for brake_time_s, then outputs off.
+  kBrakeUntilDriven = 3,  ///< Windings shorted until the next setpoint drives.
 };
 
 enum class TrialAction : uint8_t {
@@ -100,6 +107,7 @@ enum class EventCode : uint8_t {
   kStoreDefaulted = 1,  ///< The parameter store was corrupt or foreign; defaults are in force.
   kStoreEmpty = 2,      ///< No parameters were saved yet; defaults are in force.
   kTrialExpired = 3,  ///< A trial was not renewed in time: stopped, the former parameters in force.
+  kRolling = 4,  ///< The robot rolls although it is not driven: a slope, or somebody pushes it.
 };
 
 enum class Board : uint8_t {
@@ -132,17 +140,21 @@ constexpr uint32_t kLeftEncoderImplausible = 64;
 /// the load is heavier than plausibility_margin allows.
 constexpr uint32_t kRightEncoderImplausible = 128;
 /// The flash of the saved parameters has no free page, so they could not be read and defaults are
-/// in force: reset the parameters, which erases it, and clear the fault.
+/// in force: reset the parameters, which erases them and the board, then clear the fault, restart,
+/// and write the board again.
 constexpr uint32_t kStoreFull = 256;
 /// The saved parameters have the format of a newer firmware, and defaults are in force: install
 /// that firmware, or reset the parameters and clear the fault.
 constexpr uint32_t kStoreNewer = 512;
 /// The saved parameters could not be read from flash, and defaults are in force: reset the
-/// parameters, which erases it, and clear the fault.
+/// parameters, clear the fault and restart. If the whole flash partition is damaged, this erases
+/// the board, too: write it again.
 constexpr uint32_t kStoreUnreadable = 1024;
 /// No board is stored that this device can use, so it drives no pin: write one with `wheelwire
 /// board write`.
 constexpr uint32_t kNoBoard = 2048;
+/// An input of the board stopped the robot: remove what triggered it, then clear the fault.
+constexpr uint32_t kExternal = 4096;
 }  // namespace fault
 
 namespace capability {
@@ -158,13 +170,33 @@ constexpr uint32_t kCoreDump = 8;
 constexpr uint32_t kRestart = 16;
 }  // namespace capability
 
+namespace contradiction {
+/// overrun_limit_us is less than 1.5 control periods (control_rate_hz): every step would trip
+/// CONTROL_OVERRUN; raise one of the two.
+constexpr uint32_t kOverrunLimit = 1;
+/// pwm_frequency_hz is more than the board's power stage can switch; lower it.
+constexpr uint32_t kPwmFrequency = 2;
+/// stream_rate_hz is above control_rate_hz: there is one state for each control step; lower the one
+/// or raise the other.
+constexpr uint32_t kStreamRate = 4;
+/// supply_drop_v is not below nominal_supply_v and unmeasured_supply_v: nothing would be left for
+/// the motor; correct one of the three.
+constexpr uint32_t kSupplyDrop = 8;
+/// max_velocity_mps gives more ticks in a control period than a counter can tell apart
+/// (counts_per_revolution, wheel_radius, control_rate_hz); lower max_velocity_mps.
+constexpr uint32_t kTickRate = 16;
+/// glitch_filter_ns swallows the encoder's pulses at max_velocity_mps (counts_per_revolution,
+/// wheel_radius); lower one of the two.
+constexpr uint32_t kGlitchFilter = 32;
+}  // namespace contradiction
+
 /// Of the layout of a group of messages; 0: there is none.
 constexpr uint32_t hash_of(Group group) {
   switch (group) {
     case Group::kBase:
-      return 0x3c28cb1b;
+      return 0x5d587965;
     case Group::kBoard:
-      return 0x2393f3cb;
+      return 0xdc7e9309;
   }
   return 0;
 }
@@ -194,8 +226,8 @@ enum class BoardLine : uint8_t {
 
 enum class BoardState : uint8_t {
   kNone = 0,     ///< There is none: nothing is driven.
-  kBuiltIn = 1,  ///< It is the one in the image.
-  kStored = 2,   ///< It was written, and confirmed.
+  kBuiltIn = 1,  ///< It is the image's own, which nobody confirmed: nothing is driven.
+  kStored = 2,   ///< It was confirmed.
   kTrial = 3,    ///< It was written, and waits for its confirmation: nothing drives.
 };
 
@@ -797,6 +829,31 @@ struct Restart {
   }
 };
 
+/// Asks which parameters contradict each other; the answer is Contradictions.
+struct ContradictionsGet {
+  static constexpr uint8_t kId = 0x14;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const ContradictionsGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static ContradictionsGet decode(const uint8_t* in) {
+    ContradictionsGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Asks for the board in force; the answer is BoardValue.
 struct BoardGet {
   static constexpr uint8_t kId = 0x20;
@@ -937,13 +994,14 @@ struct BoardWrite {
   }
 };
 
-/// Keeps the board that is on trial, and lets it drive. Only while stopped.
+/// Confirms the board on trial, or the image's own, and lets it drive. Only while stopped.
 struct BoardConfirm {
   static constexpr uint8_t kId = 0x22;
-  static constexpr size_t kSize = 6;
+  static constexpr size_t kSize = 10;
 
-  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
-  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t session_id{};   ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};   ///< Counts up in a session; the answer returns it.
+  uint32_t fingerprint{};  ///< The crc of the board that is meant.
 
   bool operator==(const BoardConfirm&) const = default;
 
@@ -951,6 +1009,7 @@ struct BoardConfirm {
   void encode(uint8_t* out) const {
     wire::put(out, session_id);
     wire::put(out, request_id);
+    wire::put(out, fingerprint);
   }
 
   /// Reads kSize bytes.
@@ -958,6 +1017,7 @@ struct BoardConfirm {
     BoardConfirm message;
     wire::get(in, message.session_id);
     wire::get(in, message.request_id);
+    wire::get(in, message.fingerprint);
     return message;
   }
 };
@@ -1254,7 +1314,7 @@ struct ParameterEntry {
 /// Reports what a state frame may show too late or not at all.
 struct Event {
   static constexpr uint8_t kId = 0x87;
-  static constexpr size_t kSize = 14;
+  static constexpr size_t kSize = 18;
 
   uint32_t boot_id{};        ///< Random at reset. A new value voids all earlier ticks.
   uint32_t t_us{};           ///< Device clock when it happened. [us]
@@ -1263,6 +1323,7 @@ struct Event {
   SupervisorState before{};  ///< State left.
   SupervisorState after{};   ///< State entered.
   uint16_t faults{};         ///< Latched fault flags.
+  float speed_mps{};         ///< Of ROLLING: how fast the faster wheel turns; otherwise 0. [m/s]
 
   bool operator==(const Event&) const = default;
 
@@ -1275,6 +1336,7 @@ struct Event {
     wire::put(out, before);
     wire::put(out, after);
     wire::put(out, faults);
+    wire::put(out, speed_mps);
   }
 
   /// Reads kSize bytes.
@@ -1287,6 +1349,7 @@ struct Event {
     wire::get(in, message.before);
     wire::get(in, message.after);
     wire::get(in, message.faults);
+    wire::get(in, message.speed_mps);
     return message;
   }
 };
@@ -1415,6 +1478,37 @@ struct GroupInfo {
     wire::get(in, message.request_id);
     wire::get(in, message.group);
     wire::get(in, message.hash);
+    return message;
+  }
+};
+
+/// Which parameters contradict each other, or the board.
+struct Contradictions {
+  static constexpr uint8_t kId = 0x8b;
+  static constexpr size_t kSize = 14;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t active{};      ///< Of the active values: nothing drives.
+  uint32_t refused{};     ///< Of the values that this session was last refused for.
+
+  bool operator==(const Contradictions&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, active);
+    wire::put(out, refused);
+  }
+
+  /// Reads kSize bytes.
+  static Contradictions decode(const uint8_t* in) {
+    Contradictions message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.active);
+    wire::get(in, message.refused);
     return message;
   }
 };
@@ -1578,6 +1672,8 @@ constexpr int body_size(uint8_t id) {
       return GroupGet::kSize;
     case Restart::kId:
       return Restart::kSize;
+    case ContradictionsGet::kId:
+      return ContradictionsGet::kSize;
     case BoardGet::kId:
       return BoardGet::kSize;
     case BoardWrite::kId:
@@ -1606,6 +1702,8 @@ constexpr int body_size(uint8_t id) {
       return ControlCounters::kSize;
     case GroupInfo::kId:
       return GroupInfo::kSize;
+    case Contradictions::kId:
+      return Contradictions::kSize;
     case BoardValue::kId:
       return BoardValue::kSize;
     default:
@@ -1636,8 +1734,9 @@ enum class ParameterId : uint8_t {
       14,  ///< Dead-band compensation: the duty that keeps a slow wheel turning. [duty (-1..1)]
   kVelocityWindowUs = 15,  ///< Velocity is measured between ticks about this long apart. [us]
   kTtlMaxS = 16,           ///< A setpoint expires at the latest this long after its arrival. [s]
-  kStopMode = 17,          ///< 1: coast. 2: brake for brake_time_s, then coast.
-  kBrakeTimeS = 18,        ///< How long a stop brakes. [s]
+  kStopMode = 17,    ///< 1: coast. 2: brake for brake_time_s, then coast. 3: brake until driven, as
+                     ///< on a slope; the power stage then stays switched on.
+  kBrakeTimeS = 18,  ///< How long a stop brakes. [s]
   kStallDuty =
       19,  ///< At this duty or more a wheel must count, or NOT_COUNTING trips. [duty (-1..1)]
   kStallTimeS = 20,    ///< For how long the wheel may fail to count. [s]
@@ -1677,6 +1776,11 @@ enum class ParameterId : uint8_t {
   kEncodersSwapped =
       41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
            ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
+  kRearmGapS = 42,  ///< After an e-stop or a fault was cleared the robot drives once a zero
+                    ///< setpoint came, or none for this long. 0 switches the rule off: a program
+                    ///< that goes on sending drives at once. [s]
+  kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
+                             ///< down, is reported as ROLLING. [m/s]
 };
 
 enum class ParameterKind : uint8_t {
@@ -1701,7 +1805,7 @@ struct ParameterSpec {
   float maximum;
 };
 
-constexpr size_t kParameterCount = 41;
+constexpr size_t kParameterCount = 43;
 constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kWheelRadius, ParameterKind::kReal, ParameterChanges::kStopped, 0.033f, 0.005f,
      1.0f},
@@ -1733,7 +1837,7 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
     {ParameterId::kVelocityWindowUs, ParameterKind::kWhole, ParameterChanges::kAlways, 20000.0f,
      1000.0f, 200000.0f},
     {ParameterId::kTtlMaxS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.02f, 5.0f},
-    {ParameterId::kStopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 2.0f},
+    {ParameterId::kStopMode, ParameterKind::kWhole, ParameterChanges::kStopped, 2.0f, 1.0f, 3.0f},
     {ParameterId::kBrakeTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 1.0f, 0.0f, 5.0f},
     {ParameterId::kStallDuty, ParameterKind::kReal, ParameterChanges::kStopped, 0.45f, 0.05f, 1.0f},
     {ParameterId::kStallTimeS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.05f,
@@ -1778,6 +1882,9 @@ constexpr ParameterSpec kParameters[kParameterCount] = {
      1.0f},
     {ParameterId::kEncodersSwapped, ParameterKind::kSwitch, ParameterChanges::kStopped, 0.0f, 0.0f,
      1.0f},
+    {ParameterId::kRearmGapS, ParameterKind::kReal, ParameterChanges::kStopped, 0.5f, 0.0f, 5.0f},
+    {ParameterId::kRollingVelocityMps, ParameterKind::kReal, ParameterChanges::kAlways, 0.25f,
+     0.02f, 10.0f},
 };
 
 struct PlatformDefault {

@@ -1,14 +1,19 @@
 #include "robot.hpp"
 
+#include "contradictions.hpp"
+
 namespace wheelwire {
 
-Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs)
+Robot::Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs,
+             const BoardFacts& board)
     : hal_(hal),
       observer_(observer),
-      parameters_(specs),
-      trial_(parameters_),
-      config_(make_config(parameters_)),
-      drive_(hal.left_motor, hal.right_motor) {}
+      board_(board),
+      config_(make_config(Parameters(specs, board.fingerprint))),
+      drive_(hal.left_motor, hal.right_motor),
+      latches_(hal.latches, hal.latch_store),
+      parameters_(specs, board.fingerprint),
+      trial_(parameters_) {}
 
 void Robot::start(uint64_t now_us) {
   store_state_ = parameters_.load(hal_.store);
@@ -17,7 +22,13 @@ void Robot::start(uint64_t now_us) {
   latch();
   drive_.start(counts_);
   last_step_us_ = now_us;
+  const Latches before = latches_.start();
+  faults_ = before.faults;
+  unarmed_ = before.unarmed;
+  quiet_since_us_ = now_us;
   apply(SupervisorEvent::kStarted, now_us);
+  if (before.estop) apply(SupervisorEvent::kEstop, now_us);
+  trip(0, now_us);
 }
 
 // --- the control step ----------------------------------------------------------------------------
@@ -46,19 +57,26 @@ uint32_t Robot::check_timing(uint64_t now_us) {
   last_step_us_ = now_us;
   if (elapsed_us > config_.period_us + config_.period_us / 2) ++late_steps_;
   if (elapsed_us > longest_interval_us_) longest_interval_us_ = static_cast<uint32_t>(elapsed_us);
-  // At rest a late step (during a flash write, say) does no harm.
-  const bool fails = supervisor_.may_drive() && elapsed_us > config_.overrun_limit_us;
+  // At rest a late step does no harm. A setpoint may have come in the same step as a write to
+  // flash, and then the drive only began after it.
+  const bool fails = supervisor_.may_drive() && !stalled_ && elapsed_us > config_.overrun_limit_us;
+  stalled_ = false;
   return fails ? fault::kControlOverrun : 0;
 }
 
 void Robot::trip(uint32_t faults, uint64_t now_us) {
   faults |= lasting_faults();
-  if ((faults & ~faults_) != 0) ++faults_tripped_;
+  const bool is_new = (faults & ~faults_) != 0;
   faults_ |= faults;
   if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
+  if (!is_new) return;
+  ++faults_tripped_;
+  note_latches();
 }
 
-bool Robot::contact_is_open() { return config_.estop_input_enabled && hal_.estop.is_open(); }
+bool Robot::contact_is_open() {
+  return board_.is_confirmed && config_.estop_input_enabled && hal_.estop.is_open();
+}
 
 void Robot::check_contact(uint64_t now_us) {
   if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
@@ -75,10 +93,32 @@ uint32_t Robot::lasting_faults() const { return store_faults_ | failures_; }
 
 void Robot::actuate(uint64_t now_us) {
   if (supervisor_.may_drive()) {
+    rolling_.reset();
     drive_.follow(setpoint_.mode, target_, config_);
   } else {
     drive_.keep_stopped(now_us);
+    watch_standstill(now_us);
   }
+}
+
+void Robot::watch_standstill(uint64_t now_us) {
+  const int32_t speed_umps = drive_.speed_umps();
+  sync_latches(now_us);
+  if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
+    observer_.on_rolling(speed_umps, now_us);
+}
+
+/// Never while a wheel turns: writing to flash stalls the chip.
+void Robot::sync_latches(uint64_t now_us) {
+  if (drive_.speed_umps() == 0 && latches_.sync_at_rest(now_us)) note_stall();
+}
+
+/// So that a reset of the processor finds what was latched.
+void Robot::note_latches() {
+  // Without a board nothing was driven: whether there is one now is for each start to find out.
+  latches_.note({.estop = supervisor_.state() == SupervisorState::kEstopped,
+                 .unarmed = unarmed_,
+                 .faults = faults_ & ~fault::kNoBoard});
 }
 
 /// The only place where the supervisor's state changes, so that leaving DRIVING always removes the
@@ -87,16 +127,22 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
+  note_latches();
   observer_.on_transition({event, before, supervisor_.state()}, now_us);
 }
 
 // --- setpoints -----------------------------------------------------------------------------------
 
 RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
+  // One that is refused counts, too: it shows that a program goes on sending.
+  const bool after_gap = now_us - quiet_since_us_ >= config_.rearm_gap_us;
+  quiet_since_us_ = now_us;
   if (setpoint.expiry_us <= now_us) return RefusalCode::kExpired;
   if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
+  if (contradictions_ != 0) return RefusalCode::kContradiction;
+  if (!arm(setpoint, after_gap)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
@@ -109,7 +155,23 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   return RefusalCode::kNone;
 }
 
-/// The former values first: they decide how the robot stops.
+/// Whether the robot may drive again after a clear: a clear alone must not restart motion (ISO
+/// 13850), so a program that goes on sending has to ask for standstill first, or to pause.
+bool Robot::arm(const Setpoint& setpoint, bool after_gap) {
+  if (!unarmed_) return true;
+  const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
+  if (!is_zero && !after_gap) return false;
+  unarmed_ = false;
+  note_latches();
+  return true;
+}
+
+void Robot::disarm(uint64_t now_us) {
+  unarmed_ = true;
+  quiet_since_us_ = now_us;
+}
+
+/// The previous values first: they decide how the robot stops.
 void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
   if (trial_.runs()) {
     parameters_ = trial_.former();
@@ -130,15 +192,20 @@ WheelPair Robot::limited(const Setpoint& setpoint) const {
 
 RefusalCode Robot::clear_estop(uint64_t now_us) {
   if (contact_is_open()) return RefusalCode::kCausePresent;
+  if (supervisor_.state() != SupervisorState::kEstopped) return RefusalCode::kNone;
+  disarm(now_us);
   apply(SupervisorEvent::kClearEstop, now_us);
-  trip(0, now_us);  // A fault that the e-stop hid is in force again.
+  trip(0, now_us);  // A fault that the e-stop hid is active again.
+  sync_latches(now_us);
   return RefusalCode::kNone;
 }
 
 RefusalCode Robot::clear_fault(uint64_t now_us) {
   if (lasting_faults() != 0) return RefusalCode::kCausePresent;
+  if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);
+  note_latches();  // Also where an e-stop hides the state FAULT.
   return RefusalCode::kNone;
 }
 
@@ -149,6 +216,7 @@ RefusalCode Robot::clear_fault(uint64_t now_us) {
 void Robot::apply_parameters() {
   parameters_changed_ = false;
   config_ = make_config(parameters_);
+  contradictions_ = contradictions(parameters_, board_.max_pwm_hz);
   drive_.note_parameters(config_);
   target_ = limited(setpoint_);
 }
@@ -162,10 +230,23 @@ RefusalCode Robot::set_parameter(ParameterId id, float value, uint64_t now_us) {
   check_contact(now_us);  // It may have opened since the last control step.
   refusal = change_refusal(supervisor_.state(), parameters_.spec(id).changes);
   if (refusal != RefusalCode::kNone) return refusal;
+  // On trial the order of several values must not matter: they are judged together, by KEEP. What
+  // the robot is driving with is judged at once.
+  const uint32_t contradicting = contradictions_with(id, value) & ~contradictions_;
+  if (contradicting != 0 && (!trial_.runs() || supervisor_.may_drive())) {
+    refused_contradictions_ = contradicting;
+    return RefusalCode::kContradiction;
+  }
   parameters_.set(id, value);
   parameters_changed_ = true;
   if (!supervisor_.may_drive()) apply_parameters();
   return RefusalCode::kNone;
+}
+
+uint32_t Robot::contradictions_with(ParameterId id, float value) const {
+  Parameters changed = parameters_;
+  changed.set(id, value);
+  return contradictions(changed, board_.max_pwm_hz);
 }
 
 RefusalCode Robot::save_parameter(ParameterId id) {
@@ -186,6 +267,13 @@ RefusalCode Robot::check_stopped() const {
   return change_refusal(supervisor_.state(), ParameterChanges::kStopped);
 }
 
+RefusalCode Robot::check_estop(uint64_t now_us) {
+  if (!board_.is_confirmed) return RefusalCode::kNone;
+  check_contact(now_us);  // It may have opened since the last control step.
+  const bool is_latched = supervisor_.state() == SupervisorState::kEstopped;
+  return is_latched ? RefusalCode::kEstopped : RefusalCode::kNone;
+}
+
 /// A block that cannot be read is not overwritten: resetting the parameters is the way out.
 RefusalCode Robot::check_save() const {
   const RefusalCode refusal = check_stopped();
@@ -194,6 +282,7 @@ RefusalCode Robot::check_save() const {
 }
 
 RefusalCode Robot::conclude_save(bool saved) {
+  note_stall();
   if (!saved) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kLoaded;
   return RefusalCode::kNone;
@@ -206,6 +295,7 @@ RefusalCode Robot::reset_parameters(uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   parameters_.set_defaults();
   apply_parameters();
+  note_stall();
   if (!hal_.store.erase()) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kEmpty;
   store_faults_ = hal_.store.faults();
@@ -222,15 +312,25 @@ RefusalCode Robot::try_parameters(TrialAction action, float timeout_s, uint64_t 
     case TrialAction::kRenew:
       return extend_trial(false, timeout_s, now_us);
     case TrialAction::kKeep:
-      if (!trial_.runs()) return RefusalCode::kNoTrial;
-      trial_.end();
-      return RefusalCode::kNone;
+      return keep_trial();
     case TrialAction::kRevert:
       if (trial_.runs()) end_session(SupervisorEvent::kStop, now_us);
       trial_.end();
       return RefusalCode::kNone;
   }
   return RefusalCode::kOutOfRange;
+}
+
+RefusalCode Robot::keep_trial() {
+  if (!trial_.runs()) return RefusalCode::kNoTrial;
+  const uint32_t new_ones = contradictions(parameters_, board_.max_pwm_hz) &
+                            ~contradictions(trial_.former(), board_.max_pwm_hz);
+  if (new_ones != 0) {
+    refused_contradictions_ = new_ones;
+    return RefusalCode::kContradiction;
+  }
+  trial_.end();
+  return RefusalCode::kNone;
 }
 
 RefusalCode Robot::extend_trial(bool begins, float timeout_s, uint64_t now_us) {

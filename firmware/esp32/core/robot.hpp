@@ -1,13 +1,15 @@
-// The robot itself: parameters, supervisor, faults, and the wheels that follow the setpoint in
-// force. It knows neither link nor messages; `MessageServer` turns those into calls, `Device` joins
+// The robot itself: parameters, supervisor, faults, and the wheels that follow the active setpoint.
+// It knows neither link nor messages; `MessageServer` turns those into calls, `Device` joins
 // the two.
 #pragma once
 
 #include "config.hpp"
 #include "drive.hpp"
 #include "hal.hpp"
+#include "latches.hpp"
 #include "parameters.hpp"
 #include "protocol.hpp"
+#include "rolling.hpp"
 #include "supervisor.hpp"
 #include "trial.hpp"
 
@@ -34,15 +36,26 @@ class RobotObserver {
   virtual void on_transition(Transition transition, uint64_t now_us) = 0;
   /// A trial was not renewed in time. The former parameters are in force.
   virtual void on_trial_expired(uint64_t now_us) = 0;
+  /// The robot rolls although nothing drives it.
+  virtual void on_rolling(int32_t speed_umps, uint64_t now_us) = 0;
 
  protected:
   ~RobotObserver() = default;
 };
 
+/// What the robot has to know of the board that it is on.
+struct BoardFacts {
+  uint32_t fingerprint = 0;  ///< 0: not known.
+  uint32_t max_pwm_hz = 0;   ///< Of its power stage; 0: not known.
+  /// Otherwise its inputs mean nothing, the e-stop contact among them.
+  bool is_confirmed = true;
+};
+
 class Robot {
  public:
   /// `specs`: see Parameters. `observer` is not called before start().
-  Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs);
+  Robot(const Hal& hal, RobotObserver& observer, const ParameterSpec* specs,
+        const BoardFacts& board);
 
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
   void start(uint64_t now_us);
@@ -70,6 +83,11 @@ class Robot {
   RefusalCode reset_parameters(uint64_t now_us);
   /// Why nothing that stalls the chip, such as a write to flash, may be done now.
   RefusalCode check_stopped() const;
+  /// Why the board cannot be changed now: an e-stop is latched, or its contact is open. On a board
+  /// that nobody confirmed neither counts, since that board drives nothing.
+  RefusalCode check_estop(uint64_t now_us);
+  /// Something was written to flash: the next control step may be late.
+  void note_stall() { stalled_ = true; }
   RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
   SupervisorState state() const { return supervisor_.state(); }
@@ -84,6 +102,9 @@ class Robot {
 
   const Parameters& parameters() const { return parameters_; }
   bool on_trial() const { return trial_.runs(); }
+  /// Flags of `contradiction`: of the active values, and of those that were last refused.
+  uint32_t active_contradictions() const { return contradictions_; }
+  uint32_t refused_contradictions() const { return refused_contradictions_; }
   /// What became of the saved parameters at the start.
   Parameters::Load store_state() const { return store_state_; }
   /// Why they could not be read, as flags of `fault`.
@@ -111,33 +132,49 @@ class Robot {
   void check_deadline(uint64_t now_us);
   uint32_t lasting_faults() const;
   void actuate(uint64_t now_us);
+  void watch_standstill(uint64_t now_us);
+  void sync_latches(uint64_t now_us);
+  bool arm(const Setpoint& setpoint, bool after_gap);
+  void disarm(uint64_t now_us);
+  void note_latches();
   void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
   void apply_parameters();
   void check_trial(uint64_t now_us);
+  RefusalCode keep_trial();
   RefusalCode extend_trial(bool begins, float timeout_s, uint64_t now_us);
+  uint32_t contradictions_with(ParameterId id, float value) const;
   WheelPair limited(const Setpoint& setpoint) const;
   RefusalCode check_save() const;
   RefusalCode conclude_save(bool saved);
 
+  // What each step uses comes first: RISC-V addresses only the first 2 KiB of an object directly.
   Hal hal_;
   RobotObserver& observer_;
-  Parameters parameters_;
-  Trial trial_;
-  ControlConfig config_;
+  BoardFacts board_;
   Supervisor supervisor_;
-  Drive drive_;
-  Setpoint setpoint_{};  // with its expiry brought forward to what ttl_max allows
-  WheelPair target_{};   // the setpoint's, within the limits
-  EncoderCounts counts_{};
-  Parameters::Load store_state_ = Parameters::Load::kLoaded;
-  bool parameters_changed_ = false;  // and not in force yet
-  uint32_t failures_ = 0;
+  bool parameters_changed_ = false;  // and not active yet
+  bool unarmed_ = false;  // A latch was cleared, and neither a zero setpoint nor a gap followed.
+  bool stalled_ = false;
   uint16_t faults_tripped_ = 0;
+  uint32_t failures_ = 0;
   uint32_t store_faults_ = 0;
   uint32_t faults_ = 0;
+  uint32_t contradictions_ = 0;
   uint64_t last_step_us_ = 0;
   uint32_t late_steps_ = 0;
   uint32_t longest_interval_us_ = 0;
+  uint64_t quiet_since_us_ = 0;  // The last setpoint arrived then, or a latch was cleared.
+  Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
+  WheelPair target_{};           // the setpoint's, within the limits
+  EncoderCounts counts_{};
+  RollingMonitor rolling_;
+  ControlConfig config_;
+  Drive drive_;
+  LatchKeeper latches_;
+  uint32_t refused_contradictions_ = 0;
+  Parameters::Load store_state_ = Parameters::Load::kLoaded;
+  Parameters parameters_;
+  Trial trial_;
 };
 
 }  // namespace wheelwire

@@ -22,7 +22,8 @@ class FuzzedRobot {
       : oracle_(boot_id),
         store_(store),
         line_(oracle_),
-        device_({left_, right_, encoders_, line_, store, estop_, battery_}, identity(boot_id)) {
+        device_({left_, right_, encoders_, line_, store, latches_, latch_store_, estop_, battery_},
+                identity(boot_id)) {
     device_.start(0);
   }
 
@@ -117,6 +118,8 @@ class FuzzedRobot {
   FakeMotor right_;
   FakeEncoders encoders_;
   FakeLine line_;
+  MemoryLatches latches_;
+  MemoryStore latch_store_;
   FakeEstop estop_;
   FakeBattery battery_;
   Device device_;

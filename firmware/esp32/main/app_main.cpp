@@ -57,7 +57,7 @@ uint32_t capabilities(bool has_battery) {
 void choose_board() {
   keeper.start();
   platform_specs(kImageBoard.chip, specs);
-  if (keeper.state() == BoardState::kNone) return;
+  if (!keeper.is_confirmed()) return;
   apply_board(keeper.board(), specs);
   set_release_pins(release_pins(keeper.board()));
   release_motors();
@@ -87,7 +87,7 @@ void start() {
   for (NvsStore& slot : board_slots) slot.start();
   choose_board();
   Line& line = choose_line();
-  const bool has_board = keeper.state() != BoardState::kNone;
+  const bool has_board = keeper.is_confirmed();
   const bool has_line = line.start();
   static Machine machine{keeper.board()};
   const bool has_machine = !has_board || machine.start(stored_parameters());

@@ -102,6 +102,12 @@ class EmptyStore final : public ParameterStore {
   bool erase() override { return true; }
 };
 
+class NoLatches final : public LatchMemory {
+ public:
+  size_t load(uint8_t*, size_t) override { return 0; }
+  void save(const uint8_t*, size_t) override {}
+};
+
 class ReleasedEstop final : public EstopInput {
  public:
   bool is_open() override { return false; }

@@ -35,18 +35,21 @@ struct Bench {
   BenchEncoders encoders{left, right};
   BenchLine line;
   EmptyStore store;
+  NoLatches latches;
+  EmptyStore latch_store;
   ReleasedEstop estop;
   BenchBattery battery;
-  Device device{{left_motor, right_motor, encoders, line, store, estop, battery},
-                {.boot_id = kBootId,
-                 .reset_reason = ResetReason::kPowerOn,
-                 .board = Board::kEsp32c6,
-                 .board_id = 0x0123456789ab,
-                 .capabilities = capability::kBattery | capability::kEstopInput,
-                 .version_major = 0,
-                 .version_minor = 1,
-                 .version_patch = 0,
-                 .git_hash = 0}};
+  Device device{
+      {left_motor, right_motor, encoders, line, store, latches, latch_store, estop, battery},
+      {.boot_id = kBootId,
+       .reset_reason = ResetReason::kPowerOn,
+       .board = Board::kEsp32c6,
+       .board_id = 0x0123456789ab,
+       .capabilities = capability::kBattery | capability::kEstopInput,
+       .version_major = 0,
+       .version_minor = 1,
+       .version_patch = 0,
+       .git_hash = 0}};
   uint64_t now_us = 0;
 
   /// Advances the world by a period, then runs a control step. Returns the step's count.

@@ -83,6 +83,8 @@ Hal SimulatedBoard::hal() {
           .encoders = *this,
           .line = line,
           .store = store,
+          .latches = latches,
+          .latch_store = latch_store,
           .estop = estop,
           .battery = battery};
 }

@@ -76,15 +76,18 @@ class SimulatedBoard final : public EncoderPort {
   Line line;
   Store store;
   Store board_store;
+  RetainedMemory latches;
+  Store latch_store;
   int wired_stage = -1;  ///< Stage that is there; -1: the one that the firmware's board says.
   EstopContact estop;
   Battery battery;
   DeviceClock clock;
 
-  /// Keeps what is saved in this file, and the board that is written in one beside it.
+  /// Keeps what is saved in this file, and the board and a latched e-stop in files beside it.
   void use_files(const std::string& path) {
     store.use_file(path);
     board_store.use_file(path + ".board");
+    latch_store.use_file(path + ".latch");
   }
 
   Nanoseconds now() const { return now_; }

@@ -23,6 +23,13 @@ Identity power_on_identity(uint64_t board_id) {
           .git_hash = WHEELWIRE_GIT_HASH};
 }
 
+/// Whether the memory that a reset of the processor leaves alone is lost: with the power, and with
+/// the reset pin, which resets the whole chip.
+bool loses_memory(ResetReason reason) {
+  return reason == ResetReason::kPowerOn || reason == ResetReason::kBrownout ||
+         reason == ResetReason::kExternal;
+}
+
 /// Like the text of the ESP32's ROM.
 Bytes rom_text(ResetReason reason) {
   const std::string text = "\r\nrst:0x" + std::to_string(static_cast<int>(reason)) +
@@ -80,12 +87,12 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
-  keeper_.emplace(board.board_store, identity_.board, &kBoardOfEsp32);
+  keeper_.emplace(
+      board.board_store, identity_.board, &kBoardOfEsp32,
+      board_unwritten ? BoardKeeper::BuiltIn::kUnconfirmed : BoardKeeper::BuiltIn::kConfirmed);
   keeper_->start();
   std::copy(std::begin(specs_), std::end(specs_), boot_specs_);
-  const bool is_written =
-      keeper_->state() == BoardState::kStored || keeper_->state() == BoardState::kTrial;
-  if (is_written) apply_board(keeper_->board(), boot_specs_);
+  if (keeper_->is_confirmed()) apply_board(keeper_->board(), boot_specs_);
   board.take_up(keeper_->board());
   device_.emplace(board.hal(), identity_, boot_specs_, &*keeper_);
   const uint64_t now_us = board.device_us();
@@ -114,6 +121,7 @@ void Simulator::reset(ResetReason reason) {
   device_.reset();
   keeper_.reset();
   board.reset();
+  if (loses_memory(reason)) board.latches.lose();
   identity_.boot_id = static_cast<uint32_t>(random_.next());
   identity_.reset_reason = reason;
   record_.deadline_us = 0;

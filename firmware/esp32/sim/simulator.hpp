@@ -59,6 +59,8 @@ class Simulator {
   SimulatedBoard board;
   uint64_t boot_time_us = 50'000;  ///< From reset to the first control step.
   bool boot_text = false;          ///< The ROM prints at each reset.
+  /// Nobody has confirmed the image's board. From the next reset on.
+  bool board_unwritten = false;
 
  private:
   /// The next control step, or the end of the boot.

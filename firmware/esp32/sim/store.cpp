@@ -64,4 +64,9 @@ bool Store::erase() {
   return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;
 }
 
+size_t RetainedMemory::load(uint8_t* out, size_t capacity) {
+  std::copy_n(bytes_.begin(), std::min(capacity, bytes_.size()), out);
+  return bytes_.size();
+}
+
 }  // namespace wheelwire::sim

@@ -1,4 +1,5 @@
-// The parameter store: one block in memory, or in a file that outlives the program.
+// The flash: one block in memory, or in a file that outlives the program; and the memory that a
+// reset of the processor leaves alone.
 #pragma once
 
 #include <optional>
@@ -25,6 +26,18 @@ class Store final : public ParameterStore {
  private:
   std::optional<std::string> path_;
   Bytes block_;  ///< Used when there is no file.
+};
+
+/// As the chip's RTC memory.
+class RetainedMemory final : public LatchMemory {
+ public:
+  size_t load(uint8_t* out, size_t capacity) override;
+  void save(const uint8_t* data, size_t size) override { bytes_.assign(data, data + size); }
+  /// The power was off, or the reset pin was pulled.
+  void lose() { bytes_.clear(); }
+
+ private:
+  Bytes bytes_;
 };
 
 }  // namespace wheelwire::sim

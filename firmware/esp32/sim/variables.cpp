@@ -256,6 +256,10 @@ void add_device(std::vector<Variable>& table) {
               toggle("store_failing", "The parameter store cannot be written.")),
           with_field<[](auto& s) -> auto& { return s.board.board_store.failing; }>(
               toggle("board_store_failing", "The store of the board cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board_unwritten; }>(
+              toggle("board_unwritten",
+                     "No board was written or confirmed, as on a fresh chip: nothing drives. From "
+                     "the next reset on.")),
           with_field<[](auto& s) -> auto& { return s.board.wired_stage; }>(
               whole("wired_stage", "", -1, kStages - 1,
                     "The power stage that is there, as the code of Stage; -1: the one of the "

@@ -44,8 +44,16 @@ struct Start {
       : keeper(store, Board::kEsp32, built_in) {
     keeper.start();
   }
+  RefusalCode confirm() { return keeper.confirm(keeper.fingerprint()); }
   BoardKeeper keeper;
 };
+
+/// Writes a board, and asks for the restart that tries it.
+void write_and_restart(ParameterStore& store, const BoardDescription& board) {
+  Start start(store);
+  start.keeper.write(Packed(board).bytes);
+  start.keeper.request_trial();
+}
 
 }  // namespace
 
@@ -61,20 +69,66 @@ TEST(keeper_tries_a_written_board_and_keeps_it_when_confirmed) {
   Start first(store);
   CHECK(first.keeper.write(Packed(variant(21)).bytes) == RefusalCode::kNone);
   CHECK(first.keeper.state() == BoardState::kBuiltIn);  // Until the next start.
-  CHECK(first.keeper.confirm() == RefusalCode::kNoBoardOnTrial);
+  CHECK(first.keeper.request_trial() == RefusalCode::kNone);
 
   Start second(store);
   CHECK(second.keeper.on_trial() && second.keeper.board().left_in1 == 21);
   CHECK(second.keeper.write(Packed(variant(22)).bytes) == RefusalCode::kBoardOnTrial);
-  CHECK(second.keeper.confirm() == RefusalCode::kNone);
+  CHECK(second.keeper.confirm(fingerprint(variant(22))) == RefusalCode::kBoardRefused);
+  CHECK(second.confirm() == RefusalCode::kNone);
   CHECK(second.keeper.state() == BoardState::kStored);
+  CHECK(second.confirm() == RefusalCode::kNoBoardOnTrial);
   CHECK(Start(store).keeper.state() == BoardState::kStored);
   CHECK(Start(store).keeper.board().left_in1 == 21);
 }
 
-TEST(keeper_returns_to_the_former_board_without_a_confirmation) {
+TEST(keeper_tries_no_board_without_a_restart_in_the_session_that_wrote_it) {
   MemoryStore store;
   Start(store).keeper.write(Packed(variant(21)).bytes);
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);  // It lost its power instead.
+
+  Start first(store);
+  first.keeper.write(Packed(variant(21)).bytes);
+  CHECK(first.keeper.has_candidate());
+  first.keeper.drop_candidate();
+  CHECK(!first.keeper.has_candidate() && first.keeper.request_trial() == RefusalCode::kNone);
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);
+}
+
+TEST(keeper_confirms_the_images_board_by_its_fingerprint) {
+  MemoryStore store;
+  Start first(store);
+  CHECK(!first.keeper.is_confirmed());
+  CHECK(first.keeper.confirm(fingerprint(variant(21))) == RefusalCode::kBoardRefused);
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);
+  CHECK(first.confirm() == RefusalCode::kNone);
+  CHECK(!first.keeper.is_confirmed());  // Its pins are started by the next start.
+  CHECK(first.confirm() == RefusalCode::kNone);
+
+  const Start second(store, nullptr);
+  CHECK(second.keeper.state() == BoardState::kStored && second.keeper.is_confirmed());
+  CHECK(second.keeper.fingerprint() == fingerprint(kBoardOfEsp32));
+}
+
+TEST(keeper_cannot_confirm_what_it_cannot_save) {
+  MemoryStore store;
+  store.failing = true;
+  Start start(store);
+  CHECK(start.confirm() == RefusalCode::kStoreFailed);
+  store.failing = false;
+  CHECK(Start(store).keeper.state() == BoardState::kBuiltIn);
+}
+
+TEST(keeper_of_a_simulated_robot_has_its_board_confirmed) {
+  MemoryStore store;
+  BoardKeeper keeper(store, Board::kSimulated, &kBoardOfEsp32, BoardKeeper::BuiltIn::kConfirmed);
+  keeper.start();
+  CHECK(keeper.state() == BoardState::kStored && keeper.is_confirmed());
+}
+
+TEST(keeper_returns_to_the_previous_board_without_a_confirmation) {
+  MemoryStore store;
+  write_and_restart(store, variant(21));
   {
     const Start trial(store);
     CHECK(trial.keeper.on_trial());
@@ -116,7 +170,7 @@ TEST(keeper_of_a_damaged_block_drives_nothing) {
 }
 
 /// From the first write of a board to the last, whatever write the power is cut at: the next starts
-/// have the former board or the new one, and never stay on trial.
+/// have the previous board or the new one, and never stay on trial.
 TEST(keeper_survives_a_power_cut_at_every_write) {
   for (const bool confirms : {false, true}) {
     for (int cut = 0; cut < 8; ++cut) {
@@ -124,25 +178,24 @@ TEST(keeper_survives_a_power_cut_at_every_write) {
       CutStore store(memory);
       store.writes_left = cut;
       {
-        Start start(store);
-        start.keeper.write(Packed(variant(21)).bytes);
+        write_and_restart(store, variant(21));
       }
       {
         Start start(store);
-        if (confirms && start.keeper.on_trial()) start.keeper.confirm();
+        if (confirms && start.keeper.on_trial()) start.confirm();
       }
       // The power is back.
       const Start next(memory);
       CHECK(next.keeper.state() != BoardState::kNone);
       const Start last(memory);
       CHECK(!last.keeper.on_trial());
-      const bool is_former =
+      const bool is_previous =
           last.keeper.state() == BoardState::kBuiltIn && last.keeper.board() == kBoardOfEsp32;
       const bool is_new =
           last.keeper.state() == BoardState::kStored && last.keeper.board().left_in1 == 21;
-      CHECK(is_former != is_new);
-      // Confirmed means kept, from the write on that confirms.
-      CHECK(is_new == (confirms && cut >= 3));
+      CHECK(is_previous != is_new);
+      // Confirmed means saved, from the write on that confirms.
+      CHECK(is_new == (confirms && cut >= 4));
     }
   }
 }

@@ -1,4 +1,4 @@
-// A parameter store in memory, for tests.
+// A parameter store and a latch memory on the heap, for tests.
 #pragma once
 
 #include <algorithm>
@@ -25,6 +25,18 @@ class MemoryStore final : public ParameterStore {
 
   std::vector<uint8_t> block;
   bool failing = false;  ///< Saving and erasing fail, and change nothing.
+};
+
+/// Survives a reset, as long as its owner does.
+class MemoryLatches final : public LatchMemory {
+ public:
+  size_t load(uint8_t* out, size_t capacity) override {
+    std::copy_n(record.begin(), std::min(capacity, record.size()), out);
+    return record.size();
+  }
+  void save(const uint8_t* data, size_t size) override { record.assign(data, data + size); }
+
+  std::vector<uint8_t> record;
 };
 
 }  // namespace wheelwire

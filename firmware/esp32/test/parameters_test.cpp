@@ -92,8 +92,8 @@ TEST(a_block_of_a_later_release_is_read_without_what_is_unknown_here) {
   CHECK(saved.save(store));
   std::vector<uint8_t> block(store.block.begin(), store.block.end() - 4);
   block[4] = static_cast<uint8_t>(block[4] + 1);
-  for (const int byte : {255, 0, 0, 128, 63})
-    block.push_back(static_cast<uint8_t>(byte));  // id 255, 1.0
+  for (const int byte : {200, 0, 0, 128, 63})
+    block.push_back(static_cast<uint8_t>(byte));  // id 200, 1.0
   uint8_t crc[4];
   uint8_t* out = crc;
   wire::put(out, crc32(block.data(), block.size()));
@@ -110,7 +110,8 @@ TEST(a_block_with_one_bad_value_changes_nothing) {
   saved.set(kWheelRadius, 0.05f);
   CHECK(saved.save(store));
   std::vector<uint8_t> block(store.block.begin(), store.block.end() - 4);
-  for (int i = 1; i <= 4; ++i) block[block.size() - static_cast<size_t>(i)] = 0xff;  // NaN
+  // The last parameter's value: behind it is the entry with the board's fingerprint.
+  for (int i = 6; i <= 9; ++i) block[block.size() - static_cast<size_t>(i)] = 0xff;  // NaN
   uint8_t crc[4];
   uint8_t* out = crc;
   wire::put(out, crc32(block.data(), block.size()));
@@ -119,6 +120,19 @@ TEST(a_block_with_one_bad_value_changes_nothing) {
   Parameters loaded;
   CHECK(loaded.load(store) == Parameters::Load::kCorrupt);
   CHECK(loaded.get(kWheelRadius) == 0.033f);
+}
+
+TEST(an_estop_input_that_was_switched_off_is_on_again_on_another_board) {
+  MemoryStore store;
+  Parameters saved(kParameters, 0x1234);
+  saved.set(kEstopInputEnabled, 0);
+  saved.set(kWheelRadius, 0.05f);
+  CHECK(saved.save(store));
+  Parameters same(kParameters, 0x1234);
+  CHECK(same.load(store) == Parameters::Load::kLoaded && !same.is_on(kEstopInputEnabled));
+  Parameters other(kParameters, 0x1235);
+  CHECK(other.load(store) == Parameters::Load::kLoaded && other.is_on(kEstopInputEnabled));
+  CHECK(other.get(kWheelRadius) == 0.05f);
 }
 
 TEST(bounds_are_inclusive) {

@@ -218,11 +218,15 @@ class RobotBench {
   BenchEncoders encoders;
   BenchLine line;
   MemoryStore store;
+  MemoryLatches latches;
+  MemoryStore latch_store;
   BenchContact contact;
   BenchBattery battery;
   PowerStage left_motor{left};
   PowerStage right_motor{right};
-  Device device{{left_motor, right_motor, encoders, line, store, contact, battery}, kIdentity};
+  Device device{
+      {left_motor, right_motor, encoders, line, store, latches, latch_store, contact, battery},
+      kIdentity};
   std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
   uint16_t request_id = 0;
   uint32_t command_seq = 0;

@@ -178,6 +178,7 @@ TEST(a_contact_that_opens_latches_whether_driving_or_standing) {
     bench.drive(0.2f, 0.2f);
     CHECK(!bench.driven());
     CHECK(bench.clear_estop() == RefusalCode::kNone);
+    bench.drive(0.0f, 0.0f);
     bench.drive(0.2f, 0.2f);
     CHECK(bench.driven());
   }

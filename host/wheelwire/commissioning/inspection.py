@@ -136,13 +136,16 @@ def clear(robot: BaseDriver) -> None:
         CommissioningFailed: A fault lasts.
     """
     sample = fresh(robot)
+    was_latched = sample.state in (SupervisorState.ESTOPPED, SupervisorState.FAULT)
     try:
         if sample.state is SupervisorState.ESTOPPED:
             robot.clear_estop()
             sample = fresh(robot)
-        # A fault that the e-stop hid is in force again once that is cleared.
+        # A fault that the e-stop hid is active again once that is cleared.
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
+        if was_latched:
+            robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
             raise

@@ -319,6 +319,7 @@ def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) 
     except _Faulted:
         come_to_rest(robot)
         robot.clear_fault()
+        robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing
         return None
 
 

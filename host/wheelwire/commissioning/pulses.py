@@ -201,3 +201,4 @@ def _clear(robot: BaseDriver, sample: WheelSample) -> None:
         texts = " ".join(f.doc for f in Fault if f in sample.faults)
         raise CommissioningFailed(f"a fault stopped the robot: {texts}")
     robot.clear_fault()
+    robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing

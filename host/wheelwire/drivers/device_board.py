@@ -84,15 +84,20 @@ class DeviceBoard:
         fields = unpack(head + board.packed() + bytes(CRC_SIZE))
         self._link.request(BoardWrite(0, 0, *fields[-_FIELDS:]))
 
-    def confirm(self) -> None:
-        """Keep the board that is on trial, and let it drive.
+    def confirm(self, board: BoardDescription) -> None:
+        """Save the board that is on trial, or the firmware's own, and let it drive.
+
+        The firmware's own drives after a restart, which the device begins by itself.
+
+        Args:
+            board: What the device is believed to be on, as `read` reported it.
 
         Raises:
-            DeviceRefused: None is on trial.
+            DeviceRefused: The device has another board, or none that waits for a confirmation.
             GroupUnavailable, LinkLost, RequestTimeout: As `read`.
         """
         check_group(self._link, Group.BOARD)
-        self._link.request(BoardConfirm(0, 0))
+        self._link.request(BoardConfirm(0, 0, board.fingerprint()))
 
     def take_up(self, board: BoardDescription) -> None:
         """Write a board, restart the device, and keep the board if the device comes back with it.
@@ -112,7 +117,7 @@ class DeviceBoard:
                 "the former one is in force; try again"
             )
         # The device was reached with it, so its line to the host is right at least.
-        self.confirm()
+        self.confirm(board)
 
     def restart(self) -> None:
         """Restart the device, and wait until it is back.

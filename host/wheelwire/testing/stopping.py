@@ -97,6 +97,8 @@ class StoppingTests:
             harness.driver.set_velocity(SPEED_MPS, 0.0)
         harness.wait(standing)
         harness.driver.clear_estop()
+        # A clear alone restarts nothing: first the robot is asked to stand.
+        harness.drive_until(0.0, 0.0, lambda s: s.state is SupervisorState.DRIVING)
         harness.drive_until(SPEED_MPS, 0.0, turning)
 
     def test_an_encoder_that_does_not_count_is_a_fault(

@@ -292,7 +292,7 @@ def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
     line = VirtualLine().open()
     t_us = line.device.clock(line.now_us) & 0xFFFFFFFF
     states = SupervisorState.IDLE, SupervisorState.ESTOPPED
-    late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0)
+    late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0, 0.0)
     line.device.reset()
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
     line.wait_open()

@@ -1,0 +1,36 @@
+#include "contradictions.hpp"
+
+namespace wheelwire {
+namespace {
+
+using enum ParameterId;
+
+constexpr float kTau = 6.2831853f;
+
+/// Of one encoder at max_velocity_mps.
+float ticks_per_second(const Parameters& parameters) {
+  return parameters.get(kMaxVelocityMps) / (kTau * parameters.get(kWheelRadius)) *
+         parameters.get(kCountsPerRevolution);
+}
+
+}  // namespace
+
+uint32_t contradictions(const Parameters& parameters, uint32_t max_pwm_hz) {
+  const auto of = [&parameters](ParameterId id) { return parameters.get(id); };
+  const float rate_hz = of(kControlRateHz);
+  const float ticks_hz = ticks_per_second(parameters);
+  uint32_t flags = 0;
+  if (of(kOverrunLimitUs) * rate_hz < 1.5e6f) flags |= contradiction::kOverrunLimit;
+  if (max_pwm_hz != 0 && of(kPwmFrequencyHz) > static_cast<float>(max_pwm_hz))
+    flags |= contradiction::kPwmFrequency;
+  if (of(kStreamRateHz) > rate_hz) flags |= contradiction::kStreamRate;
+  if (of(kSupplyDropV) >= of(kNominalSupplyV) || of(kSupplyDropV) >= of(kUnmeasuredSupplyV))
+    flags |= contradiction::kSupplyDrop;
+  if (ticks_hz >= rate_hz * static_cast<float>(kCounterLimit / 2))
+    flags |= contradiction::kTickRate;
+  // A level of one channel lasts two ticks; by half of that encoders may deviate.
+  if (of(kGlitchFilterNs) * ticks_hz >= 1e9f) flags |= contradiction::kGlitchFilter;
+  return flags;
+}
+
+}  // namespace wheelwire

@@ -1,0 +1,79 @@
+#include "latches.hpp"
+
+#include "crc32.hpp"
+#include "wire.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr uint16_t kMagic = 0x4c57;  // "WL"
+constexpr uint8_t kEstopFlag = 1;
+constexpr uint8_t kUnarmedFlag = 2;
+
+}  // namespace
+
+void Latches::encode(uint8_t* out) const {
+  uint8_t* at = out;
+  wire::put(at, kMagic);
+  wire::put(at, static_cast<uint8_t>((estop ? kEstopFlag : 0) | (unarmed ? kUnarmedFlag : 0)));
+  wire::put(at, uint8_t{0});
+  wire::put(at, faults);
+  wire::put(at, crc32(out, static_cast<size_t>(at - out)));
+}
+
+bool Latches::decode(const uint8_t* data, size_t size, Latches& out) {
+  if (size != kSize || crc32(data, size) != kCrcResidue) return false;
+  uint16_t magic;
+  uint8_t flags;
+  uint8_t unused;
+  wire::get(data, magic);
+  wire::get(data, flags);
+  wire::get(data, unused);
+  if (magic != kMagic) return false;
+  out.estop = (flags & kEstopFlag) != 0;
+  out.unarmed = (flags & kUnarmedFlag) != 0;
+  wire::get(data, out.faults);
+  return true;
+}
+
+Latches LatchKeeper::start() {
+  uint8_t record[Latches::kSize];
+  Latches stored;
+  const size_t stored_size = store_.load(record, sizeof record);
+  const bool is_damaged =
+      store_.faults() != 0 || (stored_size != 0 && !Latches::decode(record, stored_size, stored));
+  is_stored_ = is_damaged || stored.estop;
+  const size_t size = memory_.load(record, sizeof record);
+  if (size == 0) {
+    // The power was off: only flash knows.
+    latches_ = {};
+    latches_.estop = is_stored_;
+  } else if (!Latches::decode(record, size, latches_)) {
+    latches_ = {};
+    latches_.estop = true;
+  }
+  write_memory();
+  return latches_;
+}
+
+bool LatchKeeper::sync_at_rest(uint64_t now_us) {
+  if (latches_.estop == is_stored_) return false;
+  // A clear is written at once: what was cleared stays cleared.
+  if (now_us < next_note_us_ && (latches_.estop || write_failed_)) return false;
+  uint8_t record[Latches::kSize];
+  Latches stored;
+  stored.estop = latches_.estop;
+  stored.encode(record);
+  write_failed_ = !store_.save(record, sizeof record);
+  if (!write_failed_) is_stored_ = latches_.estop;
+  next_note_us_ = now_us + kNoteIntervalUs;
+  return true;
+}
+
+void LatchKeeper::write_memory() {
+  uint8_t record[Latches::kSize];
+  latches_.encode(record);
+  memory_.save(record, sizeof record);
+}
+
+}  // namespace wheelwire

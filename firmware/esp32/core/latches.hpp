@@ -1,0 +1,56 @@
+// What outlives a reset: the latched e-stop, the latched faults, and that a clear must not restart
+// motion.
+#pragma once
+
+#include "hal.hpp"
+
+namespace wheelwire {
+
+struct Latches {
+  bool estop = false;
+  bool unarmed = false;  ///< A latch was cleared, and no zero setpoint or gap has followed.
+  uint32_t faults = 0;   ///< Flags of `fault`.
+
+  bool operator==(const Latches&) const = default;
+
+  static constexpr size_t kSize = 12;
+  /// Writes kSize bytes with a checksum.
+  void encode(uint8_t* out) const;
+  /// False if it is damaged, or not a record of latches.
+  static bool decode(const uint8_t* data, size_t size, Latches& out);
+};
+
+/// Keeps the latches in memory that survives a reset of the processor, and an e-stop's also in
+/// flash, since a power-on and the reset pin clear that memory.
+class LatchKeeper {
+ public:
+  LatchKeeper(LatchMemory& memory, ParameterStore& store) : memory_(memory), store_(store) {}
+
+  /// What was latched before the reset. A record that cannot be read counts as an e-stop: it may
+  /// have been one.
+  Latches start();
+  /// Call whenever they may have changed. Cheap while they have not.
+  void note(const Latches& latches) {
+    if (latches == latches_) return;
+    latches_ = latches;
+    write_memory();
+  }
+  /// Call while the wheels stand and nothing drives: writes to flash what has to be there. Returns
+  /// whether it did, which may have stalled the processor.
+  bool sync_at_rest(uint64_t now_us);
+
+ private:
+  /// Between two notes of an e-stop in flash, which wears: a contact may chatter for hours.
+  static constexpr uint64_t kNoteIntervalUs = 10'000'000;
+
+  void write_memory();
+
+  LatchMemory& memory_;
+  ParameterStore& store_;
+  Latches latches_;
+  bool is_stored_ = false;  ///< Flash says that an e-stop is latched.
+  bool write_failed_ = false;
+  uint64_t next_note_us_ = 0;
+};
+
+}  // namespace wheelwire

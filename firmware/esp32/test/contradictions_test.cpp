@@ -1,0 +1,101 @@
+#include "contradictions.hpp"
+
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+uint32_t with(std::initializer_list<std::pair<ParameterId, float>> values, uint32_t max_pwm_hz) {
+  Parameters parameters;
+  for (const auto& [id, value] : values) CHECK(parameters.set(id, value) == RefusalCode::kNone);
+  return contradictions(parameters, max_pwm_hz);
+}
+
+}  // namespace
+
+TEST(each_contradiction_has_its_flag_and_its_boundary) {
+  CHECK(with({}, 20'000) == 0);
+  CHECK(with({{kControlRateHz, 100}, {kOverrunLimitUs, 14'999}}, 0) ==
+        contradiction::kOverrunLimit);
+  CHECK(with({{kControlRateHz, 100}, {kOverrunLimitUs, 15'000}}, 0) == 0);
+  CHECK(with({{kPwmFrequencyHz, 20'001}}, 20'000) == contradiction::kPwmFrequency);
+  CHECK(with({{kPwmFrequencyHz, 40'000}}, 0) == 0);  // The stage is not known.
+  CHECK(with({{kStreamRateHz, 1001}}, 0) == contradiction::kStreamRate);
+  CHECK(with({{kStreamRateHz, 1000}}, 0) == 0);
+  CHECK(with({{kNominalSupplyV, 1.3f}}, 0) == contradiction::kSupplyDrop);
+  CHECK(with({{kUnmeasuredSupplyV, 1.0f}}, 0) == contradiction::kSupplyDrop);
+  CHECK(with({{kCountsPerRevolution, 200'000}, {kMaxVelocityMps, 10}, {kGlitchFilterNs, 0}}, 0) ==
+        0);
+  CHECK(with({{kCountsPerRevolution, 200'000},
+              {kMaxVelocityMps, 10},
+              {kWheelRadius, 0.01f},
+              {kGlitchFilterNs, 0}},
+             0) == contradiction::kTickRate);
+  CHECK(with({{kCountsPerRevolution, 200'000}, {kGlitchFilterNs, 2500}}, 0) == 0);
+  CHECK(with({{kCountsPerRevolution, 200'000}, {kGlitchFilterNs, 2700}}, 0) ==
+        contradiction::kGlitchFilter);
+}
+
+TEST(a_value_that_contradicts_another_is_refused_and_named) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kContradiction);
+  const auto found = bench.ask<Contradictions>(ContradictionsGet{});
+  CHECK(found && found->active == 0 && found->refused == contradiction::kStreamRate);
+  CHECK(bench.set(kControlRateHz, 2000) == RefusalCode::kNone);
+  CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kNone);
+}
+
+TEST(values_on_trial_are_judged_together_in_any_order) {
+  for (const bool stream_first : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    const ParameterTrial begin{.action = TrialAction::kBegin, .timeout_s = 5.0f};
+    const ParameterTrial keep{.action = TrialAction::kKeep};
+    CHECK(bench.refusal(begin) == RefusalCode::kNone);
+    CHECK(bench.set(stream_first ? kStreamRateHz : kControlRateHz, 2000) == RefusalCode::kNone);
+    if (stream_first) {
+      // Until the other value is there nothing drives, and the trial cannot be kept.
+      bench.drive(0.1f, 0.1f);
+      CHECK(!bench.driven() && bench.of<Refuse>().back().code == RefusalCode::kContradiction);
+      CHECK(bench.refusal(keep) == RefusalCode::kContradiction);
+    }
+    CHECK(bench.set(stream_first ? kControlRateHz : kStreamRateHz, 2000) == RefusalCode::kNone);
+    CHECK(bench.refusal(keep) == RefusalCode::kNone);
+    bench.drive(0.1f, 0.1f);
+    CHECK(bench.driven());
+  }
+}
+
+TEST(what_the_robot_drives_with_is_judged_at_once_on_trial_too) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.refusal(ParameterTrial{.action = TrialAction::kBegin, .timeout_s = 5.0f}) ==
+        RefusalCode::kNone);
+  bench.drive(0.1f, 0.1f);
+  CHECK(bench.set(kStreamRateHz, 2000) == RefusalCode::kContradiction);
+  CHECK(bench.driven());
+}
+
+TEST(saved_values_that_contradict_each_other_do_not_drive) {
+  MemoryStore store;
+  Parameters parameters;
+  parameters.set(kControlRateHz, 100);
+  parameters.set(kOverrunLimitUs, 2000);
+  CHECK(parameters.save(store));
+  RobotBench bench;
+  bench.store.block = store.block;
+  bench.open();
+  CHECK(bench.ask<Contradictions>(ContradictionsGet{})->active == contradiction::kOverrunLimit);
+  bench.drive(0.1f, 0.1f);
+  CHECK(!bench.driven() && bench.of<Refuse>().back().code == RefusalCode::kContradiction);
+  // Another value may still change, and each one that ends it.
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+  CHECK(bench.set(kOverrunLimitUs, 20'000) == RefusalCode::kNone);
+  bench.drive(0.1f, 0.1f);
+  CHECK(bench.driven());
+}

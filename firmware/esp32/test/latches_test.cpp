@@ -1,0 +1,294 @@
+// What survives a reset, and what ends it.
+#include "latches.hpp"
+
+#include "check.hpp"
+#include "memory_store.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+/// A reset of the processor: what `before` had in memory and flash is there again.
+void survive(const RobotBench& before, RobotBench& after) {
+  after.latches.record = before.latches.record;
+  after.latch_store.block = before.latch_store.block;
+}
+
+/// A power-on: only flash is left.
+void survive_in_flash(const RobotBench& before, RobotBench& after) {
+  after.latch_store.block = before.latch_store.block;
+}
+
+RefusalCode last_refusal(const RobotBench& bench) {
+  const auto refusals = bench.of<Refuse>();
+  return refusals.empty() ? RefusalCode::kNone : refusals.back().code;
+}
+
+}  // namespace
+
+TEST(latches_come_back_as_they_were) {
+  for (const bool estop : {false, true}) {
+    for (const uint32_t faults : {0u, 1u, 0xffffu}) {
+      const Latches latches{.estop = estop, .unarmed = !estop, .faults = faults};
+      uint8_t record[Latches::kSize];
+      latches.encode(record);
+      Latches found;
+      CHECK(Latches::decode(record, sizeof record, found) && found == latches);
+      for (uint8_t& byte : record) {
+        byte ^= 16;
+        CHECK(!Latches::decode(record, sizeof record, found));
+        byte ^= 16;
+      }
+      CHECK(!Latches::decode(record, sizeof record - 1, found));
+    }
+  }
+}
+
+TEST(an_estop_survives_a_reset_until_it_is_cleared) {
+  RobotBench first;
+  first.open().send(Estop{});
+  first.step();
+  RobotBench second;
+  survive(first, second);
+  second.open();
+  CHECK(second.state() == SupervisorState::kEstopped);
+  second.drive(0.2f, 0.2f);
+  CHECK(!second.driven() && last_refusal(second) == RefusalCode::kEstopped);
+  CHECK(second.clear_estop() == RefusalCode::kNone);
+  RobotBench third;
+  survive(second, third);
+  third.open();
+  CHECK(third.state() == SupervisorState::kIdle);
+}
+
+TEST(a_fault_survives_a_reset_with_its_flags_until_it_is_cleared) {
+  RobotBench first;
+  first.open().drive(0.2f, 0.2f);
+  first.step(50'000);
+  CHECK(first.device.faults() == fault::kControlOverrun);
+  RobotBench second;
+  survive(first, second);
+  second.open();
+  CHECK(second.state() == SupervisorState::kFault);
+  CHECK(second.device.faults() == fault::kControlOverrun);
+  CHECK(second.clear_fault() == RefusalCode::kNone);
+  RobotBench third;
+  survive(second, third);
+  third.open();
+  CHECK(third.state() == SupervisorState::kIdle && third.device.faults() == 0);
+}
+
+TEST(a_fault_below_an_estop_survives_a_reset_and_can_be_cleared_there) {
+  RobotBench first;
+  first.open().drive(0.2f, 0.2f);
+  first.step(50'000);
+  first.send(Estop{});
+  first.step();
+  RobotBench second;
+  survive(first, second);
+  second.open();
+  CHECK(second.state() == SupervisorState::kEstopped);
+  CHECK(second.device.faults() == fault::kControlOverrun);
+  CHECK(second.clear_fault() == RefusalCode::kNone);
+  RobotBench third;
+  survive(second, third);
+  third.open();
+  CHECK(third.state() == SupervisorState::kEstopped && third.device.faults() == 0);
+}
+
+TEST(an_estop_survives_a_power_cut_once_the_wheels_stand) {
+  RobotBench first;
+  first.open().drive(0.2f, 0.2f);
+  for (int i = 0; i < 50; ++i) {
+    first.turn(1, 1);
+    first.step();
+  }
+  first.send(Estop{});
+  for (int i = 0; i < 20; ++i) {
+    first.turn(1, 1);
+    first.step();
+    CHECK(first.latch_store.block.empty());  // A write to flash never meets a turning wheel.
+  }
+  first.run(1000);
+  CHECK(!first.latch_store.block.empty());
+  RobotBench second;
+  survive_in_flash(first, second);
+  second.open();
+  CHECK(second.state() == SupervisorState::kEstopped);
+  CHECK(second.clear_estop() == RefusalCode::kNone);
+  RobotBench third;
+  survive_in_flash(second, third);
+  third.open();
+  CHECK(third.state() == SupervisorState::kIdle);
+}
+
+TEST(an_estop_that_chatters_wears_no_flash) {
+  RobotBench bench;
+  bench.open();
+  int writes = 0;
+  std::vector<uint8_t> block;
+  for (int i = 0; i < 1000; ++i) {
+    bench.send(Estop{});
+    bench.run(5);
+    bench.clear_estop();
+    bench.run(5);
+    if (bench.latch_store.block != block) ++writes;
+    block = bench.latch_store.block;
+  }
+  CHECK(writes <= 2);  // 10 s: one note and its removal.
+}
+
+TEST(a_flash_that_cannot_be_written_is_not_tried_at_every_step) {
+  RobotBench bench;
+  bench.latch_store.failing = true;
+  bench.open().send(Estop{});
+  bench.run(100);
+  CHECK(bench.latch_store.block.empty());
+  bench.latch_store.failing = false;
+  bench.run(100);
+  CHECK(bench.latch_store.block.empty());
+  bench.run(10'000);
+  CHECK(!bench.latch_store.block.empty());
+}
+
+TEST(a_record_that_cannot_be_read_is_an_estop) {
+  RobotBench damaged;
+  damaged.latches.record = {1, 2, 3};
+  damaged.open();
+  CHECK(damaged.state() == SupervisorState::kEstopped);
+  RobotBench flash;
+  flash.latch_store.block = {1, 2, 3};
+  flash.open();
+  CHECK(flash.state() == SupervisorState::kEstopped);
+  CHECK(flash.clear_estop() == RefusalCode::kNone);
+  RobotBench next;
+  survive_in_flash(flash, next);
+  next.open();
+  CHECK(next.state() == SupervisorState::kIdle);
+}
+
+TEST(a_contact_that_is_open_at_the_start_latches) {
+  RobotBench bench;
+  bench.contact.open = true;
+  bench.start();
+  CHECK(bench.state() == SupervisorState::kEstopped);
+  CHECK(bench.latches.record.size() == Latches::kSize);
+}
+
+// --- after a clear -------------------------------------------------------------------------------
+
+namespace {
+
+/// E-stopped while a program drives, and cleared.
+void clear_under_a_program(RobotBench& bench) {
+  bench.open().drive(0.2f, 0.2f);
+  bench.send(Estop{});
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.clear_estop() == RefusalCode::kNone);
+}
+
+}  // namespace
+
+TEST(a_clear_does_not_restart_a_program_that_goes_on_sending) {
+  RobotBench bench;
+  clear_under_a_program(bench);
+  for (int i = 0; i < 100; ++i) {
+    bench.drive(0.2f, 0.2f);
+    CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+  }
+  CHECK(bench.state() == SupervisorState::kIdle);
+}
+
+TEST(a_zero_setpoint_arms) {
+  RobotBench bench;
+  clear_under_a_program(bench);
+  bench.drive(0.0f, 0.0f);
+  CHECK(bench.state() == SupervisorState::kDriving && !bench.driven());
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_zero_duty_arms_and_an_expired_zero_does_not) {
+  RobotBench bench;
+  clear_under_a_program(bench);
+  bench.send(bench.velocity(0.0f, 0.0f, 0));
+  bench.drive(0.2f, 0.2f);
+  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+  bench.send(bench.duty(0, 0));
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_gap_arms_and_starts_at_the_latest_setpoint) {
+  RobotBench bench;
+  clear_under_a_program(bench);
+  bench.run(400);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+  bench.run(498);
+  bench.drive(0.2f, 0.2f, 1);
+  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+  bench.run(499);
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(neither_a_stop_nor_a_new_session_arms) {
+  RobotBench bench;
+  clear_under_a_program(bench);
+  bench.send(bench.stop());
+  bench.drive(0.2f, 0.2f);
+  CHECK(last_refusal(bench) == RefusalCode::kUnarmed);
+  RobotBench next;
+  survive(bench, next);
+  next.open();
+  next.drive(0.2f, 0.2f);
+  CHECK(!next.driven() && last_refusal(next) == RefusalCode::kUnarmed);
+}
+
+TEST(a_clear_with_nothing_to_clear_disarms_nothing) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  CHECK(bench.clear_estop() == RefusalCode::kNone && bench.clear_fault() == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_gap_of_zero_switches_the_rule_off) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kRearmGapS, 0.0f) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  bench.send(Estop{});
+  bench.step();
+  CHECK(bench.clear_estop() == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
+
+TEST(a_cleared_fault_disarms_as_well) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f);
+  bench.step(50'000);
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+}
+
+// --- a write to flash and a setpoint in one step -------------------------------------------------
+
+TEST(a_step_that_a_write_to_flash_delays_is_no_overrun) {
+  RobotBench bench;
+  bench.open();
+  bench.send(ParameterSave{bench.session_id(), ++bench.request_id, 0});
+  bench.send(bench.velocity(0.1f, 0.1f));
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kDriving);
+  bench.step(100'000);
+  CHECK(bench.device.faults() == 0);
+  bench.step(100'000);
+  CHECK(bench.device.faults() == fault::kControlOverrun);
+}

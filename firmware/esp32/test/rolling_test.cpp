@@ -1,0 +1,79 @@
+#include "rolling.hpp"
+
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using test::RobotBench;
+
+namespace {
+
+constexpr int32_t kThreshold = 250'000;
+
+/// After how many ms of the speeds that `speed(ms)` gives the robot is reported as rolling; -1: it
+/// is not.
+template <typename Speed>
+int reported_after(RollingMonitor& monitor, int duration_ms, Speed speed) {
+  for (int ms = 0; ms < duration_ms; ++ms)
+    if (monitor.update(speed(ms), static_cast<uint64_t>(ms) * 1000, kThreshold)) return ms;
+  return -1;
+}
+
+}  // namespace
+
+TEST(rolling_is_reported_within_a_second_and_once) {
+  RollingMonitor monitor;
+  const auto accelerating = [](int ms) { return 250 * ms; };  // Exceeds the threshold after 1 s.
+  const int after_ms = reported_after(monitor, 3000, accelerating);
+  CHECK(after_ms > 1000 && after_ms < 2000);
+  CHECK(reported_after(monitor, 3000, [](int) { return 900'000; }) == -1);
+  monitor.reset();
+  CHECK(reported_after(monitor, 3000, [](int) { return 900'000; }) > 0);
+}
+
+TEST(a_robot_that_slows_down_is_not_reported) {
+  RollingMonitor braked;
+  CHECK(reported_after(braked, 3000, [](int ms) { return 4'000'000 / (1 + ms / 50); }) == -1);
+  RollingMonitor coasting;
+  CHECK(reported_after(coasting, 3000, [](int ms) { return 1'000'000 - 500 * ms; }) == -1);
+}
+
+TEST(a_gentle_push_is_not_reported) {
+  RollingMonitor monitor;
+  CHECK(reported_after(monitor, 60'000, [](int) { return kThreshold - 1; }) == -1);
+}
+
+TEST(a_robot_that_rolls_while_nothing_drives_sends_an_event_with_its_speed) {
+  RobotBench bench;
+  bench.open();
+  for (int ms = 0; ms < 1500; ++ms) {
+    bench.turn(1, 1);  // 0.576 m/s
+    bench.step();
+  }
+  int events = 0;
+  for (const Event& event : bench.of<Event>()) {
+    if (event.code != EventCode::kRolling) continue;
+    ++events;
+    CHECK(event.speed_mps > 0.5f && event.speed_mps < 0.65f);
+    CHECK(event.after == SupervisorState::kIdle);
+  }
+  CHECK(events == 1);
+}
+
+TEST(a_brake_until_driven_lasts) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(ParameterId::kStopMode, 3) == RefusalCode::kNone);
+  bench.drive(0.2f, 0.2f);
+  bench.send(bench.stop());
+  bench.run(20'000);
+  CHECK(bench.left.brakes() && bench.right.brakes());
+  bench.send(Estop{});
+  bench.run(1000);
+  CHECK(bench.left.brakes());
+  CHECK(bench.clear_estop() == RefusalCode::kNone);
+  bench.run(1000);
+  CHECK(bench.left.brakes());
+  bench.drive(0.2f, 0.2f);
+  CHECK(bench.driven());
+}
