@@ -7,7 +7,6 @@
 #include <string>
 
 #include "board_rules.hpp"
-#include "bridge_port.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
 #include "hal.hpp"
@@ -16,19 +15,29 @@
 #include "power_stage.hpp"
 #include "quadrature.hpp"
 #include "store.hpp"
+#include "wired_board.hpp"
 
 namespace wheelwire::sim {
 
+class SimulatedBoard;
+
+/// Wired to the GPIO of the wired board; the firmware reads that of its active one.
 class EstopContact final : public EstopInput {
  public:
-  bool open = false;
-  bool is_open() override { return open; }
+  explicit EstopContact(const SimulatedBoard& board) : board_(board) {}
+
+  bool open = false;  ///< Of a normally-open one: closed.
+  bool is_open() override;
+
+ private:
+  const SimulatedBoard& board_;
 };
 
 class Battery final : public BatterySense {
  public:
-  double volts = 7.4;  ///< Without a load; 0: not measured.
-  double sag_v = 0.0;  ///< Less by this.
+  double volts = 7.4;     ///< Without a load; 0: not measured.
+  double sag_v = 0.0;     ///< Less by this.
+  double measured = 1.0;  ///< What the firmware makes of a volt.
   uint16_t millivolts() override;
 };
 
@@ -48,18 +57,15 @@ struct EncoderWiring {
 
 /// What a reset of the chip loses: pin levels and counters.
 struct ChipState {
-  ChipState(const std::array<Quadrature, 2>& encoders, const EncoderWiring& wiring);
+  explicit ChipState(WiredBoard& wired);
   ChipState(const ChipState&) = delete;
   ChipState& operator=(const ChipState&) = delete;
 
-  /// The firmware knows its board: `stage` is the one that it drives, `wired` the one that is
-  /// there.
-  void fit(Stage stage, Stage wired);
-
-  std::array<Bridge, 2> bridges;
-  std::optional<PowerStage> left_motor{std::in_place, bridges[kLeft]};
-  std::optional<PowerStage> right_motor{std::in_place, bridges[kRight]};
-  std::array<PulseCounter, 2> counters;
+  ChipPins pins;
+  std::array<DrivenStage, 2> stages;
+  std::optional<PowerStage> left_motor{std::in_place, stages[kLeft]};
+  std::optional<PowerStage> right_motor{std::in_place, stages[kRight]};
+  std::array<PulseCounter, 2> counters{PulseCounter(true, true), PulseCounter(true, true)};
 };
 
 class SimulatedBoard final : public EncoderPort {
@@ -78,8 +84,7 @@ class SimulatedBoard final : public EncoderPort {
   Store board_store;
   RetainedMemory latches;
   Store latch_store;
-  int wired_stage = -1;  ///< Stage that is there; -1: the one that the firmware's board says.
-  EstopContact estop;
+  EstopContact estop{*this};
   Battery battery;
   DeviceClock clock;
 
@@ -96,22 +101,45 @@ class SimulatedBoard final : public EncoderPort {
   /// Advances physics and line to `end`, or to a brownout. A device that is not `listening` loses
   /// what it is sent.
   void run_until(Nanoseconds end, bool listening);
-  /// Outputs off, counters and clock from 0, the line's buffers lost. The store is kept.
+  /// All pins float, counters and clock from 0, the line's buffers lost. The store is kept.
   void reset();
 
-  /// Drives the power stages as this board says, from now on.
-  void take_up(const BoardDescription& description);
+  /// The firmware starts its peripherals on the GPIOs of its active board: a default one if it has
+  /// none. With `drives` false all pins go on floating, and it only reads.
+  void take_up(const BoardDescription& active, bool drives = true);
+
+  /// The robot is wired as this board from now on, whatever the firmware's active one is.
+  void wire(const BoardDescription& board);
+  /// It is wired as the active board, now and after each start. So it is at first.
+  void wire_as_active();
+  bool is_wired_as_active() const { return wired_as_active_; }
+  const BoardDescription& wired() const { return wired_.description(); }
+  void set_floating_level(bool high);
+  bool floating_level() const { return wired_.floating_level(); }
 
   EncoderCounts latch() override;
   Hal hal();
   std::array<BridgeState, 2> bridges() const;
   bool drives() const;
   uint32_t hard_switches() const;
+  const ChipPins& pins() const { return chip_->pins; }
+  /// GPIOs that the chip and what is wired to it both drive now: an encoder's output, or a contact
+  /// that is closed to ground.
+  int pin_conflicts() const;
+  bool reads_open_contact() const;
   bool is_browned_out() const { return plant.supply_v() < brownout_v; }
 
  private:
+  void rewire(const BoardDescription& board);
   void turn_encoder(Side side);
+  bool input_level(int pin) const;
+  bool contact_is_grounded() const;
+  PulseCounter fresh_counter(Side counter) const;
 
+  BoardDescription active_;
+  WiredBoard wired_;
+  bool wired_as_active_ = true;
+  bool encoders_in_place_ = true;  ///< On the GPIOs at which the firmware counts.
   std::optional<ChipState> chip_;
   Nanoseconds now_ = 0;
 };

@@ -10,7 +10,8 @@ namespace wheelwire::sim {
 enum class Winding { kOpen, kShorted, kForward, kReverse };
 
 /// What the inputs of a power stage make of its winding in a PWM period: `on` for `duty` of it,
-/// then `off`. With all inputs low, as their pull-downs hold them, most stages coast.
+/// then `off`. Where one of them drives, `on` does; both do where the PWM lies on a direction
+/// input.
 struct BridgeState {
   Winding on = Winding::kOpen;
   Winding off = Winding::kOpen;
@@ -18,8 +19,13 @@ struct BridgeState {
 
   bool is_forward() const { return on == Winding::kForward; }
   bool drives() const { return duty > 0.0 && (is_forward() || on == Winding::kReverse); }
+  bool alternates() const { return off == Winding::kForward || off == Winding::kReverse; }
   /// -1..1, forward positive; 0 when braking or coasting.
-  double signed_duty() const { return drives() ? (is_forward() ? duty : -duty) : 0.0; }
+  double signed_duty() const {
+    if (!drives()) return 0.0;
+    const double net = alternates() && off != on ? 2.0 * duty - 1.0 : duty;
+    return is_forward() ? net : -net;
+  }
   /// How much of the period the winding is shorted.
   double shorted() const {
     return (on == Winding::kShorted ? duty : 0.0) + (off == Winding::kShorted ? 1.0 - duty : 0.0);
@@ -47,15 +53,15 @@ struct BridgeModel {
       const double voltage = std::max(0.0, std::abs(emf) - drop_v);
       return -std::copysign(state.shorted() * voltage / (winding_ohm + drop_ohm), emf);
     }
+    const double full = std::max(0.0, supply_v - drop_v);
+    if (state.off != Winding::kOpen)
+      return (state.signed_duty() * full - emf) / (winding_ohm + drop_ohm);
     const double sign = state.is_forward() ? 1.0 : -1.0;
-    const double on_voltage = sign * std::max(0.0, supply_v - drop_v);
-    if (state.off == Winding::kShorted)
-      return (state.duty * on_voltage - emf) / (winding_ohm + drop_ohm);
     if (chopped) {
-      const double on_current = (on_voltage - emf) / (winding_ohm + drop_ohm);
+      const double on_current = (sign * full - emf) / (winding_ohm + drop_ohm);
       return on_current * sign > 0.0 ? state.duty * on_current : 0.0;
     }
-    return (state.duty * on_voltage - emf) / (winding_ohm + state.duty * drop_ohm);
+    return (state.duty * sign * full - emf) / (winding_ohm + state.duty * drop_ohm);
   }
 };
 

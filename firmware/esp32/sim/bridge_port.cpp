@@ -6,63 +6,118 @@ namespace {
 
 constexpr double kFull = kHigh_q15;
 
-double share(uint16_t duty_q15) { return std::min(1.0, duty_q15 / kFull); }
+double share(int duty_q15) { return std::min(1.0, duty_q15 / kFull); }
 
 /// Of a bridge whose two sides follow these levels.
 Winding between(bool a, bool b) {
   return a == b ? Winding::kShorted : a ? Winding::kForward : Winding::kReverse;
 }
 
-bool is_high(uint16_t duty_q15) { return duty_q15 == kHigh_q15; }
-
-/// One PWM on `enable`; low, it opens all switches.
-BridgeState enabled(uint16_t enable, bool a, bool b) {
-  return {.on = between(a, b), .off = Winding::kOpen, .duty = share(enable)};
+bool drives(Winding winding) {
+  return winding == Winding::kForward || winding == Winding::kReverse;
 }
 
-/// One PWM on either input, the other one low or high; `low` is the winding while both are low.
-BridgeState by_inputs(uint16_t a, uint16_t b, Winding low) {
-  const auto winding = [low](bool a_high, bool b_high) {
-    return a_high || b_high ? between(a_high, b_high) : low;
-  };
-  const bool a_switches = a != 0 && !is_high(a);
-  const bool b_switches = b != 0 && !is_high(b);
-  const double duty = a_switches ? share(a) : b_switches ? share(b) : 1.0;
-  return {.on = winding(a != 0, b != 0),
-          .off = winding(!a_switches && a != 0, !b_switches && b != 0),
-          .duty = duty};
+/// The inputs of a stage as its PWMs run. All have one timer: they rise at the start of a period.
+class Inputs {
+ public:
+  Inputs(Stage stage, const StageOutputs& inputs, uint16_t standby_q15)
+      : stage_(stage), inputs_(inputs), standby_q15_(standby_q15) {
+    for (const uint16_t duty_q15 : inputs.duty_q15) add_edge(duty_q15);
+    add_edge(standby_q15);
+  }
+
+  /// How many different duties there are between low and high, and each of them, rising.
+  size_t edges() const { return count_; }
+  uint16_t edge(size_t i) const { return edges_[i]; }
+
+  /// What the winding is connected to at this part of the period.
+  Winding at(uint16_t phase_q15) const {
+    const auto high = [&](StageInput input) { return inputs_[input] > phase_q15; };
+    const bool a = high(StageInput::kIn1);
+    const bool b = high(StageInput::kIn2);
+    if (standby_q15_ <= phase_q15) return Winding::kOpen;
+    switch (stage_) {
+      case Stage::kEnableIn1In2:
+      case Stage::kHalfBridges:
+        return high(StageInput::kEnable) ? between(a, b) : Winding::kOpen;
+      case Stage::kPwmIn1In2:
+        if (!a && !b) return Winding::kOpen;
+        return high(StageInput::kPwm) ? between(a, b) : Winding::kShorted;
+      case Stage::kInIn:
+        return a || b ? between(a, b) : Winding::kOpen;
+      case Stage::kPwmDir:
+        if (!high(StageInput::kPwm)) return Winding::kShorted;
+        return high(StageInput::kDir) ? Winding::kForward : Winding::kReverse;
+    }
+    return Winding::kOpen;
+  }
+
+ private:
+  void add_edge(uint16_t duty_q15) {
+    if (duty_q15 == 0 || duty_q15 >= kHigh_q15) return;
+    size_t i = count_;
+    while (i > 0 && edges_[i - 1] > duty_q15) --i;
+    if (i > 0 && edges_[i - 1] == duty_q15) return;
+    for (size_t k = count_; k > i; --k) edges_[k] = edges_[k - 1];
+    edges_[i] = duty_q15;
+    ++count_;
+  }
+
+  Stage stage_;
+  const StageOutputs& inputs_;
+  uint16_t standby_q15_;
+  size_t count_ = 0;
+  uint16_t edges_[kStageInputs + 1];
+};
+
+/// `on` is a driving one where there is one.
+BridgeState two_parts(Winding on, Winding off, double duty) {
+  if (on == off) return {.on = on, .off = on, .duty = 1.0};
+  if (!drives(on) && drives(off)) return {.on = off, .off = on, .duty = 1.0 - duty};
+  return {.on = on, .off = off, .duty = duty};
+}
+
+/// Several PWMs of different duties, as crossed wires between the wheels give: what the winding
+/// gets on average.
+BridgeState average(const Inputs& inputs) {
+  double part[4] = {};
+  uint16_t begin = 0;
+  for (size_t i = 0; i <= inputs.edges(); ++i) {
+    const uint16_t end = i < inputs.edges() ? inputs.edge(i) : uint16_t{kHigh_q15};
+    part[static_cast<size_t>(inputs.at(begin))] += share(end - begin);
+    begin = end;
+  }
+  const double forward = part[static_cast<size_t>(Winding::kForward)];
+  const double reverse = part[static_cast<size_t>(Winding::kReverse)];
+  const double shorted = part[static_cast<size_t>(Winding::kShorted)];
+  if (forward == 0.0 && reverse == 0.0)
+    return {.on = Winding::kShorted, .off = Winding::kOpen, .duty = shorted};
+  const bool closed = shorted > 0.0 || (forward > 0.0 && reverse > 0.0);
+  return {.on = forward >= reverse ? Winding::kForward : Winding::kReverse,
+          .off = closed ? Winding::kShorted : Winding::kOpen,
+          .duty = std::abs(forward - reverse)};
 }
 
 }  // namespace
 
-BridgeState state_of(Stage stage, const StageOutputs& inputs) {
-  const uint16_t enable = inputs[StageInput::kEnable];
-  const uint16_t in1 = inputs[StageInput::kIn1];
-  const uint16_t in2 = inputs[StageInput::kIn2];
-  const uint16_t pwm = inputs[StageInput::kPwm];
-  switch (stage) {
-    case Stage::kEnableIn1In2:
-      return enabled(enable, is_high(in1), is_high(in2));
-    case Stage::kPwmIn1In2:
-      if (in1 == 0 && in2 == 0) return {};
-      return {
-          .on = between(is_high(in1), is_high(in2)), .off = Winding::kShorted, .duty = share(pwm)};
-    case Stage::kInIn:
-      return by_inputs(in1, in2, Winding::kOpen);
-    case Stage::kHalfBridges:
-      return is_high(enable) ? by_inputs(in1, in2, Winding::kShorted) : BridgeState{};
-    case Stage::kPwmDir:
-      return {.on = is_high(inputs[StageInput::kDir]) ? Winding::kForward : Winding::kReverse,
-              .off = Winding::kShorted,
-              .duty = share(pwm)};
+BridgeState state_of(Stage stage, const StageOutputs& inputs, uint16_t standby_q15) {
+  const Inputs levels(stage, inputs, standby_q15);
+  switch (levels.edges()) {
+    case 0:
+      return two_parts(levels.at(0), levels.at(0), 1.0);
+    case 1:
+      return two_parts(levels.at(0), levels.at(levels.edge(0)), share(levels.edge(0)));
+    default:
+      return average(levels);
   }
-  return {};
 }
 
-void Bridge::set(const StageOutputs& outputs) {
+void Bridge::apply(const StageOutputs& inputs, uint16_t standby_q15) {
+  if (inputs == inputs_ && standby_q15 == standby_q15_) return;
   const BridgeState before = state_;
-  inputs_ = outputs;
-  state_ = state_of(stage_, inputs_);
+  inputs_ = inputs;
+  standby_q15_ = standby_q15;
+  state_ = state_of(stage_, inputs_, standby_q15_);
   // While it drove, only the duty may change, or the drive end.
   if (before.drives() && state_.drives() && before.on != state_.on) ++hard_switches_;
 }

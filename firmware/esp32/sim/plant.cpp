@@ -74,8 +74,9 @@ void Plant::step_supply(const std::array<BridgeState, 2>& bridges) {
   for (const Side side : kSides) {
     const BridgeState& bridge = bridge_of(side, bridges);
     // The supply feeds the motor in the PWM's on time; in the rest its current circulates.
-    const double share = bridge_.chopped ? 1.0 : bridge.duty;
-    const bool reversed = model_.wheels[side].motor_reversed == bridge.is_forward();
+    const double net = bridge.signed_duty();
+    const double share = bridge_.chopped ? 1.0 : std::abs(net);
+    const bool reversed = model_.wheels[side].motor_reversed == (net > 0.0);
     const double current_a = wheels_[side].current_a * (reversed ? -1.0 : 1.0);
     if (bridge.drives()) drawn_a += share * std::max(0.0, current_a);
     conductance += 1.0 / constants_[side].motor.winding_ohm;

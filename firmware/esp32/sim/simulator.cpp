@@ -93,7 +93,7 @@ void Simulator::boot() {
   keeper_->start();
   std::copy(std::begin(specs_), std::end(specs_), boot_specs_);
   if (keeper_->is_confirmed()) apply_board(keeper_->board(), boot_specs_);
-  board.take_up(keeper_->board());
+  board.take_up(keeper_->board(), keeper_->is_confirmed());
   device_.emplace(board.hal(), identity_, boot_specs_, &*keeper_);
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();

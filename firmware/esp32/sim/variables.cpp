@@ -5,6 +5,8 @@
 #include <type_traits>
 #include <unordered_map>
 
+#include "shipped_boards.hpp"
+
 namespace wheelwire::sim {
 
 namespace {
@@ -241,6 +243,43 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
       });
 }
 
+Variable wired_board() {
+  std::string doc =
+      "The board that is wired, from now on; the firmware drives the pins of its active one: ";
+  for (size_t i = 0; i < kShippedBoardsOfEsp32; ++i)
+    doc += std::to_string(i) + " " + kShippedBoards[i].name + ", ";
+  Variable variable =
+      whole("wired_board", "", -1, kShippedBoardsOfEsp32 - 1, doc + "-1: the active one.");
+  variable.get = [](const Simulator& s) {
+    if (s.board.is_wired_as_active()) return -1.0;
+    size_t i = 0;
+    while (i < kShippedBoardsOfEsp32 && kShippedBoards[i].board != s.board.wired()) ++i;
+    return static_cast<double>(i);
+  };
+  variable.set = [](Simulator& s, double value) {
+    if (value < 0.0) {
+      s.board.wire_as_active();
+    } else {
+      s.board.wire(kShippedBoards[static_cast<size_t>(value)].board);
+    }
+    return true;
+  };
+  return variable;
+}
+
+Variable floating_level() {
+  Variable variable =
+      toggle("floating_level",
+             "What a power stage's input reads while nothing drives and nothing holds it: an "
+             "L298N's float high, others either way.");
+  variable.get = [](const Simulator& s) { return s.board.floating_level() ? 1.0 : 0.0; };
+  variable.set = [](Simulator& s, double value) {
+    s.board.set_floating_level(value != 0.0);
+    return true;
+  };
+  return variable;
+}
+
 void add_device(std::vector<Variable>& table) {
   table.insert(
       table.end(),
@@ -260,10 +299,6 @@ void add_device(std::vector<Variable>& table) {
               toggle("board_unwritten",
                      "No board was written or confirmed, as on a fresh chip: nothing drives. From "
                      "the next reset on.")),
-          with_field<[](auto& s) -> auto& { return s.board.wired_stage; }>(
-              whole("wired_stage", "", -1, kStages - 1,
-                    "The power stage that is there, as the code of Stage; -1: the one of the "
-                    "firmware's board. From the next reset on.")),
           with_field<[](auto& s) -> auto& { return s.board.store.unreadable; }>(
               whole("store_unreadable", "", 0, 0xFFFF,
                     "Why the saved parameters cannot be read, as the fault flag of that "
@@ -307,7 +342,7 @@ void add_device(std::vector<Variable>& table) {
     s.delay_control(static_cast<uint64_t>(value));
     return true;
   };
-  table.insert(table.end(), {clock, baud, failed, dump, delay});
+  table.insert(table.end(), {clock, baud, failed, dump, delay, wired_board(), floating_level()});
 }
 
 void add_readings(std::vector<Variable>& table) {
@@ -334,6 +369,10 @@ void add_readings(std::vector<Variable>& table) {
                   "How often a power stage was turned from one direction to the other without a "
                   "pause, since the last reset.",
                   [](const Simulator& s) { return static_cast<double>(s.board.hard_switches()); }),
+          reading("pin_conflicts", "",
+                  "How many GPIOs the chip drives while an encoder's output, or a contact that is "
+                  "closed to ground, drives them, too.",
+                  [](const Simulator& s) { return static_cast<double>(s.board.pin_conflicts()); }),
           reading("boot_id", "", "Drawn at each reset.",
                   [](const Simulator& s) { return static_cast<double>(s.boot_id()); }),
           reading("state", "", "The supervisor's, as on the wire.",

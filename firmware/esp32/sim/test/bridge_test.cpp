@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "bridge_port.hpp"
 #include "check.hpp"
 #include "power_stage.hpp"
@@ -6,6 +8,7 @@ using namespace wheelwire;
 using wheelwire::sim::Bridge;
 using wheelwire::sim::BridgeModel;
 using wheelwire::sim::BridgeState;
+using wheelwire::sim::state_of;
 using wheelwire::sim::Winding;
 
 namespace {
@@ -111,6 +114,15 @@ TEST(bridge_counts_a_reversal_without_a_pause) {
   }
 }
 
+/// An L298N and a BTS7960 do the same with each other's inputs, but for the PWM's off time.
+bool are_interchangeable(size_t a, size_t b) {
+  const auto is_one = [](size_t stage) {
+    return stage == static_cast<size_t>(Stage::kEnableIn1In2) ||
+           stage == static_cast<size_t>(Stage::kHalfBridges);
+  };
+  return is_one(a) && is_one(b);
+}
+
 /// The tables differ where it matters: with the table of another stage the winding does not brake,
 /// coast or drive as asked.
 TEST(bridge_shows_the_truth_table_of_another_stage) {
@@ -129,7 +141,54 @@ TEST(bridge_shows_the_truth_table_of_another_stage) {
       motor.coast();
       motor.brake();
       const bool brakes = bridge.state().shorted() == 1.0;
-      CHECK(!(forward && reverse && brakes));
+      CHECK((forward && reverse && brakes) == are_interchangeable(stage, table));
     }
+  }
+}
+
+/// Between high and low the PWM of a direction input turns the winding: the motor sees the average.
+TEST(bridge_with_the_pwm_on_a_direction_alternates) {
+  StageOutputs inputs;
+  inputs.duty_q15[static_cast<size_t>(StageInput::kPwm)] = kHigh_q15;
+  for (const double duty : {0.25, 0.5, 0.75}) {
+    inputs.duty_q15[static_cast<size_t>(StageInput::kDir)] =
+        static_cast<uint16_t>(duty * kHigh_q15);
+    const BridgeState state = state_of(Stage::kPwmDir, inputs);
+    CHECK(state.drives() && state.alternates());
+    CHECK(std::abs(state.signed_duty() - (2.0 * duty - 1.0)) < 1e-3);
+    const double expected = (2.0 * duty - 1.0) * (BridgeModel{}.supply_v - BridgeModel{}.drop_v) /
+                            (kWinding + BridgeModel{}.drop_ohm);
+    CHECK(std::abs(current(state, 0.0) - expected) < 1e-3);
+  }
+}
+
+TEST(bridge_with_several_duties_gets_their_average) {
+  const auto with = [](double enable, double in1, double in2) {
+    StageOutputs inputs;
+    inputs.duty_q15[0] = static_cast<uint16_t>(enable * kHigh_q15);
+    inputs.duty_q15[1] = static_cast<uint16_t>(in1 * kHigh_q15);
+    inputs.duty_q15[2] = static_cast<uint16_t>(in2 * kHigh_q15);
+    return inputs;
+  };
+  const auto near = [](double value, double wanted) { return std::abs(value - wanted) < 1e-3; };
+  // Until 0.25 forward, then shorted, from 0.5 on open.
+  const BridgeState both = state_of(Stage::kEnableIn1In2, with(0.5, 0.25, 0.0));
+  CHECK(near(both.signed_duty(), 0.25) && both.off == Winding::kShorted);
+  // Shorted while both are high, then reverse until the enable ends.
+  const BridgeState last = state_of(Stage::kHalfBridges, with(0.75, 0.25, 1.0));
+  CHECK(near(last.signed_duty(), -0.5));
+  // Nothing but shorted and open.
+  const BridgeState none = state_of(Stage::kInIn, with(0.0, 0.3, 0.3));
+  CHECK(!none.drives() && near(none.shorted(), 0.3));
+}
+
+TEST(bridge_in_standby_is_open) {
+  for (const Stage stage : {Stage::kPwmIn1In2, Stage::kInIn}) {
+    StageOutputs inputs;
+    for (const StageInput input : {StageInput::kIn1, StageInput::kPwm})
+      inputs.duty_q15[static_cast<size_t>(input)] = kHigh_q15;
+    CHECK(state_of(stage, inputs).drives());
+    CHECK(!state_of(stage, inputs, 0).drives());
+    CHECK(state_of(stage, inputs, 0).shorted() == 0.0);
   }
 }
