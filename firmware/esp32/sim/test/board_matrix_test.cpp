@@ -1,0 +1,278 @@
+// Every shipped board of the ESP32 as the firmware's active one, on every one that may be wired:
+// what the windings do at the levels of each state in which nothing may drive.
+#include <cstdio>
+#include <cstring>
+#include <string>
+
+#include "check.hpp"
+#include "power_stage.hpp"
+#include "shipped_boards.hpp"
+#include "wired_board.hpp"
+
+using namespace wheelwire;
+using wheelwire::sim::BridgeState;
+using wheelwire::sim::ChipPins;
+using wheelwire::sim::DrivenStage;
+using wheelwire::sim::kShippedBoards;
+using wheelwire::sim::kShippedBoardsOfEsp32;
+using wheelwire::sim::ShippedBoard;
+using wheelwire::sim::state_of;
+using wheelwire::sim::Winding;
+using wheelwire::sim::WiredBoard;
+
+namespace {
+
+/// What both windings do on one pair of boards while the firmware coasts, brakes, has released the
+/// pins as a panic does, and has not touched them: o open, s shorted, F and R driven.
+struct Pair {
+  const char* active;
+  const char* wired;
+  const char* coast;
+  const char* brake;
+  const char* release;
+  const char* floating;
+};
+
+// Worked out by hand from the parts' data sheets:
+//   L298N      EN low: open. EN high: IN1 = IN2 shorts, IN1 high and IN2 low is forward.
+//   TB6612FNG  STBY low, or IN1 = IN2 = low: open. Both high, or PWM low: shorted. It holds all of
+//              its inputs low.
+//   DRV8833    nSLEEP low, or both inputs low: open. Both high: shorted. It holds them low.
+//   BTS7960    Enable low: open. Otherwise as an L298N.
+//   MDD10A     PWM low: shorted. PWM high: DIR high is forward, low is reverse.
+// All five boards have GPIO 25 and 33 as enable or PWM, 26 and 32 as IN1 or DIR, 27 and 4 as IN2,
+// 21 as standby. 25 and 33 are pulled down where the part does not do it.
+constexpr Pair kPairs[] = {
+    // active    wired     coast brake release floating
+    {"bts7960", "bts7960", "o", "s", "o", "o"},
+    {"bts7960", "drv8833", "o", "o", "o", "o"},  // Asleep: nothing drives 21.
+    {"bts7960", "l298n", "o", "s", "o", "o"},
+    {"bts7960", "mdd10a", "s", "R", "s", "s"},   // Brake: enable high, IN1 low.
+    {"bts7960", "tb6612", "o", "o", "o", "o"},   // In standby.
+    {"drv8833", "bts7960", "o", "o", "o", "o"},  // The enables float, pulled down.
+    {"drv8833", "drv8833", "o", "s", "o", "o"},
+    {"drv8833", "l298n", "o", "o", "o", "o"},
+    {"drv8833", "mdd10a", "s", "s", "s", "s"},
+    {"drv8833", "tb6612", "o", "s", "o", "o"},
+    {"l298n", "bts7960", "o", "s", "o", "o"},
+    {"l298n", "drv8833", "o", "o", "o", "o"},
+    {"l298n", "l298n", "o", "s", "o", "o"},
+    {"l298n", "mdd10a", "s", "R", "s", "s"},
+    {"l298n", "tb6612", "o", "o", "o", "o"},
+    {"mdd10a", "bts7960", "o", "o", "o", "o"},  // It never makes PWM high without a duty.
+    {"mdd10a", "drv8833", "o", "o", "o", "o"},
+    {"mdd10a", "l298n", "o", "o", "o", "o"},
+    {"mdd10a", "mdd10a", "s", "s", "s", "s"},
+    {"mdd10a", "tb6612", "o", "o", "o", "o"},
+    {"tb6612", "bts7960", "o", "o", "o", "o"},
+    {"tb6612", "drv8833", "o", "s", "o", "o"},
+    {"tb6612", "l298n", "o", "o", "o", "o"},
+    {"tb6612", "mdd10a", "s", "s", "s", "s"},
+    {"tb6612", "tb6612", "o", "s", "o", "o"},
+};
+
+/// The only ones of them that drive in a state that must not: each brake is full reverse.
+constexpr const char* kDriveWhileStopped[][2] = {{"bts7960", "mdd10a"}, {"l298n", "mdd10a"}};
+
+const BoardDescription& board_named(const char* name) {
+  for (const ShippedBoard& shipped : kShippedBoards)
+    if (std::strcmp(shipped.name, name) == 0) return shipped.board;
+  CHECK(!"a shipped board of this name");
+  return kShippedBoards[0].board;
+}
+
+/// A chip with its active board, on a wired one.
+struct Robot {
+  Robot(const BoardDescription& active_board, const BoardDescription& wired_board,
+        bool floating_level)
+      : active(active_board), wired(wired_board) {
+    wired.set_floating_level(floating_level);
+    wired.read(pins);
+  }
+
+  void start() {
+    left_stage.start(active, 0);
+    right_stage.start(active, 1);
+  }
+  /// Two control periods: in the first one after a drive the stage coasts.
+  template <typename Action>
+  void twice(Action act) {
+    for (int i = 0; i < 2; ++i)
+      for (PowerStage* motor : {&left, &right}) act(*motor);
+  }
+  /// As the panic handler, the dead-man and the bootloader do.
+  void release() {
+    for (int pin = 0; pin < 40; ++pin)
+      if (release_pins(active) & mask_of(pin)) pins.drive(pin, 0);
+    wired.read(pins);
+  }
+
+  /// What both windings do, as a letter; '?' where they differ, or where a PWM runs.
+  char windings() const {
+    const BridgeState& one = wired.bridges()[0].state();
+    const BridgeState& other = wired.bridges()[1].state();
+    if (one.on != other.on || one.duty != 1.0 || other.duty != 1.0) return '?';
+    switch (one.on) {
+      case Winding::kOpen:
+        return 'o';
+      case Winding::kShorted:
+        return 's';
+      case Winding::kForward:
+        return 'F';
+      case Winding::kReverse:
+        return 'R';
+    }
+    return '?';
+  }
+
+  const BoardDescription& active;
+  ChipPins pins;
+  WiredBoard wired;
+  DrivenStage left_stage{pins, wired};
+  DrivenStage right_stage{pins, wired};
+  PowerStage left{left_stage, *table_of(active.stage)};
+  PowerStage right{right_stage, *table_of(active.stage)};
+};
+
+/// Each state as it is reached from a start, from either direction and from a brake, with either
+/// level on inputs that nothing holds.
+template <typename Check>
+void for_each_way(const Pair& pair, Check check) {
+  for (const bool floating_level : {false, true}) {
+    for (const int duty : {0, 8'000, -8'000, 32'767, -32'767}) {
+      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      robot.start();
+      if (duty != 0)
+        robot.twice([&](PowerStage& motor) { motor.drive(static_cast<int16_t>(duty)); });
+      check(robot);
+    }
+  }
+}
+
+void expect(const Pair& pair, const char* state, const char* wanted, char seen) {
+  if (*wanted == seen) return;
+  std::printf("%s active, %s wired, %s: %c instead of %s\n", pair.active, pair.wired, state, seen,
+              wanted);
+  CHECK(!"the winding does what the table says");
+}
+
+}  // namespace
+
+TEST(matrix_has_every_pair_of_shipped_boards) {
+  size_t row = 0;
+  CHECK(sizeof kPairs / sizeof *kPairs == kShippedBoardsOfEsp32 * kShippedBoardsOfEsp32);
+  for (size_t active = 0; active < kShippedBoardsOfEsp32; ++active) {
+    for (size_t wired = 0; wired < kShippedBoardsOfEsp32; ++wired, ++row) {
+      CHECK(std::string(kShippedBoards[active].name) == kPairs[row].active);
+      CHECK(std::string(kShippedBoards[wired].name) == kPairs[row].wired);
+      CHECK(kShippedBoards[active].board.chip == Board::kEsp32);
+    }
+  }
+}
+
+TEST(matrix_coast) {
+  for (const Pair& pair : kPairs) {
+    for_each_way(pair, [&](Robot& robot) {
+      robot.twice([](PowerStage& motor) { motor.coast(); });
+      expect(pair, "coast", pair.coast, robot.windings());
+    });
+  }
+}
+
+TEST(matrix_brake) {
+  for (const Pair& pair : kPairs) {
+    for_each_way(pair, [&](Robot& robot) {
+      robot.twice([](PowerStage& motor) { motor.brake(); });
+      expect(pair, "brake", pair.brake, robot.windings());
+      robot.twice([](PowerStage& motor) { motor.coast(); });
+      expect(pair, "coast after brake", pair.coast, robot.windings());
+    });
+  }
+}
+
+TEST(matrix_release) {
+  for (const Pair& pair : kPairs) {
+    for_each_way(pair, [&](Robot& robot) {
+      robot.release();
+      expect(pair, "release", pair.release, robot.windings());
+    });
+    for_each_way(pair, [&](Robot& robot) {
+      robot.twice([](PowerStage& motor) { motor.brake(); });
+      robot.release();
+      expect(pair, "release while braking", pair.release, robot.windings());
+    });
+  }
+}
+
+/// As in reset, without a board, and with one that nobody has confirmed: the firmware's motors do
+/// what they like, and no pin follows.
+TEST(matrix_floating) {
+  for (const Pair& pair : kPairs) {
+    for (const bool floating_level : {false, true}) {
+      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      expect(pair, "reset", pair.floating, robot.windings());
+      robot.twice([](PowerStage& motor) { motor.drive(20'000); });
+      robot.twice([](PowerStage& motor) { motor.brake(); });
+      CHECK(robot.pins.driven() == 0);
+      expect(pair, "floating", pair.floating, robot.windings());
+    }
+  }
+}
+
+/// A board on trial has started, and its motors are never asked for anything but to coast.
+TEST(matrix_trial) {
+  for (const Pair& pair : kPairs) {
+    for (const bool floating_level : {false, true}) {
+      Robot robot(board_named(pair.active), board_named(pair.wired), floating_level);
+      robot.start();
+      expect(pair, "started", pair.release, robot.windings());
+      robot.twice([](PowerStage& motor) { motor.coast(); });
+      expect(pair, "trial", pair.coast, robot.windings());
+    }
+  }
+}
+
+TEST(matrix_drives_while_stopped_on_two_pairs_alone) {
+  for (const Pair& pair : kPairs) {
+    bool drives = false;
+    for (const char* state : {pair.coast, pair.brake, pair.release, pair.floating})
+      drives = drives || *state == 'F' || *state == 'R';
+    bool is_listed = false;
+    for (const auto& listed : kDriveWhileStopped)
+      is_listed = is_listed ||
+                  (std::string(listed[0]) == pair.active && std::string(listed[1]) == pair.wired);
+    CHECK(drives == is_listed);
+  }
+}
+
+namespace {
+
+/// Whether the stage drives at some levels of the inputs that nothing holds.
+bool may_drive_afloat(Stage stage, uint8_t held_low) {
+  const StageTable& table = *table_of(stage);
+  for (unsigned levels = 0; levels < 1U << kStageInputs; ++levels) {
+    StageOutputs inputs;
+    for (size_t i = 0; i < kStageInputs; ++i) {
+      const bool floats = (table.inputs & ~held_low) >> i & 1;
+      inputs.duty_q15[i] = floats && (levels >> i & 1) ? kHigh_q15 : uint16_t{0};
+    }
+    if (state_of(stage, inputs).drives()) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+/// The pull-downs that a stage is said to need hold it off whatever its other inputs pick up, and
+/// without them it may drive.
+TEST(matrix_pull_downs_are_needed_and_enough) {
+  for (const Stage stage : {Stage::kEnableIn1In2, Stage::kHalfBridges, Stage::kPwmDir}) {
+    CHECK(!may_drive_afloat(stage, table_of(stage)->pull_downs));
+    CHECK(may_drive_afloat(stage, 0));
+  }
+  // These hold all inputs low by themselves.
+  for (const Stage stage : {Stage::kPwmIn1In2, Stage::kInIn}) {
+    CHECK(table_of(stage)->pull_downs == 0);
+    CHECK(!may_drive_afloat(stage, table_of(stage)->inputs));
+  }
+}
