@@ -206,6 +206,7 @@ class StageTable:
         has_standby: Whether one more input switches both wheels' outputs off. It may be left
             unconnected to the chip, tied high.
         coast, brake, release, dead_time: What these mean on it, in sentences.
+        floating: What the motors do while no input is driven, in sentences.
     """
 
     parts: str
@@ -220,6 +221,7 @@ class StageTable:
     brake: str
     release: str
     dead_time: str
+    floating: str
     has_standby: bool = False
 
 
@@ -263,6 +265,10 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             brake="EN high, both inputs low: the motor is shorted through the lower switches.",
             release="EN low.",
             dead_time=_ONE_PERIOD,
+            floating=(
+                "With the resistors they coast: EN is low. Without them its inputs float high, "
+                "which brakes; a disturbed one drives at full duty."
+            ),
         ),
         Stage.PWM_IN1_IN2: StageTable(
             parts="TB6612FNG",
@@ -277,6 +283,10 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             brake="Both inputs high, or PWM low, as in the PWM's off time.",
             release="Both inputs low, and standby if it is connected.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "They coast: the part holds all inputs and standby low, with 200 kΩ each. With "
+                "standby tied high they coast, too."
+            ),
             has_standby=True,
         ),
         Stage.IN_IN: StageTable(
@@ -292,6 +302,10 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             brake="Both inputs high.",
             release="Both inputs low, and nSLEEP (standby) if it is connected.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "They coast: the part holds its inputs and nSLEEP low, a DRV8833 with 150 and "
+                "500 kΩ. With nSLEEP tied high they coast, too."
+            ),
             has_standby=True,
         ),
         Stage.HALF_BRIDGES: StageTable(
@@ -307,6 +321,10 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             brake="Enable high, both inputs low: so the off time of the PWM brakes.",
             release="Enable low.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "With the resistors they coast: enable is low. Without them every input may read "
+                "high or low, and the motors may drive at full duty, either way."
+            ),
         ),
         Stage.PWM_DIR: StageTable(
             parts="Cytron MD10C, MDD10A",
@@ -321,6 +339,10 @@ STAGES: Mapping[Stage, StageTable] = MappingProxyType(
             brake="PWM low.",
             release="PWM low, which brakes.",
             dead_time=_BUILT_IN + _ONE_PERIOD,
+            floating=(
+                "With the resistors they brake: PWM is low. Without them both inputs may read high "
+                "or low, and the motors may drive at full duty, either way."
+            ),
         ),
     }
 )

@@ -379,7 +379,7 @@ void add_readings(std::vector<Variable>& table) {
                   [](const Simulator& s) { return static_cast<double>(s.state()); }),
           reading("faults", "", "Latched fault flags, as on the wire.",
                   [](const Simulator& s) { return static_cast<double>(s.faults()); }),
-          reading("drive_on", "0 or 1", "A bridge has EN high and its inputs unequal.",
+          reading("drive_on", "0 or 1", "A power stage drives its winding.",
                   [](const Simulator& s) { return s.record().drive_on ? 1.0 : 0.0; }),
           reading(
               "drive_removed_us", "us", "Device clock when drive_on last ended.",

@@ -245,6 +245,39 @@ TEST(matrix_drives_while_stopped_on_two_pairs_alone) {
   }
 }
 
+/// Not a shipped board, but a common module: a DRV8833 that is never asleep. It follows a direction
+/// that stays high when the enable or PWM falls, at full duty, and a release does not end that.
+TEST(matrix_of_a_drv8833_that_is_never_asleep) {
+  BoardDescription wired = board_named("drv8833");
+  wired.standby = -1;
+  struct Row {
+    const char* active;
+    char coast;  // After forward.
+    char brake;
+    char release;  // While it drives forward.
+  };
+  constexpr Row kRows[] = {{"bts7960", 'o', 'o', 'o'},
+                           {"drv8833", 'o', 's', 'o'},
+                           {"l298n", 'F', 'o', 'F'},
+                           {"mdd10a", 'F', 'o', 'F'},
+                           {"tb6612", 'o', 's', 'o'}};
+  for (const Row& row : kRows) {
+    Robot robot(board_named(row.active), wired, true);
+    CHECK(robot.windings() == 'o');
+    robot.start();
+    CHECK(robot.windings() == 'o');
+    const auto forward = [](PowerStage& motor) { motor.drive(20'000); };
+    robot.twice(forward);
+    robot.twice([](PowerStage& motor) { motor.coast(); });
+    CHECK(robot.windings() == row.coast);
+    robot.twice([](PowerStage& motor) { motor.brake(); });
+    CHECK(robot.windings() == row.brake);
+    robot.twice(forward);
+    robot.release();
+    CHECK(robot.windings() == row.release);
+  }
+}
+
 namespace {
 
 /// Whether the stage drives at some levels of the inputs that nothing holds.
