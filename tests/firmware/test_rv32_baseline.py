@@ -7,7 +7,7 @@ import pytest
 from support import rv32_baseline
 from support.rv32_baseline import growth, too_much
 
-BEFORE = {"step, max": 2000, "code_bytes": 20_000}
+BEFORE = {"step, max": 2000, "step, median": 2000, "code_bytes": 20_000}
 
 
 @pytest.mark.parametrize(
@@ -20,8 +20,12 @@ def test_five_percent_is_too_much(figure: int, caught: bool) -> None:
 
 
 def test_less_of_one_does_not_pay_for_another() -> None:
-    now = {"step, max": 1000, "code_bytes": 21_000}
-    assert list(too_much(growth(now, BEFORE))) == ["code_bytes"]
+    now = {"step, max": 1000, "step, median": 2100}
+    assert list(too_much(growth(now, BEFORE))) == ["step, median"]
+
+
+def test_sizes_have_an_upper_bound_instead() -> None:
+    assert too_much(growth({"code_bytes": 40_000}, BEFORE)) == {}
 
 
 def test_a_figure_without_a_counterpart_is_an_error() -> None:

@@ -17,7 +17,7 @@ INSTALL = "sudo apt install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf
 AIM_INSTRUCTIONS = 7000
 """Of a control step that takes a setpoint and sends a state."""
 
-AIM_CODE_BYTES = 32 * 1024
+AIM_CODE_BYTES = 40 * 1024
 AIM_RAM_BYTES = 4 * 1024
 
 
