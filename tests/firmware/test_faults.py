@@ -214,3 +214,20 @@ def test_ordinary_driving_trips_nothing(
     assert not any(sample.faults for sample in robot.samples)
     assert robot.state() is SupervisorState.DRIVING
     assert robot.sample.overruns == 0
+
+
+@pytest.mark.parametrize("limit_mps", [0.01, 0.1, 0.25])
+def test_a_limit_lowered_while_driving_keeps_the_slew_limit(limit_mps: float) -> None:
+    robot = VirtualRobot().open()
+    settle(robot, 0.4, 0.4)
+    limit_mps2 = robot.parameter("max_acceleration_mps2")
+    robot.set_parameter("max_velocity_mps", limit_mps)
+    speeds = []
+    for _ in range(40):
+        robot.set_velocity(0.4, 0.4)
+        robot.run(0.01)
+        speeds.append(robot.sim.get("true.left_mps"))
+    # Over 50 ms, so that the physics' own ripple counts for nothing.
+    steepest = max(before - after for before, after in zip(speeds, speeds[5:], strict=False)) / 0.05
+    assert steepest <= 1.3 * limit_mps2
+    assert speeds[-1] == pytest.approx(limit_mps, abs=0.02)

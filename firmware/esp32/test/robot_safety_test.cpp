@@ -293,3 +293,45 @@ TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
   bench.step();
   CHECK(!bench.driven());
 }
+
+// --- extremes ------------------------------------------------------------------------------------
+
+/// With sanitizers: each sum of values from the wire, a parameter or a counter stays within its
+/// type.
+TEST(the_fastest_wheel_and_the_steepest_slew_overflow_nothing) {
+  for (const int ticks : {16'000, -16'000}) {
+    RobotBench bench;
+    bench.open();
+    CHECK(bench.set(kGlitchFilterNs, 0) == RefusalCode::kNone);
+    CHECK(bench.set(kCountsPerRevolution, 4) == RefusalCode::kNone);
+    CHECK(bench.set(kWheelRadius, 1.0f) == RefusalCode::kNone);
+    CHECK(bench.set(kMaxAccelerationMps2, 100.0f) == RefusalCode::kNone);
+    for (int i = 0; i < 400; ++i) {
+      const int register_value = bench.encoders.counts.left + ticks;
+      bench.encoders.counts.left = static_cast<int16_t>(register_value % kCounterLimit);
+      bench.encoders.counts.right = bench.encoders.counts.left;
+      if (i < 200) {
+        bench.step();
+        continue;
+      }
+      bench.send(bench.velocity(ticks > 0 ? -10.0f : 10.0f, ticks > 0 ? -10.0f : 10.0f));
+      bench.step();
+    }
+    CHECK(bench.driven() || bench.device.faults() != 0);
+  }
+}
+
+TEST(a_parameter_and_the_first_setpoint_in_one_step_leave_its_duty) {
+  int duties[2];
+  for (const bool sets : {false, true}) {
+    RobotBench bench;
+    bench.open();
+    const ParameterSet set{bench.session_id(), ++bench.request_id, static_cast<uint8_t>(kMaxDuty),
+                           0.9f};
+    if (sets) bench.send(set);
+    bench.send(bench.velocity(0.2f, 0.2f));
+    bench.run(2);
+    duties[sets] = bench.left.duty();
+  }
+  CHECK(duties[0] > 0 && duties[0] == duties[1]);
+}
