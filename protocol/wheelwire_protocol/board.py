@@ -151,6 +151,16 @@ class BoardFault(DocumentedEnum):
     )
     LINE = 27, "link: {chip} has no USB of its own, and a Raspberry Pi none at all; write uart"
     CODE = 28, "a code is unknown to this firmware: update it"
+    PIN_HELD_HIGH = (
+        29,
+        "{function} = {pin}: GPIO {pin} of {chip} is high while it starts, which may drive a "
+        "motor, and 10 kOhm to ground does not change that; choose another",
+    )
+    PIN_PULLED_UP = (
+        30,
+        "{function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a motor; "
+        "choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns",
+    )
 
 
 PIN_FUNCTIONS: tuple[str, ...] = tuple(f.name.lower() for f in BoardPin)
@@ -362,6 +372,11 @@ class ChipTable:
         adc: Those that can measure a voltage while everything else runs.
         uart: Of the line through the board's USB bridge.
         usb: Of the chip's own USB; empty if it has none.
+        pulled_up: Those with a weak pull-up at reset, or from then on until our program sets them.
+            Some 45 kOhm against the 10 kOhm of a board's pull-down leave 0.6 V: that is low.
+        held_high: Those that are high then by an output, or by a resistor against which 10 kOhm
+            lose. All pins in neither set float, or are pulled down.
+        levels_source: Where these two sets are from.
         counters: Pulse counters.
         pwm_outputs: Of its motor-control PWM.
         has_led: Whether the firmware can show its state on an LED.
@@ -376,6 +391,9 @@ class ChipTable:
     adc: frozenset[int]
     uart: frozenset[int]
     usb: frozenset[int]
+    pulled_up: frozenset[int]
+    held_high: frozenset[int]
+    levels_source: str
     counters: int
     pwm_outputs: int
     has_led: bool = True
@@ -398,6 +416,10 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             adc=_span(32, 39),
             uart=frozenset({1, 3}),
             usb=frozenset(),
+            # 14 is MTMS; 6 to 11 are those of the flash.
+            pulled_up=frozenset({0, 3, 5, 14, 15}) | _span(6, 11),
+            held_high=frozenset({1}),  # The ROM sends text on it.
+            levels_source="ESP32 data sheet, table IO_MUX",
             counters=8,
             # Six for each MCPWM unit: the ESP32 and the S3 have two units, the C6 has one.
             pwm_outputs=12,
@@ -412,6 +434,10 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             adc=_span(1, 10),
             uart=frozenset({43, 44}),
             usb=frozenset({19, 20}),
+            # 39 is MTCK, 20 the D+ of USB.
+            pulled_up=frozenset({0, 20, 39, 44}) | _span(26, 32),
+            held_high=frozenset({43}),  # The ROM sends text on it.
+            levels_source="ESP32-S3 data sheet, pin overview",
             counters=4,
             pwm_outputs=12,
         ),
@@ -425,6 +451,10 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             adc=_span(0, 6),
             uart=frozenset({16, 17}),
             usb=frozenset({12, 13}),
+            # 6 is MTCK, 13 the D+ of USB, 18 to 23 those of SDIO.
+            pulled_up=frozenset({6, 9, 13, 17}) | _span(18, 30),
+            held_high=frozenset({16}),  # The ROM sends text on it.
+            levels_source="ESP32-C6 data sheet, pin overview",
             counters=4,
             pwm_outputs=6,
         ),
@@ -439,6 +469,13 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             adc=frozenset(),
             uart=frozenset(),
             usb=frozenset(),
+            pulled_up=_span(4, 8),
+            # 2 and 3 have 1.8 kOhm to 3.3 V on the computer's board. 0 and 1 have 3.9 kOhm on a
+            # HAT, and the computer looks for one on them; 14 is the output of its serial console.
+            held_high=_span(0, 3) | {14},
+            levels_source=(
+                "BCM2835 ARM Peripherals, table 6-31, and BCM2711 ARM Peripherals, GPIO; schematics"
+            ),
             counters=28,
             pwm_outputs=28,
             has_led=False,

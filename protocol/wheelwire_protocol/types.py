@@ -737,7 +737,7 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
 
 GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
-    Group.BOARD: 0xDC7E9309,
+    Group.BOARD: 0x011C7829,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 

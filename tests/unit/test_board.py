@@ -60,6 +60,9 @@ BOARDS = st.builds(
 
 ESP32, S3, C6, PI = "l298n", "esp32s3", "esp32c6", "pi4b"
 
+PULLED_UP = r"{0} = {1}: .* pulls GPIO {1} up while it starts, which may drive a motor"
+HELD_HIGH = r"{0} = {1}: GPIO {1} of .* is high while it starts, which may drive a motor"
+
 WRONG: list[tuple[str, dict[str, Any], str]] = [
     # The chip's pins
     (ESP32, {"left.enable": 34}, r"left\.enable = 34: GPIO 34 of the ESP32 is an input only"),
@@ -117,6 +120,13 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
         r"left\.pwm = 25: the stage pwm_dir drives whenever this input",
     ),
     ("drv8833", {"pulldowns": [25]}, r"pulldowns: GPIO 25 is no output of this board"),
+    # What is high while the chip starts
+    ("tb6612", {"left.in1": 14, "estop.pin": 26}, PULLED_UP.format("left.in1", 14)),
+    ("drv8833", {"standby": 14, "estop.pin": 21}, PULLED_UP.format("standby", 14)),
+    (PI, {"left.enable": 2}, HELD_HIGH.format("left.enable", 2)),
+    (PI, {"right.enable": 3, "pulldowns": [3, 18]}, HELD_HIGH.format("right.enable", 3)),
+    (PI, {"left.enable": 1}, HELD_HIGH.format("left.enable", 1)),
+    (PI, {"left.enable": 14}, HELD_HIGH.format("left.enable", 14)),
     # Numbers
     ("mdd10a", {"pwm_frequency_hz": 25_000}, r"pwm_frequency_hz = 25000: .* pwm_dir takes 20000"),
     (
@@ -183,6 +193,43 @@ def test_a_name_that_is_too_long_is_not_cut() -> None:
     board = replace(load_board("l298n"), name="L298N on the blue robot's own board")
     with pytest.raises(ConfigurationError, match=r"blue robot.*1 to 24 characters"):
         board.packed()
+
+
+@pytest.mark.parametrize(
+    ("like", "chip", "pin"),
+    [
+        ("tb6612", Chip.ESP32, 14),
+        ("tb6612", Chip.ESP32S3, 39),
+        ("tb6612", Chip.ESP32C6, 23),
+        ("tb6612", Chip.LINUX, 4),
+        ("drv8833", Chip.LINUX, 8),
+        ("l298n", Chip.LINUX, 7),
+    ],
+)
+def test_a_pull_down_wins_over_a_weak_pull_up(like: str, chip: Chip, pin: int) -> None:
+    board = replace(load_board(like), chip=chip)
+    name = "enable" if like == "l298n" else "in1"
+    board = replace(board, left=replace(board.left, **{name: pin}))
+
+    def about_it(pulldowns: frozenset[int]) -> list[str]:
+        problems = replace(board, pulldowns=pulldowns).problems()
+        return [problem for problem in problems if problem.startswith(f"left.{name} = ")]
+
+    assert about_it(frozenset())
+    assert about_it(frozenset({pin})) == []
+
+
+def test_an_input_that_may_be_high_while_the_stage_is_released_may_be_on_a_pulled_up_pin() -> None:
+    content = changed("l298n", {"left.in1": 14, "estop.pin": 26})
+    assert parse_board(content).problems() == []
+
+
+@pytest.mark.parametrize("chip", CHIPS)
+def test_the_levels_of_a_chip_while_it_starts_are_of_pins_that_it_has(chip: Chip) -> None:
+    table = CHIPS[chip]
+    assert table.pulled_up | table.held_high <= table.existing - table.input_only
+    assert not table.pulled_up & table.held_high
+    assert "data sheet" in table.levels_source or "ARM Peripherals" in table.levels_source
 
 
 def test_there_are_forty_wrong_boards() -> None:

@@ -123,8 +123,9 @@ class BoardCheck {
       if (!wanted && pin >= 0) tell(BoardFault::kPinWithoutUse, function);
       if (!wanted || pin < 0) continue;
       check_drives(function);
-      if ((stage_.pull_downs >> input & 1) && !(board_.pulldowns & mask_of(pin)))
-        tell(BoardFault::kNoPullDown, function);
+      const bool released_by_low =
+          stage_.rows[static_cast<size_t>(StageAction::kCoast)][input] == StageLevel::kLow;
+      if (released_by_low) check_low_at_reset(function, (stage_.pull_downs >> input & 1) != 0);
     }
   }
 
@@ -134,6 +135,22 @@ class BoardCheck {
       tell(BoardFault::kPinWithoutUse, BoardPin::kStandby);
     } else {
       check_drives(BoardPin::kStandby);
+      check_low_at_reset(BoardPin::kStandby, false);
+    }
+  }
+
+  /// While the chip starts, only resistors keep an input low that holds the motors off. The stage's
+  /// own, if it has one, wins over nothing: 100 kOhm and more. An input that may be high while the
+  /// stage is released, such as a direction, is not looked at.
+  constexpr void check_low_at_reset(BoardPin function, bool floats) {
+    const PinMask pin = mask_of(board_.pin(function));
+    const bool is_pulled_down = (board_.pulldowns & pin) != 0;
+    if (chip_.held_high & drivable_pins(chip_) & pin) {
+      tell(BoardFault::kPinHeldHigh, function);
+    } else if (floats && !is_pulled_down) {
+      tell(BoardFault::kNoPullDown, function);
+    } else if ((chip_.pulled_up & drivable_pins(chip_) & pin) && !is_pulled_down) {
+      tell(BoardFault::kPinPulledUp, function);
     }
   }
 

@@ -277,19 +277,22 @@ struct ChipTable {
   PinMask input_only;  ///< No output driver and no pull resistors.
   PinMask adc;
   PinMask uart;
-  PinMask usb;  ///< Of the chip's own USB.
+  PinMask usb;        ///< Of the chip's own USB.
+  PinMask pulled_up;  ///< By the chip, until the firmware sets them.
+  PinMask held_high;  ///< Until then, against a pull-down, too.
   uint8_t counters;
   uint8_t pwm_outputs;
   bool has_led;
 };
 
 constexpr ChipTable kChipTables[] = {
-    {Board::kEsp32, 0x9f0eefffff, 0x9025, 0x30fc0, 0xfc00000000, 0xff00000000, 0xa, 0x0, 8, 12,
-     true},
+    {Board::kEsp32, 0x9f0eefffff, 0x9025, 0x30fc0, 0xfc00000000, 0xff00000000, 0xa, 0x0, 0xcfe9,
+     0x2, 8, 12, true},
     {Board::kEsp32s3, 0x1fffffc3fffff, 0x600000000009, 0x3ffc000000, 0x0, 0x7fe, 0x180000000000,
-     0x180000, 4, 12, true},
-    {Board::kEsp32c6, 0x7fffbfff, 0x8330, 0x7f000000, 0x0, 0x7f, 0x30000, 0x3000, 4, 6, true},
-    {Board::kLinux, 0xfffffff, 0x0, 0x0, 0x0, 0x0, 0x0, 0x0, 28, 28, false},
+     0x180000, 0x1081fc100001, 0x80000000000, 4, 12, true},
+    {Board::kEsp32c6, 0x7fffbfff, 0x8330, 0x7f000000, 0x0, 0x7f, 0x30000, 0x3000, 0x7ffe2240,
+     0x10000, 4, 6, true},
+    {Board::kLinux, 0xfffffff, 0x0, 0x0, 0x0, 0x0, 0x0, 0x0, 0x1f0, 0x400f, 28, 28, false},
 };
 
 }  // namespace wheelwire

@@ -196,7 +196,7 @@ constexpr uint32_t hash_of(Group group) {
     case Group::kBase:
       return 0x5d587965;
     case Group::kBoard:
-      return 0xdc7e9309;
+      return 0x011c7829;
   }
   return 0;
 }
@@ -294,6 +294,12 @@ enum class BoardFault : uint8_t {
                   ///< at the pin
   kLine = 27,  ///< link: {chip} has no USB of its own, and a Raspberry Pi none at all; write uart
   kCode = 28,  ///< a code is unknown to this firmware: update it
+  kPinHeldHigh =
+      29,  ///< {function} = {pin}: GPIO {pin} of {chip} is high while it starts, which may drive a
+           ///< motor, and 10 kOhm to ground does not change that; choose another
+  kPinPulledUp =
+      30,  ///< {function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a
+           ///< motor; choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns
 };
 
 /// Opens a session. Repeating it with the same nonce changes nothing.
@@ -1777,8 +1783,7 @@ enum class ParameterId : uint8_t {
       41,  ///< The left encoder's pins have the right wheel's encoder, and the right ones the left
            ///< wheel's. left_encoder_inverted is always of the left wheel's encoder.
   kRearmGapS = 42,  ///< After an e-stop or a fault was cleared the robot drives once a zero
-                    ///< setpoint came, or none for this long. 0 switches the rule off: a program
-                    ///< that goes on sending drives at once. [s]
+                    ///< setpoint came, or none for this long. 0 switches the rule off. [s]
   kRollingVelocityMps = 43,  ///< A wheel that turns this fast without drive, and does not slow
                              ///< down, is reported as ROLLING. [m/s]
 };

@@ -81,6 +81,18 @@ TEST(board_faults_are_found_one_by_one) {
   CHECK(only(BoardFault::kNoPullUpForContact, [](B& b) { b.estop = 39; }));
   CHECK(only(BoardFault::kNoPullDown, [](B& b) { b.pulldowns = mask_of(25); }));
   CHECK(only(BoardFault::kPullDownWithoutUse, [](B& b) { b.pulldowns |= mask_of(18); }));
+  CHECK(only(BoardFault::kPinPulledUp, [](B& b) {
+    b.stage = Stage::kHalfBridges;
+    b.left_in1 = 14;
+    b.estop = 26;
+  }));
+  CHECK(only(BoardFault::kPinHeldHigh, [](B& b) {
+    b.chip = Board::kLinux;
+    b.left_enable = 2;
+    b.right_enable = 12;
+    b.right_in1 = 11;
+    b.pulldowns = mask_of(2) | mask_of(12);
+  }));
   CHECK(only(BoardFault::kFrequencyHigh, [](B& b) { b.pwm_frequency_hz = 40'001; }));
   CHECK(only(BoardFault::kFrequencyLow, [](B& b) { b.pwm_frequency_hz = 99; }));
   CHECK(only(BoardFault::kFilter, [](B& b) { b.encoder_filter_ns = 12'788; }));
@@ -89,6 +101,35 @@ TEST(board_faults_are_found_one_by_one) {
     b.battery_divider_permille = 4000;
   }));
   CHECK(only(BoardFault::kDivider, [](B& b) { b.battery = 34; }));
+}
+
+TEST(board_inputs_that_release_a_stage_are_low_while_the_chip_starts) {
+  using B = BoardDescription;
+  // An enable on a pulled-up pin: its pull-down is missing for two reasons, and named once.
+  const auto enable_on_14 = [](B& b) {
+    b.left_enable = 14;
+    b.estop = 25;
+    b.pulldowns = mask_of(33);
+  };
+  CHECK(only(BoardFault::kNoPullDown, enable_on_14));
+  CHECK(issues([&](B& b) {
+          enable_on_14(b);
+          b.pulldowns |= mask_of(14);
+        }).empty());
+  // A direction of the L298N is not asked, a contact even less so.
+  CHECK(issues([](B& b) {
+          b.left_in1 = 14;
+          b.estop = 26;
+        }).empty());
+  // Pins that are refused for another reason are refused once.
+  CHECK(only(BoardFault::kPinStrapping, [](B& b) {
+    b.stage = Stage::kHalfBridges;
+    b.left_in1 = 15;
+  }));
+  CHECK(only(BoardFault::kPinOfLink, [](B& b) {
+    b.stage = Stage::kHalfBridges;
+    b.left_in1 = 1;
+  }));
 }
 
 TEST(board_pin_twice_names_both_uses) {

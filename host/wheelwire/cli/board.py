@@ -374,7 +374,7 @@ def _problems_of(made: BoardDescription, function: BoardPin) -> list[str]:
     from wheelwire_protocol.board import BoardFault
     from wheelwire_protocol.native import check_board
 
-    later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN)
+    later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     return [
         sentence(issue, made.chip, made.stage)
         for issue in check_board(made.packed())
@@ -383,16 +383,18 @@ def _problems_of(made: BoardDescription, function: BoardPin) -> list[str]:
 
 
 def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
-    from wheelwire_protocol.board import STAGES, BoardPin
+    from wheelwire_protocol.board import BoardFault
+    from wheelwire_protocol.native import check_board
 
-    for side in ("left", "right"):
-        for name in STAGES[made.stage].pull_downs:
-            function = BoardPin[f"{side}_{name}".upper()]
-            pin = made.pin(function)
-            question = f"Is there a resistor of 10 kOhm from {function.doc}, GPIO {pin}, to ground?"
-            fitted = base is not None and pin in base.pulldowns
-            if pin is not None and _confirm(question, default=fitted):
-                made = replace(made, pulldowns=made.pulldowns | {pin})
+    missing = (BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
+    for issue in check_board(made.packed()):
+        if issue.fault not in missing:
+            continue
+        where = f"{issue.function.doc}, GPIO {issue.pin}"
+        question = f"Is there a resistor of 10 kOhm from {where}, to ground?"
+        fitted = base is not None and issue.pin in base.pulldowns
+        if _confirm(question, default=fitted):
+            made = replace(made, pulldowns=made.pulldowns | {issue.pin})
     return made
 
 

@@ -84,6 +84,8 @@ def _chip_row(chip: Board, table: ChipTable) -> str:
         table.adc,
         table.uart,
         table.usb,
+        table.pulled_up,
+        table.held_high,
     )
     numbers = ", ".join(map(_mask, sets))
     return (
@@ -154,7 +156,9 @@ def generate() -> str:
         "  PinMask input_only;  ///< No output driver and no pull resistors.",
         "  PinMask adc;",
         "  PinMask uart;",
-        "  PinMask usb;  ///< Of the chip's own USB.",
+        "  PinMask usb;        ///< Of the chip's own USB.",
+        "  PinMask pulled_up;  ///< By the chip, until the firmware sets them.",
+        "  PinMask held_high;  ///< Until then, against a pull-down, too.",
         "  uint8_t counters;",
         "  uint8_t pwm_outputs;",
         "  bool has_led;",

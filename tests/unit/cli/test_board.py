@@ -111,6 +111,15 @@ def test_a_missing_resistor_is_told_and_the_answers_are_kept(tmp_path: Path) -> 
     assert load_board(file).left == load_board("l298n").left
 
 
+def test_a_resistor_is_asked_for_on_a_pin_that_the_chip_pulls_up(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    answers = [*ANSWERS[:-4], "14", "21", "-", "-", "y"]  # standby on 14, the contact on 21
+    result = ask("init", str(file), answers=answers)
+    assert result.returncode == 0, result.stderr
+    assert "Is there a resistor of 10 kOhm from standby, GPIO 14, to ground?" in result.stderr
+    assert load_board(file).pulldowns == {14}
+
+
 def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("mine")
