@@ -21,10 +21,9 @@ constexpr wheelwire::PinWords kDrivable =
 
 /// Runs before memory is initialised: registers, ROM functions and RTC memory only.
 extern "C" void bootloader_before_init() {
-  const wheelwire::KeptRelease& kept = *wheelwire::kept_release();
-  if (kept.is_valid()) {
-    wheelwire::hold_low(kept.pins);
-  } else {
-    wheelwire::let_float(kDrivable);
-  }
+  const wheelwire::SavedRelease& saved = *wheelwire::saved_release();
+  const wheelwire::PinWords held = saved.is_valid() ? saved.pins : wheelwire::PinWords{};
+  // First what ends the drive.
+  wheelwire::hold_low(held);
+  wheelwire::let_float(kDrivable.without(held));
 }

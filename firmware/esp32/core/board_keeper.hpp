@@ -32,6 +32,12 @@ struct BoardBlock {
   static bool decode(const uint8_t* data, size_t size, BoardBlock& out);
 };
 
+/// Whether somebody said that this is the board, at least for a trial. Otherwise no pin is driven,
+/// and what the board's inputs read means nothing.
+constexpr bool is_confirmed(BoardState state) {
+  return state == BoardState::kStored || state == BoardState::kTrial;
+}
+
 class BoardKeeper {
  public:
   /// What becomes of the image's own board while none is stored.
@@ -48,11 +54,7 @@ class BoardKeeper {
   void start();
 
   BoardState state() const { return state_; }
-  /// Whether somebody said that this is the board, at least for a trial. Otherwise no pin is
-  /// driven, and what the board's inputs read means nothing.
-  bool is_confirmed() const {
-    return state_ == BoardState::kStored || state_ == BoardState::kTrial;
-  }
+  bool is_confirmed() const { return wheelwire::is_confirmed(state_); }
   /// Of the active board; 0 if there is none.
   uint32_t fingerprint() const { return fingerprint_; }
   /// Of BoardState::kNone it has no meaning.

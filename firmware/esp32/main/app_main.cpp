@@ -11,7 +11,7 @@
 #include "image_board.hpp"
 #include "line.hpp"
 #include "nvs_store.hpp"
-#include "release_pins.hpp"
+#include "pins.hpp"
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 #include "task_watchdog.hpp"
@@ -53,17 +53,15 @@ uint32_t capabilities(bool has_battery) {
          (has_core_dump ? capability::kCoreDump : 0);
 }
 
-/// Decides which board is in force. Nothing has been driven yet.
-void choose_board() {
+/// Decides which board is active. False: its pins cannot be set up.
+bool choose_board() {
   keeper.start();
   platform_specs(kImageBoard.chip, specs);
-  if (!keeper.is_confirmed()) return;
-  apply_board(keeper.board(), specs);
-  set_release_pins(release_pins(keeper.board()));
-  release_motors();
+  if (keeper.is_confirmed()) apply_board(keeper.board(), specs);
+  return take_pins(keeper.state(), keeper.board());
 }
 
-/// Where the host is. Nobody has said so yet while the image's own board is in force, or none.
+/// Where the host is. Nobody has said so yet while the image's own board is active, or none.
 Line& choose_line() {
   static UartLine uart;
 #if SOC_USB_SERIAL_JTAG_SUPPORTED
@@ -83,14 +81,15 @@ Line& choose_line() {
 }
 
 void start() {
+  const bool could_float = float_pins();
   for (NvsStore& slot : parameter_slots) slot.start();
   for (NvsStore& slot : board_slots) slot.start();
-  choose_board();
+  const bool has_pins = choose_board() && could_float;
   Line& line = choose_line();
   const bool has_board = keeper.is_confirmed();
   const bool has_line = line.start();
   static Machine machine{keeper.board()};
-  const bool has_machine = !has_board || machine.start(stored_parameters());
+  const bool has_machine = !has_board || (has_pins && machine.start(stored_parameters()));
   // Its entropy source is the ADC, so this comes before the battery takes that.
   Identity identity = make_identity(0);
   const bool has_battery = has_board && battery.start(keeper.board());

@@ -10,9 +10,14 @@ DRAM_ATTR PinWords in_use;
 
 }  // namespace
 
-void set_release_pins(PinMask pins) {
+PinMask saved_release_pins() {
+  const SavedRelease& saved = *saved_release();
+  return saved.is_valid() ? mask_of(saved.pins) : 0;
+}
+
+void set_release_pins(PinMask pins, PinMask after_reset) {
   in_use = words_of(pins);
-  *kept_release() = KeptRelease::of(in_use);
+  *saved_release() = SavedRelease::of(words_of(after_reset));
 }
 
 IRAM_ATTR void release_motors() { hold_low(in_use); }

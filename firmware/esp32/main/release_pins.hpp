@@ -20,11 +20,16 @@ constexpr uint32_t output_route_register(int pin) {
 struct PinWords {
   uint32_t low = 0;   ///< 0 to 31.
   uint32_t high = 0;  ///< 32 to 63.
+
+  [[gnu::always_inline]] constexpr PinWords without(PinWords other) const {
+    return {low & ~other.low, high & ~other.high};
+  }
 };
 
 constexpr PinWords words_of(PinMask pins) {
   return {static_cast<uint32_t>(pins), static_cast<uint32_t>(pins >> 32)};
 }
+constexpr PinMask mask_of(PinWords pins) { return PinMask{pins.high} << 32 | pins.low; }
 
 // Everything here is inlined: a call might be into flash.
 
@@ -53,28 +58,32 @@ constexpr PinWords words_of(PinMask pins) {
   take_from_peripherals(pins);
 }
 
-/// What is left of a board for the bootloader after a restart by software, which leaves the pins as
-/// they were. It lies in RTC memory that no power-on clears: so it has a checksum.
-struct KeptRelease {
+/// What is left of a confirmed board for the bootloader after a restart by software, which leaves
+/// the pins as they were. It lies in RTC memory that no power-on clears: so it has a checksum.
+struct SavedRelease {
   PinWords pins;
   uint32_t crc;
 
   bool is_valid() const {
     return crc == esp_rom_crc32_le(0, reinterpret_cast<const uint8_t*>(&pins), sizeof pins);
   }
-  static KeptRelease of(PinWords pins) {
+  static SavedRelease of(PinWords pins) {
     return {pins, esp_rom_crc32_le(0, reinterpret_cast<const uint8_t*>(&pins), sizeof pins)};
   }
 };
 
 /// Where it lies, for the bootloader and for the application.
-inline KeptRelease* kept_release() {
-  static_assert(sizeof(KeptRelease) <= CONFIG_BOOTLOADER_CUSTOM_RESERVE_RTC_SIZE);
-  return reinterpret_cast<KeptRelease*>(bootloader_common_get_rtc_retain_mem()->custom);
+inline SavedRelease* saved_release() {
+  static_assert(sizeof(SavedRelease) <= CONFIG_BOOTLOADER_CUSTOM_RESERVE_RTC_SIZE);
+  return reinterpret_cast<SavedRelease*>(bootloader_common_get_rtc_retain_mem()->custom);
 }
 
-/// From now on these pins are what a panic, the dead-man and the bootloader pull low.
-void set_release_pins(PinMask pins);
+/// What the bootloader has just pulled low; 0 after a power-on, or without a confirmed board.
+PinMask saved_release_pins();
+
+/// From now on `pins` are what a panic and the dead-man pull low, and `after_reset` what the
+/// bootloader does.
+void set_release_pins(PinMask pins, PinMask after_reset);
 
 /// Holds both motors off. Works in any interrupt.
 void release_motors();

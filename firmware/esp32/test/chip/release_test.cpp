@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "check.hpp"
+#include "pins.hpp"
 #include "release_pins.hpp"
 #include "stage_boards.hpp"
 #include "wired_robot.hpp"
@@ -17,7 +18,7 @@ namespace {
 struct Driving {
   explicit Driving(Stage stage) : board(board_of(stage)) {
     fake_matrix = {};
-    set_release_pins(release_pins(board));
+    CHECK(take_pins(BoardState::kStored, board));
     CHECK(robot.start(Parameters{}));
     robot.left_motor.drive(20'000);
     robot.right_motor.drive(-20'000);
@@ -49,7 +50,7 @@ TEST(a_release_takes_the_drive_from_every_stage) {
   }
 }
 
-TEST(the_bootloader_releases_the_board_that_was_in_force) {
+TEST(the_bootloader_releases_the_board_that_was_active) {
   for (size_t i = 0; i < kStages; ++i) {
     Driving driving(static_cast<Stage>(i));
     bootloader_before_init();
@@ -73,13 +74,13 @@ TEST(the_bootloader_lets_all_pins_float_when_it_knows_no_board) {
   }
 }
 
-TEST(a_kept_release_with_a_flipped_bit_is_not_believed) {
+TEST(a_saved_release_with_a_flipped_bit_is_not_believed) {
   Driving driving(Stage::kHalfBridges);
-  CHECK(kept_release()->is_valid());
-  for (size_t bit = 0; bit < 8 * sizeof(KeptRelease); ++bit) {
+  CHECK(saved_release()->is_valid());
+  for (size_t bit = 0; bit < 8 * sizeof(SavedRelease); ++bit) {
     fake_rtc_memory.custom[bit / 8] =
         static_cast<uint8_t>(fake_rtc_memory.custom[bit / 8] ^ 1 << bit % 8);
-    CHECK(!kept_release()->is_valid());
+    CHECK(!saved_release()->is_valid() && saved_release_pins() == 0);
     fake_rtc_memory.custom[bit / 8] =
         static_cast<uint8_t>(fake_rtc_memory.custom[bit / 8] ^ 1 << bit % 8);
   }

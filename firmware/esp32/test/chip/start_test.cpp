@@ -6,11 +6,6 @@
 using namespace wheelwire;
 using namespace wheelwire::test;
 
-namespace wheelwire {
-bool Encoders::start(const BoardDescription&, uint32_t) { return true; }
-EncoderCounts Encoders::latch() { return {}; }
-}  // namespace wheelwire
-
 namespace {
 
 /// Whether any of these pins was ever high.

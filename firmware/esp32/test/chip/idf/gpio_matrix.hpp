@@ -5,6 +5,7 @@
 
 #include <map>
 #include <set>
+#include <vector>
 
 #include "soc/gpio_reg.h"
 #include "soc/gpio_sig_map.h"
@@ -22,8 +23,10 @@ struct FakeMatrix {
   };
 
   std::map<uint32_t, uint32_t> registers;
+  // What a reset of the CPU leaves as it was.
   std::map<int, bool> levels;   // of plain outputs
-  std::map<int, bool> enabled;  // which pins the chip drives, as far as registers say
+  std::map<int, bool> enabled;  // which pins the chip drives
+  std::map<int, bool> pulled_up;
   std::map<uint32_t, Output> outputs;
   bool pwm_runs = false;
   std::set<int> ever_high;
@@ -42,6 +45,11 @@ struct FakeMatrix {
     look();
   }
 
+  /// As the driver does it: from a peripheral back to the GPIO registers.
+  void take_from_peripherals(int pin) {
+    write(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin), SIG_GPIO_OUT_IDX);
+  }
+
   /// Some PWM periods pass: which pins are high in them?
   void look() {
     for (int pin = 0; pin < 40; ++pin)
@@ -51,8 +59,7 @@ struct FakeMatrix {
   /// Whether the pin is high at some time of a PWM period.
   bool can_be_high(int pin) {
     const auto route = registers.find(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(pin));
-    const auto enable = enabled.find(pin);
-    if (enable != enabled.end() && !enable->second) return false;
+    if (!enabled[pin]) return false;
     if (route == registers.end() || route->second == SIG_GPIO_OUT_IDX) return levels[pin];
     return is_high(route->second);
   }

@@ -89,6 +89,7 @@ inline esp_err_t mcpwm_new_generator(mcpwm_oper_handle_t channel,
                                      const mcpwm_generator_config_t* config,
                                      mcpwm_gen_handle_t* output) {
   *output = *channel;
+  fake_matrix.enabled[config->gen_gpio_num] = true;
   fake_matrix.write(GPIO_FUNC0_OUT_SEL_CFG_REG + 4 * static_cast<uint32_t>(config->gen_gpio_num),
                     (*channel)->signal);
   return ESP_OK;

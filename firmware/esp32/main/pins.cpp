@@ -1,0 +1,44 @@
+#include "pins.hpp"
+
+#include "driver/gpio.h"
+#include "image_board.hpp"
+#include "release_pins.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr PinMask kDrivable = drivable_pins(*table_of(kImageBoard.chip));
+
+/// A reset of the CPU, as by a restart, a panic or a watchdog, leaves GPIO_ENABLE, GPIO_OUT and the
+/// GPIO matrix as they were: an output stays one, at its level or on its PWM. Nothing else ends
+/// that: pcnt_new_channel() of ESP-IDF 5.4 sets pull-up, IO_MUX function, input enable and the
+/// matrix's input for an encoder's pin, and leaves its output enabled.
+///
+/// gpio_config() with the mode "input" does, for each pin: input enable in IO_MUX; open drain off;
+/// GPIO_ENABLE_W1TC, which disables the output; SIG_GPIO_OUT in the pin's FUNC_OUT_SEL_CFG, which
+/// takes it from any peripheral; both pulls off; interrupt off; IO_MUX to the GPIO matrix, away
+/// from JTAG and the like.
+bool let_all_float_except(PinMask held) {
+  const gpio_config_t config = {
+      .pin_bit_mask = kDrivable & ~held,
+      .mode = GPIO_MODE_INPUT,
+      .pull_up_en = GPIO_PULLUP_DISABLE,
+      .pull_down_en = GPIO_PULLDOWN_DISABLE,
+      .intr_type = GPIO_INTR_DISABLE,
+  };
+  return gpio_config(&config) == ESP_OK;
+}
+
+}  // namespace
+
+bool float_pins() { return let_all_float_except(saved_release_pins()); }
+
+bool take_pins(BoardState state, const BoardDescription& board) {
+  const PinMask held = is_confirmed(state) ? release_pins(board) : 0;
+  // A board on trial may be the wrong one: after a reset its pins float, too.
+  set_release_pins(held, state == BoardState::kStored ? held : 0);
+  release_motors();
+  return let_all_float_except(held);
+}
+
+}  // namespace wheelwire

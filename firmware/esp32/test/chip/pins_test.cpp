@@ -1,0 +1,149 @@
+// Which pins the chip drives after a reset, with each board before and after it.
+#include "pins.hpp"
+
+#include "check.hpp"
+#include "release_pins.hpp"
+#include "stage_boards.hpp"
+#include "wired_robot.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::test;
+
+extern "C" void bootloader_before_init();
+
+namespace {
+
+/// The pins that the chip drives.
+PinMask driven() {
+  PinMask pins = 0;
+  for (int pin = 0; pin < 40; ++pin)
+    if (fake_matrix.enabled[pin]) pins |= mask_of(pin);
+  return pins;
+}
+
+PinMask encoder_pins(const BoardDescription& board) {
+  PinMask pins = 0;
+  for (const BoardPin function : kEncoderPins) pins |= mask_of(board.pin(function));
+  return pins;
+}
+
+/// From a reset of the CPU, which leaves all registers of the pins, to the control task.
+void start(WiredRobot& robot, BoardState state, const BoardDescription& board) {
+  bootloader_before_init();
+  CHECK(float_pins());
+  CHECK(take_pins(state, board));
+  if (is_confirmed(state)) CHECK(robot.start(Parameters{}));
+}
+
+void power_on() {
+  fake_matrix = {};
+  for (uint8_t& byte : fake_rtc_memory.custom) byte = 0x5a;
+}
+
+/// A board whose encoders lie on what is an output of the one before it.
+BoardDescription with_encoders_on_outputs_of(const BoardDescription& before) {
+  BoardDescription board = board_of(Stage::kPwmDir);
+  const PinMask outputs = stage_pins(before);
+  int8_t* const moved[] = {&board.left_encoder_a, &board.left_encoder_b, &board.right_encoder_a,
+                           &board.right_encoder_b};
+  const int8_t free_pins[] = {18, 19, 13, 14};
+  board.left_pwm = free_pins[0];
+  board.left_dir = free_pins[1];
+  board.right_pwm = free_pins[2];
+  board.right_dir = free_pins[3];
+  board.estop = -1;
+  board.pulldowns = mask_of(18) | mask_of(13);
+  size_t next = 0;
+  for (int8_t pin = 0; pin < 40 && next < 4; ++pin)
+    if (outputs & mask_of(pin)) *moved[next++] = pin;
+  CHECK(next == 4 && first_issue(board).fault == BoardFault::kNone);
+  return board;
+}
+
+}  // namespace
+
+TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
+  for (const BoardState state : {BoardState::kNone, BoardState::kBuiltIn}) {
+    power_on();
+    WiredRobot robot(kBoardOfEsp32);
+    start(robot, state, kBoardOfEsp32);
+    robot.left_motor.drive(20'000);
+    robot.right_motor.brake();
+    CHECK(driven() == 0);
+    release_motors();
+    CHECK(driven() == 0 && fake_matrix.ever_high.empty());
+  }
+}
+
+TEST(a_board_on_trial_or_confirmed_drives_its_own_pins_alone) {
+  for (const BoardState state : {BoardState::kTrial, BoardState::kStored}) {
+    for (size_t i = 0; i < kStages; ++i) {
+      power_on();
+      const BoardDescription board = board_of(static_cast<Stage>(i));
+      WiredRobot robot(board);
+      start(robot, state, board);
+      CHECK(driven() == stage_pins(board));
+    }
+  }
+}
+
+TEST(the_pins_of_the_previous_board_float_after_a_change) {
+  for (size_t before = 0; before < kStages; ++before) {
+    for (size_t after = 0; after < kStages; ++after) {
+      power_on();
+      const BoardDescription former = board_of(static_cast<Stage>(before));
+      WiredRobot driver(former);
+      start(driver, BoardState::kStored, former);
+      driver.left_motor.drive(20'000);
+      driver.right_motor.drive(-20'000);
+
+      const BoardDescription board = board_of(static_cast<Stage>(after));
+      WiredRobot robot(board);
+      start(robot, BoardState::kTrial, board);
+      CHECK(driven() == stage_pins(board));
+      CHECK((driven() & encoder_pins(board)) == 0);
+    }
+  }
+}
+
+TEST(no_encoder_fights_an_output_of_the_previous_board) {
+  const BoardDescription former = board_of(Stage::kPwmIn1In2);
+  const BoardDescription board = with_encoders_on_outputs_of(former);
+  power_on();
+  WiredRobot driver(former);
+  start(driver, BoardState::kStored, former);
+  driver.left_motor.drive(20'000);
+  CHECK((driven() & encoder_pins(board)) == encoder_pins(board));
+  WiredRobot robot(board);
+  start(robot, BoardState::kStored, board);
+  CHECK((driven() & encoder_pins(board)) == 0);
+}
+
+TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
+  power_on();
+  const BoardDescription former = board_of(Stage::kPwmIn1In2);
+  WiredRobot driver(former);
+  start(driver, BoardState::kStored, former);
+  driver.left_motor.drive(20'000);
+  WiredRobot robot(kBoardOfEsp32);
+  start(robot, BoardState::kBuiltIn, kBoardOfEsp32);
+  CHECK(driven() == 0);
+  // And once more: nothing of it is left for the bootloader.
+  bootloader_before_init();
+  CHECK(driven() == 0);
+}
+
+TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
+  const BoardDescription board = board_of(Stage::kEnableIn1In2);
+  for (const BoardState state : {BoardState::kTrial, BoardState::kStored}) {
+    power_on();
+    WiredRobot robot(board);
+    start(robot, state, board);
+    robot.left_motor.drive(20'000);
+    bootloader_before_init();
+    CHECK(driven() == (state == BoardState::kStored ? release_pins(board) : 0));
+    // What it holds, the application goes on holding until it knows the board.
+    CHECK(float_pins());
+    CHECK(driven() == (state == BoardState::kStored ? release_pins(board) : 0));
+  }
+}
