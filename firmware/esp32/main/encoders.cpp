@@ -1,6 +1,7 @@
 #include "encoders.hpp"
 
 #include "clock.hpp"
+#include "driver/gpio.h"
 #include "freertos/FreeRTOS.h"
 
 namespace wheelwire {
@@ -25,6 +26,7 @@ bool add_channel(pcnt_unit_handle_t unit, int edge_pin, int level_pin,
 struct EncoderPins {
   int a;
   int b;
+  EncoderPulls pulls;
 };
 
 /// Counts every edge of A and B, up while A leads.
@@ -33,6 +35,15 @@ bool add_quadrature(pcnt_unit_handle_t unit, const EncoderPins& pins) {
   constexpr auto kDown = PCNT_CHANNEL_EDGE_ACTION_DECREASE;
   return add_channel(unit, pins.a, pins.b, kDown, kUp) &&
          add_channel(unit, pins.b, pins.a, kUp, kDown);
+}
+
+/// pcnt_new_channel() of ESP-IDF 5.4 switches both pull-ups on, whatever the board has; later ones
+/// leave them alone. Pins that are inputs only have none: the rules want external ones there.
+bool set_pulls(const EncoderPins& pins) {
+  const bool internal = pins.pulls == EncoderPulls::kInternal;
+  const gpio_pull_mode_t mode = internal ? GPIO_PULLUP_ONLY : GPIO_FLOATING;
+  return gpio_set_pull_mode(static_cast<gpio_num_t>(pins.a), mode) == ESP_OK &&
+         gpio_set_pull_mode(static_cast<gpio_num_t>(pins.b), mode) == ESP_OK;
 }
 
 /// The counter returns to 0 at its limits. Watch points there enable their comparators, but no
@@ -54,8 +65,9 @@ bool start_unit(pcnt_unit_handle_t& unit, const EncoderPins& pins, uint32_t glit
   config.low_limit = -kCounterLimit;
   config.high_limit = kCounterLimit;
   return pcnt_new_unit(&config, &unit) == ESP_OK && filter_glitches(unit, glitch_ns) &&
-         add_quadrature(unit, pins) && watch_limits(unit) && pcnt_unit_enable(unit) == ESP_OK &&
-         pcnt_unit_clear_count(unit) == ESP_OK && pcnt_unit_start(unit) == ESP_OK;
+         add_quadrature(unit, pins) && set_pulls(pins) && watch_limits(unit) &&
+         pcnt_unit_enable(unit) == ESP_OK && pcnt_unit_clear_count(unit) == ESP_OK &&
+         pcnt_unit_start(unit) == ESP_OK;
 }
 
 int16_t count_of(pcnt_unit_handle_t unit) {
@@ -67,8 +79,9 @@ int16_t count_of(pcnt_unit_handle_t unit) {
 }  // namespace
 
 bool Encoders::start(const BoardDescription& board, uint32_t glitch_ns) {
-  return start_unit(left_, {board.left_encoder_a, board.left_encoder_b}, glitch_ns) &&
-         start_unit(right_, {board.right_encoder_a, board.right_encoder_b}, glitch_ns);
+  const EncoderPulls pulls = board.encoder_pulls;
+  return start_unit(left_, {board.left_encoder_a, board.left_encoder_b, pulls}, glitch_ns) &&
+         start_unit(right_, {board.right_encoder_a, board.right_encoder_b, pulls}, glitch_ns);
 }
 
 EncoderCounts Encoders::latch() {

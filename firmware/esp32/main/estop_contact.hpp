@@ -3,6 +3,7 @@
 
 #include "board_rules.hpp"
 #include "driver/gpio.h"
+#include "esp_rom_sys.h"
 #include "hal.hpp"
 
 namespace wheelwire {
@@ -25,11 +26,25 @@ class EstopContact final : public EstopInput {
     return gpio_config(&config) == ESP_OK;
   }
 
+  /// By two samples, because one that says so latches. The pull-up is weak, some 45 kOhm: a spike
+  /// from the motors' wires, which run beside the contact's, passes within microseconds. A press
+  /// lasts for milliseconds; if its bounce spoils one sample, the next control step sees it, and a
+  /// wire that broke stays broken. So a stop comes one step later at worst.
   bool is_open() override {
-    return pin_ >= 0 && gpio_get_level(static_cast<gpio_num_t>(pin_)) == level_;
+    if (!says_stop()) return false;
+    esp_rom_delay_us(kApartUs);
+    return says_stop();
   }
 
  private:
+  /// Four time constants of the pull-up with 100 pF of wire. It is spent only while a sample says
+  /// stop.
+  static constexpr uint32_t kApartUs = 20;
+
+  bool says_stop() const {
+    return pin_ >= 0 && gpio_get_level(static_cast<gpio_num_t>(pin_)) == level_;
+  }
+
   int pin_ = -1;
   int level_ = 1;  ///< At which it is an e-stop.
 };

@@ -34,6 +34,7 @@ def answer(world: World, line: str) -> dict[str, object]:
         "driven": world.driven,
         "driven_changed_us": world.driven_changed_us,
         "lines": [gpio.level for gpio in world.chip.lines],
+        "pulls": [gpio.pull for gpio in world.chip.lines],
     }
 
 

@@ -19,6 +19,8 @@ class Line:
     level: float = 0.0
     """Of an output; between 0 and 1 it is software PWM."""
     output: bool = False
+    pull: str = ""
+    """Of an input, as it was last asked for."""
     owner: socket.socket | None = None
 
 
@@ -73,6 +75,8 @@ class Chip:
             connection.sendall(f"{self._claim(gpio, connection, arguments[1])}\n".encode())
         elif gpio.owner is connection and command == "set":
             gpio.level = float(arguments[1])
+        elif gpio.owner is connection and command == "pull":
+            gpio.pull = arguments[1]
         elif gpio.owner is connection and command == "free":
             gpio.owner, gpio.output, gpio.level = None, False, 0.0  # the pull-down's
         self._changed()

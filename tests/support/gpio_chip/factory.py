@@ -8,6 +8,7 @@ import struct
 import threading
 from typing import Any
 
+from gpiozero import PinFixedPull
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
 SOCKET = "WHEELWIRE_TEST_CHIP"
@@ -68,7 +69,10 @@ class ChipPin(MockPWMPin):  # type: ignore[misc]
         self.factory.tell(f"set {self._number} {float(value)}")
 
     def _set_pull(self, value: str) -> None:
+        if self.info.pull not in (value, ""):
+            raise PinFixedPull(f"{self!r} has a physical pull-{self.info.pull} resistor")
         self._pull = value
+        self.factory.tell(f"pull {self._number} {value}")
 
     def _set_when_changed(self, value: Any) -> None:
         if value is not None:

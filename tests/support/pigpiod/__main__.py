@@ -32,6 +32,7 @@ def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
         "ticks": world.true_ticks,
         "driven": world.driven,
         "driven_changed_us": world.driven_changed_us,
+        "pulls": daemon.bank.pulls,
     }
 
 

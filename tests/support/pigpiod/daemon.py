@@ -47,7 +47,7 @@ class Daemon:
         self._handlers: dict[int, Handler] = {
             MODES: lambda gpio, mode, _: bank.set_mode(gpio, mode),
             MODEG: lambda gpio, *_: bank.mode(gpio),
-            PUD: lambda *_: 0,
+            PUD: lambda gpio, pull, _: bank.set_pull(gpio, pull),
             READ: lambda gpio, *_: int(bank.level(gpio)),
             WRITE: lambda gpio, level, _: bank.write(gpio, level),
             PWM: lambda gpio, duty, _: bank.set_dma_duty(gpio, duty),

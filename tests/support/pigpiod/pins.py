@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 INPUT, OUTPUT = 0, 1
+PULLS = ("floating", "down", "up")
 LAST_USER_GPIO = 31
 HARDWARE_PWM = {12: 0, 18: 0, 13: 1, 19: 1}
 PLLD_HZ = 750_000_000
@@ -10,6 +11,7 @@ PLLD_HZ = 750_000_000
 
 BAD_USER_GPIO = -2
 BAD_GPIO = -3
+BAD_PUD = -6
 BAD_DUTYCYCLE = -8
 BAD_DUTYRANGE = -21
 NOT_HPWM_GPIO = -95
@@ -34,6 +36,8 @@ class PinBank:
     def __init__(self, pwm_is_clock: bool) -> None:
         self.levels = 0
         """Levels of all GPIOs, one bit each."""
+        self.pulls = [""] * (LAST_USER_GPIO + 1)
+        """The pull of each GPIO, as it was last asked for."""
         self._pwm_is_clock = pwm_is_clock
         self._modes: dict[int, int] = {}
         self._hardware: dict[int, tuple[int, int]] = {}
@@ -45,6 +49,14 @@ class PinBank:
         if gpio > LAST_USER_GPIO:
             return BAD_GPIO
         self._modes[gpio] = mode
+        return 0
+
+    def set_pull(self, gpio: int, pull: int) -> int:
+        if gpio > LAST_USER_GPIO:
+            return BAD_GPIO
+        if pull >= len(PULLS):
+            return BAD_PUD
+        self.pulls[gpio] = PULLS[pull]
         return 0
 
     def mode(self, gpio: int) -> int:

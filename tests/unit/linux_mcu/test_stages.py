@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
@@ -23,8 +24,10 @@ from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import LinkLost
-from wheelwire.linux_mcu.gpio.base import release_pins
-from wheelwire_protocol.board import Stage
+from wheelwire.linux_mcu.gpio.base import encoder_pins, release_pins
+from wheelwire.linux_mcu.gpio.library import LibraryGpio
+from wheelwire.linux_mcu.gpio.pigpiod import PigpiodGpio
+from wheelwire_protocol.board import EncoderPulls, Stage
 
 PATIENT = {"overrun_limit_us": 1e6, "ttl_max_s": 5}
 CORE_TIMEOUT_MS = 5000
@@ -34,7 +37,7 @@ TRAVEL = 100
 """Ticks, of 360 a turn."""
 
 PI = load_board("pi4b")
-PWM, ENABLE, IN1, IN2, STANDBY = (18, 19), (12, 13), (23, 5), (24, 6), 25
+PWM, ENABLE, IN1, IN2, STANDBY = (18, 19), (12, 13), (23, 20), (24, 21), 25
 
 
 def board(
@@ -151,6 +154,52 @@ def test_each_stage_drives_reverses_and_stops(open_rig: Open, board: BoardDescri
         assert (left, right) == pytest.approx(travel(stand_in), abs=40)
         robot.close()
         assert not is_driven(stand_in)
+
+
+@pytest.mark.parametrize(
+    ("pulls", "encoders"), [(EncoderPulls.INTERNAL, "up"), (EncoderPulls.EXTERNAL, "floating")]
+)
+def test_the_board_says_who_pulls_the_encoders_up(
+    open_rig: Open, pulls: EncoderPulls, encoders: str
+) -> None:
+    board = replace(PI, encoder_pulls=pulls, estop=25)
+    with open_rig(board) as (_, stand_in):
+        shown = stand_in.truth()["pulls"]
+        pins = [pin for wheel in (board.left, board.right) for pin in encoder_pins(wheel)]
+        assert [shown[pin] for pin in pins] == [encoders] * 4
+        assert shown[25] == "up"  # a contact to ground has nothing else
+
+
+def test_a_pin_with_a_resistor_on_the_computer_s_board_takes_no_other_pull(
+    open_library: Open,
+) -> None:
+    left = replace(PI.left, encoder_a=2, encoder_b=3)
+    board = replace(PI, encoder_pulls=EncoderPulls.EXTERNAL, left=left)
+    with open_library(board) as (_, chip):
+        assert [chip.truth()["pulls"][pin] for pin in (2, 3)] == ["up", "up"]
+
+
+@pytest.mark.parametrize(("samples", "is_open"), [([1, 1], True), ([1, 0], False), ([0], False)])
+def test_the_contact_is_open_when_two_samples_say_so(samples: list[int], is_open: bool) -> None:
+    levels = iter(samples)
+
+    class Pin:
+        @property
+        def state(self) -> int:
+            return next(levels)
+
+    class Client:
+        def call(self, *_: object) -> int:
+            return next(levels)
+
+    by_library = LibraryGpio.__new__(LibraryGpio)
+    by_library._estop, by_library._pressed = Pin(), True
+    assert by_library.contact_is_open() is is_open
+    levels = iter(samples)
+    by_daemon = PigpiodGpio.__new__(PigpiodGpio)
+    by_daemon.board = replace(PI, estop=25)
+    by_daemon._client, by_daemon._pressed = cast("Any", Client()), True
+    assert by_daemon.contact_is_open() is is_open
 
 
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)

@@ -147,3 +147,32 @@ TEST(the_bootloader_holds_a_confirmed_board_and_nothing_of_one_on_trial) {
     CHECK(driven() == (state == BoardState::kStored ? release_pins(board) : 0));
   }
 }
+
+TEST(the_board_says_who_pulls_the_encoders_up) {
+  for (const EncoderPulls pulls : {EncoderPulls::kInternal, EncoderPulls::kExternal}) {
+    power_on();
+    BoardDescription board = board_of(Stage::kEnableIn1In2);
+    board.encoder_pulls = pulls;
+    if (pulls == EncoderPulls::kExternal) board.left_encoder_a = 36;  // An input only.
+    WiredRobot robot(board);
+    start(robot, BoardState::kStored, board);
+    for (const BoardPin function : kEncoderPins)
+      CHECK(fake_matrix.pulled_up[board.pin(function)] == (pulls == EncoderPulls::kInternal));
+  }
+}
+
+TEST(a_contact_is_open_when_two_samples_say_so) {
+  BoardDescription board = board_of(Stage::kEnableIn1In2);
+  for (const ContactKind kind : {ContactKind::kNormallyClosed, ContactKind::kNormallyOpen}) {
+    board.estop_contact = kind;
+    EstopContact contact;
+    CHECK(contact.start(board));
+    const int stop = kind == ContactKind::kNormallyClosed ? 1 : 0;
+    fake_samples = {stop};
+    CHECK(contact.is_open());
+    fake_samples = {stop, 1 - stop};
+    CHECK(!contact.is_open());
+    fake_samples = {1 - stop};
+    CHECK(!contact.is_open());
+  }
+}

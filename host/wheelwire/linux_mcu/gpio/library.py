@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from wheelwire_protocol.board import ContactKind
+from wheelwire_protocol.board import ContactKind, EncoderPulls
 
 from ...board import WheelPins
 from ...errors import DriverUnavailable, LinkLost, WheelwireError
@@ -110,9 +110,11 @@ class LibraryGpio(Gpio):
         return WheelPair(*(decoder.illegal for decoder in self._decoders))
 
     def contact_is_open(self) -> bool:
-        """High means open, by the pull-up; true if none is fitted."""
+        """High means open, by the pull-up, in two samples; true if none is fitted."""
         with _link_lost_errors():
-            return self._estop is None or bool(self._estop.state) == self._pressed
+            # One would latch: a spike on the contact's wire is over before the second.
+            estop = self._estop
+            return estop is None or all(bool(estop.state) == self._pressed for _ in range(2))
 
     def close(self) -> None:
         """Let both wheels coast and make all pins inputs."""
@@ -142,7 +144,7 @@ class LibraryGpio(Gpio):
             self._decoder(*encoder_pins(board.left)),
             self._decoder(*encoder_pins(board.right)),
         ]
-        self._estop = None if board.estop is None else self._input(board.estop)
+        self._estop = None if board.estop is None else self._input(board.estop, "up")
         self._pressed = board.estop_contact is ContactKind.NORMALLY_CLOSED
 
     def _open_pwm(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
@@ -170,7 +172,10 @@ class LibraryGpio(Gpio):
         return stage
 
     def _decoder(self, gpio_a: int, gpio_b: int) -> QuadratureDecoder:
-        pin_a, pin_b = self._input(gpio_a), self._input(gpio_b)
+        # Without one an open collector, or a broken wire, would leave the input floating.
+        internal = self.board.encoder_pulls is EncoderPulls.INTERNAL
+        pull = "up" if internal else "floating"
+        pin_a, pin_b = self._input(gpio_a, pull), self._input(gpio_b, pull)
         # The callbacks tell changes, so the levels before them are read here.
         decoder = QuadratureDecoder(int(pin_a.state), int(pin_b.state))
 
@@ -186,11 +191,11 @@ class LibraryGpio(Gpio):
             pin.when_changed = callback
         return decoder
 
-    def _input(self, gpio: int) -> Any:
+    def _input(self, gpio: int, pull: str) -> Any:
         pin = self._factory.pin(gpio)
         self._open_pins.append(pin)
-        # Else an open collector, or a broken wire, would leave the input floating.
-        pin.input_with_pull("up")
+        # GPIO 2 and 3 have resistors on the computer's board: the factories refuse any other pull.
+        pin.input_with_pull(pin.info.pull or pull)
         return pin
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 
-from wheelwire_protocol.board import ContactKind
+from wheelwire_protocol.board import ContactKind, EncoderPulls
 
 from ...errors import DriverUnavailable, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
@@ -133,9 +133,10 @@ class PigpiodGpio(Gpio):
         return WheelPair(*(decoder.illegal for decoder in self._decoders))
 
     def contact_is_open(self) -> bool:
-        """High means open, by the pull-up; true if none is fitted."""
-        estop = self.board.estop
-        return estop is None or bool(self._client.call("read", estop)) == self._pressed
+        """High means open, by the pull-up, in two samples; true if none is fitted."""
+        # One would latch: a spike on the contact's wire is over before the second.
+        estop, read = self.board.estop, self._client.call
+        return estop is None or all(bool(read("read", estop)) == self._pressed for _ in range(2))
 
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
@@ -183,7 +184,7 @@ class PigpiodGpio(Gpio):
             self._decoder(*encoder_pins(board.right), filter_us),
         ]
         if board.estop is not None:
-            self._input(board.estop)
+            self._input(board.estop, client.library.PUD_UP)
 
     def _end_standby(self) -> None:
         """Let the stages follow their inputs; the watchdog script pulls standby low, too."""
@@ -195,8 +196,11 @@ class PigpiodGpio(Gpio):
     def _decoder(self, gpio_a: int, gpio_b: int, filter_us: int) -> QuadratureDecoder:
         """Decode the levels in the daemon's reports: a callback would read a pin too late."""
         client = self._client
+        # Without one an open collector, or a broken wire, would leave the input floating.
+        internal = self.board.encoder_pulls is EncoderPulls.INTERNAL
+        pull = client.library.PUD_UP if internal else client.library.PUD_OFF
         for gpio in (gpio_a, gpio_b):
-            self._input(gpio)
+            self._input(gpio, pull)
             client.call("set_glitch_filter", gpio, filter_us)
         # The callbacks tell changes, so the levels before them are read here.
         decoder = QuadratureDecoder(client.call("read", gpio_a), client.call("read", gpio_b))
@@ -212,10 +216,9 @@ class PigpiodGpio(Gpio):
         client.call("callback", gpio_b, client.library.EITHER_EDGE, on_b)
         return decoder
 
-    def _input(self, gpio: int) -> None:
+    def _input(self, gpio: int, pull: int) -> None:
         self._client.call("set_mode", gpio, self._client.library.INPUT)
-        # Else an open collector, or a broken wire, would leave the input floating.
-        self._client.call("set_pull_up_down", gpio, self._client.library.PUD_UP)
+        self._client.call("set_pull_up_down", gpio, pull)
 
     def _reason(self, error: str) -> str:
         library = self._client.library
