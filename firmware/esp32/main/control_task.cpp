@@ -22,9 +22,9 @@ constexpr BaseType_t kCore = CONFIG_FREERTOS_NUMBER_OF_CORES - 1;
 constexpr UBaseType_t kPriority = configMAX_PRIORITIES - 1;
 constexpr uint32_t kStackBytes = 8192;
 
-/// Without its timer a robot still steps, late, and can report the failure. Longer than any period,
-/// shorter than the task watchdog.
-constexpr TickType_t kStepTimeout = pdMS_TO_TICKS(50);
+/// Without its timer a robot still steps, this long after the last step, and can report the
+/// failure. Longer than any period, shorter than the task watchdog.
+constexpr uint64_t kLateStepUs = 50'000;
 
 StackType_t stack[kStackBytes];
 StaticTask_t task_memory;
@@ -42,12 +42,13 @@ void ControlTask::run(void* self) {
   task.serve();
 }
 
+/// Does as much as it can: a robot that cannot drive still reports why, and keeps its latches.
 bool ControlTask::prepare() {
   // Core 0 has been watched since start-up.
-  if (kCore != 0 && !dead_man_.watch_from_this_core()) return false;
+  const bool has_dead_man = kCore == 0 || dead_man_.watch_from_this_core();
   const TaskHandle_t self = xTaskGetCurrentTaskHandle();
   line_.notify(self, kBytesCame);
-  if (!start_robot()) return false;
+  const bool is_watched = start_robot();
   const esp_timer_create_args_t timer = {
       .callback = on_timer,
       .arg = self,
@@ -55,7 +56,8 @@ bool ControlTask::prepare() {
       .name = "control",
       .skip_unhandled_events = true,
   };
-  return esp_timer_create(&timer, &timer_) == ESP_OK && follow_period();
+  const bool has_timer = esp_timer_create(&timer, &timer_) == ESP_OK && follow_period();
+  return has_dead_man && is_watched && has_timer;
 }
 
 /// Under the task watchdog from here on, so that a start that hangs restarts the chip, too. It
@@ -77,8 +79,9 @@ IRAM_ATTR void ControlTask::on_timer(void* task) {
 void ControlTask::serve() {
   for (;;) {
     uint32_t events = 0;
-    const bool woken = xTaskNotifyWait(0, UINT32_MAX, &events, kStepTimeout) == pdTRUE;
-    if (!woken || events & kStepDue) {
+    xTaskNotifyWait(0, UINT32_MAX, &events, until_late_step());
+    // By the clock, too: bytes that come again and again end every wait before its time-out.
+    if (events & kStepDue || until_late_step() == 0) {
       step();
     } else {
       device_.service_link(now_us());  // A ping is answered now, not at the next step.
@@ -86,8 +89,16 @@ void ControlTask::serve() {
   }
 }
 
+TickType_t ControlTask::until_late_step() const {
+  const uint64_t since_us = now_us() - stepped_us_;
+  if (since_us >= kLateStepUs) return 0;
+  // Rounded up: a wait that ends before its time would be repeated for nothing.
+  return pdMS_TO_TICKS((kLateStepUs - since_us + 999) / 1000);
+}
+
 void ControlTask::step() {
-  device_.step(now_us());
+  stepped_us_ = now_us();
+  device_.step(stepped_us_);
   trial_.step(device_, now_us());
   line_.push();
   dead_man_.feed();

@@ -25,6 +25,7 @@ class ControlTask {
   bool prepare();
   bool start_robot();
   void serve();
+  TickType_t until_late_step() const;
   void step();
   bool follow_period();
   void watch_drive();
@@ -36,6 +37,7 @@ class ControlTask {
   OtaTrial trial_;
   esp_timer_handle_t timer_ = nullptr;
   uint32_t period_us_ = 0;
+  uint64_t stepped_us_ = 0;  ///< When the last step began.
   bool drove_ = false;
 };
 

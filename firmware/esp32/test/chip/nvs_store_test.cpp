@@ -3,14 +3,8 @@
 #include "check.hpp"
 #include "nvs_flash.h"
 #include "protocol.hpp"
-#include "task_watchdog.hpp"
 
 using namespace wheelwire;
-
-namespace wheelwire {
-SlowOperation::SlowOperation() {}
-SlowOperation::~SlowOperation() {}
-}  // namespace wheelwire
 
 namespace {
 

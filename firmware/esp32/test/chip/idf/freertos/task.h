@@ -1,4 +1,28 @@
-// Stand-in for ESP-IDF's header of this name.
+// One task, run by the test that creates it, and woken as that test says.
 #pragma once
 
+#include <functional>
+
+#include "freertos/FreeRTOS.h"
+
 using TaskHandle_t = void*;
+enum eNotifyAction { eSetBits };
+
+/// Waits in the place of a task: takes the longest time in ticks, and returns the bits that came.
+inline std::function<uint32_t(TickType_t)> fake_wait;
+
+inline TaskHandle_t xTaskCreateStaticPinnedToCore(void (*run)(void*), const char*, uint32_t,
+                                                  void* context, UBaseType_t, StackType_t*,
+                                                  StaticTask_t*, BaseType_t core) {
+  fake_core = core;
+  run(context);
+  return nullptr;
+}
+inline TaskHandle_t xTaskGetCurrentTaskHandle() { return nullptr; }
+inline BaseType_t xTaskNotifyFromISR(TaskHandle_t, uint32_t, eNotifyAction, BaseType_t*) {
+  return pdTRUE;
+}
+inline BaseType_t xTaskNotifyWait(uint32_t, uint32_t, uint32_t* bits, TickType_t ticks) {
+  *bits = fake_wait(ticks);
+  return *bits != 0 ? pdTRUE : pdFALSE;
+}

@@ -1,0 +1,98 @@
+// The control task's loop in virtual time, with a timer that fails.
+#include "control_task.hpp"
+
+#include <algorithm>
+
+#include "check.hpp"
+#include "memory_store.hpp"
+#include "pins.hpp"
+#include "stage_boards.hpp"
+#include "watchdogs.hpp"
+#include "wired_robot.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::test;
+
+namespace wheelwire {
+void OtaTrial::start() {}
+void OtaTrial::step(const Device&, uint64_t) {}
+}  // namespace wheelwire
+
+namespace {
+
+constexpr uint32_t kBytesCame = 2;
+constexpr int64_t kTaskWatchdogUs = 100'000;
+
+struct SilentLine final : Line {
+  bool start() override { return true; }
+  void notify(TaskHandle_t, uint32_t) override {}
+  void push() override {}
+  size_t read(uint8_t*, size_t) override { return 0; }
+  bool write(const uint8_t*, size_t) override { return true; }
+  uint32_t bytes_per_second() const override { return 92'160; }
+};
+
+struct NoBattery final : BatterySense {
+  uint16_t millivolts() override { return 0; }
+};
+
+struct End {};
+
+/// Runs the task for a second, in which bytes come every `bytes_every_us`, and no timer ever wakes
+/// it. Returns the longest time without a step.
+int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
+  static SilentLine line;
+  static DeadMan dead_man;
+  static SharedState state;
+  ControlTask task{device, line, dead_man, state};
+  const int64_t start_us = fake_time_us = 500'000;
+  int64_t fed_us = start_us;
+  int64_t longest_us = 0;
+  int feeds = task_watchdog_feeds;
+  fake_wait = [&](TickType_t ticks) -> uint32_t {
+    if (feeds != task_watchdog_feeds) {
+      feeds = task_watchdog_feeds;
+      fed_us = fake_time_us;
+    }
+    const int64_t timeout_us = int64_t{1000} * ticks;
+    fake_time_us += std::min(timeout_us, bytes_every_us);
+    longest_us = std::max(longest_us, fake_time_us - fed_us);
+    if (fake_time_us > start_us + 1'000'000) throw End{};
+    return bytes_every_us <= timeout_us ? kBytesCame : 0;
+  };
+  try {
+    task.start();
+  } catch (const End&) {
+  }
+  return longest_us;
+}
+
+}  // namespace
+
+TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
+  for (const bool can_create : {false, true}) {
+    for (const int64_t bytes_every_us : {300, 10'000, 49'000, 60'000, 10'000'000}) {
+      fake_timer_creation = can_create ? ESP_OK : ESP_FAIL;
+      fake_timer_start = ESP_FAIL;
+      fake_matrix = {};
+      const BoardDescription board = board_of(Stage::kEnableIn1In2);
+      WiredRobot robot(board);
+      CHECK(take_pins(BoardState::kStored, board) && robot.start(Parameters{}));
+      SilentLine line;
+      MemoryStore store;
+      NoBattery battery;
+      Device device({.left_motor = robot.left_motor,
+                     .right_motor = robot.right_motor,
+                     .encoders = robot.encoders,
+                     .line = line,
+                     .store = store,
+                     .estop = robot.estop,
+                     .battery = battery},
+                    Identity{});
+      CHECK(longest_without_a_step_us(device, bytes_every_us) < kTaskWatchdogUs * 6 / 10);
+      CHECK(device.faults() & fault::kDriverFailed);
+      CHECK(device.state() == SupervisorState::kFault);
+    }
+  }
+  fake_timer_creation = fake_timer_start = ESP_OK;
+}
