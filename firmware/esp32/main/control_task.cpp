@@ -101,7 +101,7 @@ void ControlTask::step() {
   device_.step(stepped_us_);
   trial_.step(device_, now_us());
   line_.push();
-  dead_man_.feed();
+  dead_man_.feed(device_.state() == SupervisorState::kDriving);
   watch_drive();
   feed_task_watchdog();
   state_.supervisor.store(device_.state(), std::memory_order_relaxed);

@@ -4,6 +4,7 @@
 #include "esp_attr.h"
 #include "esp_private/gptimer.h"
 #include "freertos/FreeRTOS.h"
+#include "moving_wheels.hpp"
 #include "release_pins.hpp"
 
 // The interrupts must be in RAM: else they wait, or crash, while a flash write has the cache off.
@@ -44,8 +45,10 @@ IRAM_ATTR bool DeadMan::on_timer(gptimer_handle_t timer, const gptimer_alarm_eve
   if (event->count_value > kWatchPeriodUs / 2) gptimer_set_raw_count(timer, 0);
   auto& watcher = *static_cast<Watcher*>(context);
   const DeadMan& dead_man = *watcher.dead_man;
-  if (watcher.watch.check(dead_man.steps_.load(std::memory_order_relaxed),
-                          dead_man.limit_.load(std::memory_order_relaxed))) {
+  const bool stopped = watcher.watch.check(dead_man.steps_.load(std::memory_order_relaxed),
+                                           dead_man.limit_.load(std::memory_order_relaxed));
+  const bool still = !dead_man.drives_.load(std::memory_order_relaxed) && moving_wheels.load() == 0;
+  if (watcher.hold.must_release(stopped, still)) {
     release_motors();
     // Leaves the restart to the slower watchdogs, which write a core dump.
     disarm_drive_watchdog();

@@ -1,6 +1,8 @@
 #include "stage_pins.hpp"
 
+#include "brake_hold.hpp"
 #include "driver/gpio.h"
+#include "moving_wheels.hpp"
 #include "release_pins.hpp"
 
 namespace wheelwire {
@@ -60,6 +62,8 @@ bool PwmTimer::run() {
 
 bool StagePins::start(const PwmTimer& timer, const BoardDescription& board, size_t wheel) {
   const StageTable& stage = *table_of(board.stage);
+  stage_ = &stage;
+  wheel_ = static_cast<uint32_t>(wheel);
   period_ticks_ = timer.period_ticks();
   mcpwm_oper_handle_t channel = nullptr;
   const mcpwm_operator_config_t config = {.group_id = kGroup, .intr_priority = 0, .flags = {}};
@@ -108,11 +112,14 @@ bool StagePins::start_pwm(mcpwm_oper_handle_t channel, Input& input) {
 
 void StagePins::set(const StageOutputs& outputs) {
   if (!started_) return;  // All inputs stay low.
+  const bool still = stands_still(*stage_, outputs);
+  if (!still) note_moving(wheel_);
   if (standby_ >= 0) gpio_set_level(static_cast<gpio_num_t>(standby_), 1);
   for_each_input(outputs_, outputs, [this](StageInput input, uint16_t duty_q15) {
     set_input(inputs_[static_cast<size_t>(input)], duty_q15);
   });
   outputs_ = outputs;
+  if (still) note_still(wheel_);
 }
 
 void StagePins::set_input(const Input& input, uint16_t duty_q15) {

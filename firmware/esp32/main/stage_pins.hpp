@@ -41,6 +41,8 @@ class StagePins final : public StagePort {
   static bool start_pwm(mcpwm_oper_handle_t channel, Input& input);
   void set_input(const Input& input, uint16_t duty_q15);
 
+  const StageTable* stage_ = nullptr;
+  uint32_t wheel_ = 0;
   Input inputs_[kStageInputs];
   int standby_ = -1;
   StageOutputs outputs_;

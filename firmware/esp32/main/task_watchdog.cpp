@@ -1,12 +1,13 @@
 #include "task_watchdog.hpp"
 
+#include "brake_hold.hpp"
 #include "esp_task_wdt.h"
 
 namespace wheelwire {
 namespace {
 
 constexpr uint32_t kLimitMs = 100;
-constexpr uint32_t kSlowLimitMs = 5000;
+constexpr uint32_t kSlowLimitMs = kMaxHoldUs / 1000;
 
 constexpr esp_task_wdt_config_t with_limit(uint32_t limit_ms) {
   return {.timeout_ms = limit_ms, .idle_core_mask = 0, .trigger_panic = true};

@@ -1,0 +1,132 @@
+// What the dead-man's interrupt leaves of the outputs when no control step comes any more.
+#include "dead_man.hpp"
+
+#include "check.hpp"
+#include "freertos/FreeRTOS.h"
+#include "pins.hpp"
+#include "release_pins.hpp"
+#include "stage_boards.hpp"
+#include "wired_robot.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::test;
+
+namespace {
+
+constexpr int kLimit = checks_without_a_step(1000);
+constexpr int kHoldMs = kMaxHoldUs / 1000;
+
+/// A robot under the dead-man of one core, with a check each millisecond.
+struct Watched {
+  explicit Watched(Stage stage) : board(board_of(stage)) {
+    fake_matrix = {};
+    fake_core = 1;
+    CHECK(take_pins(BoardState::kStored, board));
+    CHECK(robot.start(Parameters{}));
+    CHECK(dead_man.watch_from_this_core());
+    dead_man.follow_period(1000);
+    timer = fake_newest_timer;
+  }
+  Watched(const Watched&) = delete;
+
+  /// Control steps that call `act` on both motors, each with its check.
+  template <typename Act>
+  void steps(int count, bool drives, Act act) {
+    for (int i = 0; i < count; ++i) {
+      act(robot.left_motor);
+      act(robot.right_motor);
+      dead_man.feed(drives);
+      timer->ring();
+    }
+  }
+  void brake() {
+    steps(3, false, [](MotorPort& motor) { motor.brake(); });
+  }
+
+  /// The pins of the stages that are high at some time of a PWM period.
+  PinMask high() {
+    PinMask pins = 0;
+    for (int pin = 0; pin < 40; ++pin)
+      if (fake_matrix.can_be_high(pin)) pins |= mask_of(pin);
+    return pins & stage_pins(board);
+  }
+  bool is_released() { return (high() & release_pins(board)) == 0; }
+
+  BoardDescription board;
+  WiredRobot robot{board};
+  DeadMan dead_man;
+  FakeGptimer* timer = nullptr;
+};
+
+template <typename Test>
+void on_every_stage(Test test) {
+  for (size_t i = 0; i < kStages; ++i) {
+    Watched watched(static_cast<Stage>(i));
+    test(watched);
+  }
+}
+
+}  // namespace
+
+TEST(a_brake_outlives_a_flash_operation) {
+  on_every_stage([](Watched& watched) {
+    watched.brake();
+    const PinMask braked = watched.high();
+    watched.timer->ring(kHoldMs);
+    CHECK(watched.high() == braked);
+    // The next step finds it so, and the next operation has its whole time.
+    watched.brake();
+    watched.timer->ring(kHoldMs);
+    CHECK(watched.high() == braked);
+  });
+}
+
+TEST(a_brake_ends_at_the_slow_watchdog_s_limit_and_returns_with_the_next_step) {
+  on_every_stage([](Watched& watched) {
+    watched.brake();
+    const PinMask braked = watched.high();
+    watched.timer->ring(kHoldMs + kLimit);
+    CHECK(watched.is_released());
+    watched.brake();
+    CHECK(watched.high() == braked);
+  });
+}
+
+TEST(a_robot_that_drives_is_released_after_a_few_checks) {
+  on_every_stage([](Watched& watched) {
+    watched.steps(3, true, [](MotorPort& motor) { motor.drive(20'000); });
+    CHECK(!watched.is_released());
+    watched.timer->ring(kLimit - 1);
+    CHECK(!watched.is_released());
+    watched.timer->ring();
+    CHECK(watched.is_released());
+  });
+}
+
+TEST(a_step_that_begins_to_drive_and_hangs_is_released) {
+  // At full duty all levels are static, as with a brake.
+  for (const int16_t duty_q15 : {int16_t{1}, int16_t{20'000}, int16_t{32'767}}) {
+    on_every_stage([duty_q15](Watched& watched) {
+      watched.brake();
+      for (int i = 0; i < 2; ++i) watched.robot.right_motor.drive(duty_q15);
+      watched.timer->ring(kLimit);
+      CHECK(watched.is_released());
+    });
+  }
+}
+
+TEST(a_wheel_that_stands_while_the_robot_drives_is_released) {
+  on_every_stage([](Watched& watched) {
+    watched.steps(3, true, [](MotorPort& motor) { motor.brake(); });
+    watched.timer->ring(kLimit);
+    CHECK(watched.is_released());
+  });
+}
+
+TEST(a_start_that_hangs_before_the_first_step_is_released) {
+  on_every_stage([](Watched& watched) {
+    for (int i = 0; i < 2; ++i) watched.robot.left_motor.drive(20'000);
+    watched.timer->ring(kLimit);
+    CHECK(watched.is_released());
+  });
+}
