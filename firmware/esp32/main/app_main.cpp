@@ -9,6 +9,7 @@
 #include "housekeeping.hpp"
 #include "identity.hpp"
 #include "image_board.hpp"
+#include "latch_memory.hpp"
 #include "line.hpp"
 #include "nvs_store.hpp"
 #include "pins.hpp"
@@ -30,8 +31,11 @@ namespace {
 
 NvsStore parameter_slots[2]{NvsStore{"parameters.0"}, NvsStore{"parameters.1"}};
 NvsStore board_slots[2]{NvsStore{"board.0"}, NvsStore{"board.1"}};
+NvsStore latch_slots[2]{NvsStore{"latch.0"}, NvsStore{"latch.1"}};
 TwinStore store{parameter_slots[0], parameter_slots[1]};
 TwinStore board_store{board_slots[0], board_slots[1]};
+TwinStore latch_store{latch_slots[0], latch_slots[1]};
+RtcLatchMemory latches;
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
 ParameterSpec specs[kParameterCount];
 Battery battery;
@@ -84,6 +88,7 @@ void start() {
   const bool could_float = float_pins();
   for (NvsStore& slot : parameter_slots) slot.start();
   for (NvsStore& slot : board_slots) slot.start();
+  for (NvsStore& slot : latch_slots) slot.start();
   const bool has_pins = choose_board() && could_float;
   Line& line = choose_line();
   const bool has_board = keeper.is_confirmed();
@@ -106,6 +111,8 @@ void start() {
                         .encoders = machine.encoders,
                         .line = line,
                         .store = store,
+                        .latches = latches,
+                        .latch_store = latch_store,
                         .estop = machine.estop,
                         .battery = latest_battery},
                        identity,

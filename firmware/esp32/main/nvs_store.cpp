@@ -47,7 +47,9 @@ size_t NvsStore::load(uint8_t* out, size_t capacity) {
 
 bool NvsStore::save(const uint8_t* data, size_t size) {
   const SlowOperation flash_write;
-  if (!open_ || nvs_set_blob(handle_, key_, data, size) != ESP_OK) return false;
+  // Another block's erasure may have formatted the storage.
+  if (!open_ && !open()) return false;
+  if (nvs_set_blob(handle_, key_, data, size) != ESP_OK) return false;
   return nvs_commit(handle_) == ESP_OK;
 }
 

@@ -1,4 +1,5 @@
-// A block in the chip's non-volatile storage (NVS): a slot of the parameters, or of the board.
+// A block in the chip's non-volatile storage (NVS): a slot of the parameters, of the board or of
+// the latched e-stop.
 #pragma once
 
 #include "hal.hpp"

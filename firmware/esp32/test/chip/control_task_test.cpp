@@ -80,12 +80,16 @@ TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
       CHECK(take_pins(BoardState::kStored, board) && robot.start(Parameters{}));
       SilentLine line;
       MemoryStore store;
+      MemoryLatches latches;
+      MemoryStore latch_store;
       NoBattery battery;
       Device device({.left_motor = robot.left_motor,
                      .right_motor = robot.right_motor,
                      .encoders = robot.encoders,
                      .line = line,
                      .store = store,
+                     .latches = latches,
+                     .latch_store = latch_store,
                      .estop = robot.estop,
                      .battery = battery},
                     Identity{});

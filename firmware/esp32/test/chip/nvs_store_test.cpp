@@ -80,6 +80,17 @@ TEST(one_format_is_enough_for_two_blocks) {
   CHECK(fake_nvs.erasures == 1 && first.faults() == 0 && second.faults() == 0);
 }
 
+TEST(a_block_can_be_saved_after_another_one_s_erasure_has_formatted) {
+  fake_nvs = {.init_result = ESP_ERR_NVS_NEW_VERSION_FOUND, .read_result = ESP_OK, .blob = kSaved};
+  NvsStore parameters{"parameters.0"}, latch{"latch.0"};
+  parameters.start();
+  latch.start();
+  CHECK(!latch.save(kSaved.data(), kSaved.size()));
+  CHECK(parameters.erase());
+  CHECK(latch.save(kSaved.data(), kSaved.size()) && fake_nvs.blob == kSaved);
+  CHECK(fake_nvs.erasures == 1 && latch.faults() == 0);
+}
+
 TEST(a_block_that_is_too_long_is_the_cores_to_judge) {
   fake_nvs = {.init_result = ESP_OK, .read_result = ESP_OK, .blob = std::vector<uint8_t>(9)};
   NvsStore store{"parameters"};
