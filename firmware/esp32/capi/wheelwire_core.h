@@ -86,8 +86,8 @@ WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t par
 
 /* What is latched survives the process: `save` is called with each change, also while driving, and
  * must not block; its result is ignored. `record`: what it was called with last, copied; NULL and
- * size 0 if that is not known to exist. A record that is damaged counts as a latched e-stop. Call it
- * before the start; without it nothing survives. */
+ * size 0 if that is not known to exist. A record that is damaged counts as a latched e-stop. Call
+ * it before the start; without it nothing survives. */
 WHEELWIRE_EXPORT void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record,
                                              size_t size, wheelwire_save save, void* context);
 
