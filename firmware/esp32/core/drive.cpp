@@ -124,14 +124,15 @@ WheelPair Drive::command(const ControlConfig& config) {
                                        left_.saturated() || right_.saturated(), config.path);
   if (behind.left != left_.behind_um()) left_.trim_to(behind.left);
   if (behind.right != right_.behind_um()) right_.trim_to(behind.right);
-  const WheelPair wanted = correct_setpoint(slewed_, behind, config.path);
-  // A limit that was lowered while driving takes effect as fast as the slew limit allows.
+  // A limit that was lowered while driving, or that the wheels exceed already, takes effect as fast
+  // as the slew limit allows.
   const int32_t present = greater(magnitude(slewed_.left), magnitude(slewed_.right));
-  // Slewed once more: a correction may jump, for example when one wheel is released.
+  const WheelPair wanted = scale_to_limit(correct_setpoint(slewed_, behind, config.path),
+                                          greater(config.max_velocity_umps, present));
+  // Slewed once more, and last: a correction may jump, for example when one wheel is released.
   const int32_t slew = config.velocity_slew_umps;
-  return scale_to_limit({step_towards(command_.left, wanted.left, slew),
-                         step_towards(command_.right, wanted.right, slew)},
-                        greater(config.max_velocity_umps, present));
+  return {step_towards(command_.left, wanted.left, slew),
+          step_towards(command_.right, wanted.right, slew)};
 }
 
 void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {

@@ -179,6 +179,7 @@ void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
   }
   trial_.end();
   setpoint_ = {};
+  rolling_.reset();  // A new host has not heard of it.
   apply(cause, now_us);
 }
 

@@ -60,6 +60,19 @@ TEST(a_robot_that_rolls_while_nothing_drives_sends_an_event_with_its_speed) {
   CHECK(events == 1);
 }
 
+TEST(a_robot_that_rolls_is_reported_to_the_next_host_as_well) {
+  RobotBench bench;
+  bench.start();
+  for (int ms = 0; ms < 3000; ++ms) {
+    if (ms == 1000) bench.send(RobotBench::hello(RobotBench::kNonce));
+    bench.turn(1, 1);
+    bench.step();
+  }
+  int events = 0;
+  for (const Event& event : bench.of<Event>()) events += event.code == EventCode::kRolling;
+  CHECK(events == 1);
+}
+
 TEST(a_brake_until_driven_lasts) {
   RobotBench bench;
   bench.open();
