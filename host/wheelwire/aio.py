@@ -20,10 +20,13 @@ from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
+from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETERS, Parameter
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
+    Contradictions,
+    ContradictionsGet,
     ControlCounters,
     ControlCountersGet,
     LinkCounters,
@@ -32,7 +35,13 @@ from wheelwire_protocol.types import (
 
 from .arguments import timeout_s
 from .drivers.base import FIRST_SAMPLE_S
-from .drivers.device_parameters import REVERT, ParameterOperations, Steps, checked_timeout
+from .drivers.device_parameters import (
+    REVERT,
+    ParameterOperations,
+    Steps,
+    checked_timeout,
+    contradiction_error,
+)
 from .drivers.factory import check_options
 from .drivers.linked import LinkedRobot
 from .errors import (
@@ -46,6 +55,7 @@ from .errors import (
 from .link.async_connection import AsyncLink
 from .link.base_link import LinkOptions
 from .link.latest_sample import ITERATOR_WAIT_S, LatestSample
+from .link.requests import Answer, RequestMessage
 from .link.sample_iterator import SampleIterator as _SampleQueue
 from .parameters import TRIAL_TIMEOUT_S, ParameterInfo, ParameterMapping
 from .samples import WheelSample
@@ -392,10 +402,20 @@ async def _run(steps: Steps[Result], link: AsyncLink) -> Result:
         # A request's error ends the operation where it is: its generator has nothing to clean up.
         message = next(steps)
         while True:
-            message = steps.send(await link.request(message))
+            message = steps.send(await _answer(message, link))
     except StopIteration as end:
         # The operation is over, and this is what its generator returned.
         return cast("Result", end.value)
+
+
+async def _answer(message: RequestMessage, link: AsyncLink) -> Answer:
+    try:
+        return await link.request(message)
+    except DeviceRefused as error:
+        if error.code != RefusalCode.CONTRADICTION:
+            raise
+        found = cast("Contradictions", await link.request(ContradictionsGet(0, 0)))
+        raise contradiction_error(message, found) from None
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
@@ -447,6 +467,7 @@ def open_driver(
     stream_rate_hz: int | None = ...,
     board_id: str | None = ...,
     any_board: bool = ...,
+    board: str | Path | BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
 ) -> Opening[Driver]: ...
 @overload

@@ -80,7 +80,8 @@ class RobotConfig:
     """One robot. `parameters` has those in the file, under the firmware's names.
 
     Attributes:
-        board: The name or file of a board, in place of `pins`.
+        board: The name or file of a board: in place of `pins`, or, for a serial robot, the one that
+            its device has to be on.
         store: File for saved parameters; not for a serial robot, whose device saves its own.
         aliases: The aliases that were found, and the names that they stand for.
     """
@@ -114,7 +115,7 @@ class RobotConfig:
             "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
             "l298n": {**asdict(self.gpio), **local},
-            "serial": {**asdict(self.serial), "parameters": self.parameters},
+            "serial": {**asdict(self.serial), "board": self.board, "parameters": self.parameters},
         }.get(self.driver, {})
 
 

@@ -235,9 +235,24 @@ class CommissioningFailed(WheelwireError):  # noqa: N818
 
 
 class BoardNotKept(WheelwireError):  # noqa: N818
-    """A board that was written is not in force: the former one is."""
+    """The new board was not kept; the previous one is active."""
 
     exit_code = 26
+
+
+class BoardMismatch(LinkLost):
+    """The device is on another board than the one that was named; nothing is driven."""
+
+    exit_code = 27
+
+    def __init__(self, expected: str, found: str, *, confirmed: bool = True) -> None:
+        unconfirmed = "" if confirmed else ", which nobody confirmed"
+        super().__init__(
+            f"the device's board is {found}{unconfirmed}, not {expected}: name the board that is "
+            "there, or store the other one with `wheelwire board write`"
+        )
+        self.expected = expected
+        self.found = found
 
 
 class GroupUnavailable(WheelwireError):  # noqa: N818

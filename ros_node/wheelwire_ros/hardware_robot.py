@@ -42,6 +42,8 @@ SETTINGS = (
     Setting("board_id", "", "serial: accept only this board, 12 hex digits; port may then be glob "
             "patterns, separated by commas."),
     Setting("any_board", False, "serial: continue with another board if one appears at the port."),
+    Setting("board", "", "serial: drive only if the device is on this board: a built-in board's "
+            "name, or a file. Empty: whichever was confirmed."),
     Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: find it.",
             NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
@@ -98,6 +100,7 @@ class HardwareRobot(BaseRobotNode):
                 "stream_rate_hz": rate_hz,
                 "board_id": self._board_id(),
                 "any_board": self.setting("any_board"),
+                "board": self.setting("board") or None,
             }
         if self.driver_type == "mock":
             return local

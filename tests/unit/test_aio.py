@@ -315,10 +315,12 @@ def test_a_stop_that_is_cancelled_does_not_stop_what_drives_later(place: Place, 
                     break
                 if place.device.supervisor is SupervisorState.ESTOPPED:
                     await robot.clear_estop()
+                    robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
                 iterations += 1
             assert iterations > 1
             if name == "estop":
                 await robot.clear_estop()
+                robot.set_velocity(0.0, 0.0)
             await drive(place, robot)
             await asyncio.sleep(0.1)
             assert place.state() is SupervisorState.DRIVING

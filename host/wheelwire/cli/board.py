@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -186,7 +187,7 @@ def write(
 ) -> None:
     """Store a board in the device, restart it, and keep the board if the device comes back.
 
-    Until then it is on trial: nothing drives, and the former board returns after 10 s.
+    Until then it is on trial: nothing drives, and the previous board returns after 10 s.
     """
     from wheelwire.board_file import checked_board
 
@@ -203,12 +204,66 @@ def write(
     if as_json:
         print_json({"board": wanted.name, "written": True})
     else:
-        console.print(f"{wanted.name}: written, tried and kept", soft_wrap=True)
+        console.print(f"{wanted.name}: written, tried and confirmed", soft_wrap=True)
+
+
+@app.command("confirm")
+def confirm(
+    robot: RobotArgument = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Do not ask: the robot is on the board that it names.")
+    ] = False,
+    baud: BaudOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Confirm the board that a device believes to be on, and let it drive.
+
+    A device whose firmware was just installed believes in the board that came with it, and drives
+    nothing until somebody has looked.
+    """
+    from wheelwire_protocol.board import BoardState
+
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+        board = _device_board(driver)
+        state, found = board.read()
+        if found is None:
+            raise ConfigurationError(
+                "the device has no board that could be confirmed: write one with "
+                "`wheelwire board write`"
+            )
+        is_new = state is not BoardState.STORED
+        if is_new:
+            _ask_to_confirm(found, yes=yes, as_json=as_json)
+            board.accept(found)
+    if as_json:
+        print_json({"board": found.name, "confirmed": True, "was_confirmed": not is_new})
+    else:
+        done = "confirmed; the robot drives" if is_new else "confirmed already"
+        console.print(f"{found.name}: {done}", soft_wrap=True)
+
+
+def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> None:
+    if yes:
+        return
+    # The question goes to standard error; standard output may be a file or a pipe.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise InvalidArgument(
+            f"the device believes to be on {found.name}; compare it with `wheelwire board read`, "
+            "then confirm with --yes: there is no terminal to ask on"
+        )
+    if not as_json:
+        _show(found, as_json=False)
+    question = f"Is the robot wired like this, to {found.name}? If not, its wheels may run away."
+    if not _confirm(question, default=False):
+        raise ConfigurationError(
+            f"{found.name} was not confirmed, and nothing drives: write the board that is there "
+            "with `wheelwire board write`"
+        )
 
 
 @app.command("read")
 def read(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
-    """Show the board that the device has in force, as a file."""
+    """Show the device's active board, as a file."""
     from wheelwire.board import board_mapping
     from wheelwire.board_file import to_yaml
 

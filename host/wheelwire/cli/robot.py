@@ -11,10 +11,12 @@ import typer
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import DeviceRefused, DriverUnavailable, InvalidCommand
+from wheelwire.link.info import ActiveBoard
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
-from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import Contradiction, Fault, RefusalCode, SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import JsonFlag, console, print_facts, print_json, to_json_value
@@ -41,6 +43,7 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
         sample = driver.read()
         link, statistics = driver.info, driver.statistics
         device_counters = driver.device_counters()
+        warnings = _warnings(driver)
     if as_json:
         print_json(
             {
@@ -50,6 +53,7 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
                 "faults": sample.faults,
                 "host_counters": statistics,
                 "device_counters": device_counters,
+                "warnings": warnings,
             }
         )
         return
@@ -58,7 +62,8 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
     print_facts(
         f"Robot at {link.port}",
         [
-            ("board", f"{device.board.name}, {device.board_id}"),
+            ("chip", f"{device.board.name}, {device.board_id}"),
+            ("board", _board(link.board)),
             ("firmware", f"{device.release} {device.git_hash}".rstrip()),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
@@ -75,6 +80,31 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
             ("clock error", f"at most {statistics.clock_error_us / 1000:.2f} ms"),
         ],
     )
+    for warning in warnings:
+        console.print(f"warning: {warning}", soft_wrap=True)
+
+
+def _board(board: ActiveBoard | None) -> str:
+    if board is None:
+        return "not stored on the device"
+    return f"{board.name}, {board.fingerprint:08x}: {board.state.doc}"
+
+
+def _warnings(driver: DeviceDriver) -> list[str]:
+    """What keeps the robot from driving, or makes it less safe, without being a fault."""
+    found = [flag.doc for flag in Contradiction if flag in driver.contradictions()]
+    board = driver.info.board
+    if board is None:
+        return found
+    if board.state is BoardState.BUILT_IN:
+        found.append(RefusalCode.BOARD_UNCONFIRMED.doc)
+    contact_is_off = not driver.parameters.refresh("estop_input_enabled")
+    if board.has_contact and contact_is_off:
+        found.append(
+            "The e-stop input is switched off although the board has a contact: set "
+            "estop_input_enabled to 1."
+        )
+    return found
 
 
 def _state(state: SupervisorState, address: str) -> str:

@@ -15,11 +15,12 @@ from .questions import KEEP, Person, Question
 
 
 def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
-    """Ask which board the robot has, and store it there, unless the robot has one stored.
+    """Ask which board the robot has, and store it there, unless the robot has one confirmed.
 
     Args:
         robot: A robot without a device that stores boards is left as it is.
-        person: Answers `board` with a built-in board's name or `keep`.
+        person: Answers `board` with a built-in board's name, or with `keep`, which confirms the
+            board that the device believes to be on.
         say: Called with a line on what is done.
 
     Raises:
@@ -35,7 +36,11 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
         say(f"board: {present.name}")
         return
     offered = _boards_for(robot.info.device.board)
-    as_it_is = f"{KEEP}: {present.name}" if present else f"{KEEP}: none, nothing drives"
+    picture = next((name for name, board in offered.items() if board == present), None)
+    as_it_is = f"{KEEP}: none, nothing drives"
+    if present is not None:
+        shown = f", docs/boards/{picture}.svg" if picture else ""
+        as_it_is = f"{KEEP}: it is {present.name}{shown}, as the firmware believes"
     answer = person.answer(
         Question(
             "board",
@@ -44,11 +49,15 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
             KEEP,
         )
     )
-    # A board that is in force already is not worth a restart of the device.
-    if answer == KEEP or offered[answer] == present:
+    chosen = present if answer == KEEP else offered[answer]
+    if chosen is None:
         return
-    robot.board.take_up(offered[answer])
-    say(f"{offered[answer].name}: written, tried and kept")
+    if chosen == present:
+        robot.board.accept(chosen)
+        say(f"{chosen.name}: confirmed")
+    else:
+        robot.board.take_up(chosen)
+        say(f"{chosen.name}: written, tried and confirmed")
 
 
 def _boards_for(chip: Board) -> dict[str, BoardDescription]:

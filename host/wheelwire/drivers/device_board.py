@@ -52,7 +52,7 @@ class DeviceBoard:
         self._link = link
 
     def read(self) -> tuple[BoardState, BoardDescription | None]:
-        """Where the board in force is from, and the board; None if there is none.
+        """Whether the active board was confirmed, and the board; None if there is none.
 
         Raises:
             GroupUnavailable: The device has no messages about boards, or of another release.
@@ -99,24 +99,43 @@ class DeviceBoard:
         check_group(self._link, Group.BOARD)
         self._link.request(BoardConfirm(0, 0, board.fingerprint()))
 
-    def take_up(self, board: BoardDescription) -> None:
-        """Write a board, restart the device, and keep the board if the device comes back with it.
+    def accept(self, board: BoardDescription) -> None:
+        """Confirm the active board, and wait until the device drives on it.
+
+        Args:
+            board: What the device is on, as `read` reported it.
 
         Raises:
-            BoardNotKept: The device is back with the former board.
+            BoardNotKept: The device came back without it.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
+        """
+        state, _ = self.read()
+        before = self._link.sessions
+        self.confirm(board)
+        if state is BoardState.BUILT_IN:
+            self._await_session(before)
+        state, found = self.read()
+        if state is not BoardState.STORED or found is None or found.packed() != board.packed():
+            raise BoardNotKept(f"{board.name} was not confirmed; try again")
+
+    def take_up(self, board: BoardDescription) -> None:
+        """Write a board, restart the device, and confirm the board if the device comes back on it.
+
+        Raises:
+            BoardNotKept: The device is back with the previous board.
             DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
         """
         self.write(board)
         self.restart()
         state, found = self.read()
-        # The packed forms are what was written and kept: there a number may have been rounded.
+        # The packed forms are what was written and saved: there a number may have been rounded.
         same = found is not None and found.packed() == board.packed()
         if state is not BoardState.TRIAL or not same:
             raise BoardNotKept(
-                f"the device came back with another board ({found.name if found else 'none'}): "
-                "the former one is in force; try again"
+                "the new board was not kept; the previous one is active "
+                f"({found.name if found else 'none'}): try again"
             )
-        # The device was reached with it, so its line to the host is right at least.
+        # The device was reached on it, so its line to the host is right at least.
         self.confirm(board)
 
     def restart(self) -> None:
@@ -129,6 +148,10 @@ class DeviceBoard:
         # Before the request: the device may be back before its answer is handed out.
         before = self._link.sessions
         self._link.request(Restart(0, 0))
+        self._await_session(before)
+
+    def _await_session(self, before: int) -> None:
+        """Wait until another session is open than the `before`-th."""
         end = time.monotonic() + RESTART_TIMEOUT_S
         error: WheelwireError | None = None
         while time.monotonic() < end:
@@ -145,7 +168,7 @@ class DeviceBoard:
         raise LinkLost(
             f"the device did not come back within {RESTART_TIMEOUT_S:g} s of its restart"
             + (f" ({error})" if error else "")
-            + "; if it does not in ten more, take its power away for a moment: the former board "
+            + "; if it does not in ten more, take its power away for a moment: the previous board "
             "returns"
         )
 

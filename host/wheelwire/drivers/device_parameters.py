@@ -12,9 +12,11 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Protocol, TypeAlias, TypeVar, cast
 
-from wheelwire_protocol.codes import TrialAction
+from wheelwire_protocol.codes import Contradiction, RefusalCode, TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETERS, Parameter
 from wheelwire_protocol.types import (
+    Contradictions,
+    ContradictionsGet,
     ParameterEntry,
     ParameterGet,
     ParameterList,
@@ -27,7 +29,7 @@ from wheelwire_protocol.types import (
 
 from ..arguments import number
 from ..errors import DeviceRefused, InvalidArgument, WheelwireError
-from ..link.requests import Answer, RequestMessage
+from ..link.requests import Answer, RequestMessage, subject
 from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
     TRIAL_TIMEOUT_S,
@@ -251,10 +253,27 @@ def run(steps: Steps[Result], request: Callable[[RequestMessage], Answer]) -> Re
         # A request's error ends the operation where it is: its generator has nothing to clean up.
         message = next(steps)
         while True:
-            message = steps.send(request(message))
+            message = steps.send(_answer(message, request))
     except StopIteration as end:
         # The operation is over, and this is what its generator returned.
         return cast("Result", end.value)
+
+
+def _answer(message: RequestMessage, request: Callable[[RequestMessage], Answer]) -> Answer:
+    try:
+        return request(message)
+    except DeviceRefused as error:
+        if error.code != RefusalCode.CONTRADICTION:
+            raise
+        found = cast("Contradictions", request(ContradictionsGet(0, 0)))
+        raise contradiction_error(message, found) from None
+
+
+def contradiction_error(message: RequestMessage, found: Contradictions) -> DeviceRefused:
+    """The refusal of a value, or of a trial's values, that names what contradicts what."""
+    flags = Contradiction(found.refused)
+    sentences = [flag.doc for flag in Contradiction if flag in flags]
+    return DeviceRefused(RefusalCode.CONTRADICTION, subject(message), hint=" ".join(sentences))
 
 
 def _info(entry: ParameterEntry) -> ParameterInfo:

@@ -40,6 +40,7 @@ def open_driver(
     stream_rate_hz: int | None = ...,
     board_id: str | None = ...,
     any_board: bool = ...,
+    board: str | Path | BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
 ) -> SerialDriver: ...
 @overload

@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 
 from ..arguments import flag, text, whole
+from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
 from ..link.base_link import LinkOptions
 from ..link.connection import Link
@@ -31,12 +33,17 @@ class SerialDriver(DeviceDriver):
             all free ports that they match are opened to ask who is there.
         any_board: Whether to go on with another board than the first, where the port leads to one
             after a reconnection. Without it that raises `WrongBoard`, until the first is back.
+        board: What the device must be wired to: a built-in board's name, a board's file, or a
+            description. A device that is on another board is not driven: opening it, and every
+            call after it came back so, raises `BoardMismatch`. None: whichever is confirmed.
         parameters: Values that the device is given whenever a session opens, by name; it saves
             none of them.
 
     Raises:
         InvalidArgument: One of these is of a wrong type or size.
         PortUnavailable: The port cannot be opened, or the board is at none.
+        ConfigurationError: `board` is no board.
+        BoardMismatch: The device is on another board.
         WheelwireError: As `TransportDriver`.
     """
 
@@ -49,6 +56,7 @@ class SerialDriver(DeviceDriver):
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
         any_board: bool = False,
+        board: str | Path | BoardDescription | None = None,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
         options = serial_link(
@@ -58,6 +66,7 @@ class SerialDriver(DeviceDriver):
             stream_rate_hz=stream_rate_hz,
             board_id=board_id,
             any_board=any_board,
+            board=board,
             parameters=parameters,
         )
         super().__init__(partial(Link, options))
@@ -71,6 +80,7 @@ def serial_link(
     stream_rate_hz: int | None = None,
     board_id: str | None = None,
     any_board: bool = False,
+    board: str | Path | BoardDescription | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> LinkOptions:
     """The link of a `SerialDriver` with these arguments, checked."""
@@ -81,6 +91,7 @@ def serial_link(
         stream_rate_hz=stream_rate_hz,
         board_id=None if board_id is None else _board_id(board_id),
         any_board=flag("any_board", any_board),
+        board=board,
         parameters=parameters,
     )
 

@@ -7,12 +7,16 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
+from wheelwire_protocol.codes import Contradiction
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
+    Contradictions,
+    ContradictionsGet,
     ControlCounters,
     ControlCountersGet,
     LinkCounters,
@@ -20,9 +24,11 @@ from wheelwire_protocol.types import (
 )
 
 from ..arguments import timeout_s, whole
+from ..board import BoardDescription
 from ..errors import LinkLost, WheelwireError
 from ..link.base_link import LinkOptions
 from ..link.connection import Link
+from ..link.info import ExpectedBoard
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..link.served_port import OpenPort
@@ -71,6 +77,11 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
         return cast("LinkCounters", self._link.request(LinkCountersGet(0, 0)))
+
+    def contradictions(self) -> Contradiction:
+        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
+        answer = cast("Contradictions", self._link.request(ContradictionsGet(0, 0)))
+        return Contradiction(answer.active)
 
     def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""
@@ -183,6 +194,7 @@ def link_options(
     stream_rate_hz: int | None = None,
     board_id: str | None = None,
     any_board: bool = False,
+    board: str | Path | BoardDescription | None = None,
     parameters: Mapping[str, float] | None = None,
 ) -> LinkOptions:
     """The link of a driver with these arguments, checked; see `TransportDriver`."""
@@ -199,5 +211,14 @@ def link_options(
         settings={
             PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
         },
+        expected_board=None if board is None else _expected(board),
         open_port=open_transport,
     )
+
+
+def _expected(board: str | Path | BoardDescription) -> ExpectedBoard:
+    if not isinstance(board, BoardDescription):
+        from ..board_file import load_board  # here: it needs a YAML library
+
+        board = load_board(board)
+    return ExpectedBoard(board.name, board.fingerprint())

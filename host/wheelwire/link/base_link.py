@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..errors import (
+    BoardMismatch,
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
@@ -19,7 +20,7 @@ from ..errors import (
     WheelwireError,
 )
 from .clock import host_clock_us
-from .info import DeviceInfo, LinkStatistics
+from .info import ActiveBoard, DeviceInfo, ExpectedBoard, LinkStatistics
 from .served_port import OpenPort, ServedPort
 from .session import Phase, Session
 
@@ -40,6 +41,8 @@ class LinkInfo:
     low_latency: bool | None
     """See `transports.Transport`."""
     device: DeviceInfo
+    board: ActiveBoard | None
+    """The board that the device is on; None until it has said so, and where it cannot tell."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class LinkOptions:
             glob patterns, separated by commas.
         any_board: Whether to continue with another board than the first, if the port leads to one.
         settings: Parameter id -> the value that the device is given whenever a session opens.
+        expected_board: The board that the device has to be on.
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost, in a thread of its own. It may raise any WheelwireError.
             It decides which board is the right one: any is.
@@ -71,6 +75,7 @@ class LinkOptions:
     board_id: str | None = None
     any_board: bool = False
     settings: Mapping[int, float] | None = None
+    expected_board: ExpectedBoard | None = None
     open_port: OpenPort | None = None
 
     def session(self) -> Session:
@@ -81,6 +86,7 @@ class LinkOptions:
             self.watched,
             any_board=self.any_board or self.open_port is not None,
             settings=self.settings,
+            expected_board=self.expected_board,
         )
 
     @property
@@ -115,7 +121,8 @@ class BaseLink(ABC):
         if device is None:
             raise self._session.error
         # Not the port's own rate: during a search that is one of those that are tried.
-        return LinkInfo(served.port, served.policy.search.rate, served.low_latency, device)
+        rate, board = served.policy.search.rate, self._session.board
+        return LinkInfo(served.port, rate, served.low_latency, device, board)
 
     @property
     def statistics(self) -> LinkStatistics:
@@ -182,7 +189,7 @@ class BaseLink(ABC):
         """A session is open, or waiting for one is in vain."""
         session = self._session
         # Neither passes by itself while a link is being opened; all else may.
-        final = isinstance(session.error, (ProtocolMismatch, DeviceRefused))
+        final = isinstance(session.error, (ProtocolMismatch, DeviceRefused, BoardMismatch))
         return session.phase is Phase.OPEN or final or self._served.end is not None
 
     def _port_takes_too_long(self) -> PortUnavailable:

@@ -6,10 +6,12 @@ import math
 from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Board, Capability, RefusalCode, ResetReason
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.types import DeviceHello
+from wheelwire_protocol.types import BoardValue, DeviceHello
 
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 
@@ -57,6 +59,46 @@ class DeviceInfo:
             reset_reason=ResetReason(hello.reset_reason),
             capabilities=Capability(hello.capabilities),
         )
+
+
+@dataclass(frozen=True)
+class ActiveBoard:
+    """The board that a device is on.
+
+    Attributes:
+        name: As in its file.
+        state: Whether it was confirmed, or is on trial.
+        fingerprint: The checksum that names it.
+        has_contact: Whether it has an e-stop contact.
+    """
+
+    name: str
+    state: BoardState
+    fingerprint: int
+    has_contact: bool
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the device drives on it."""
+        return self.state is BoardState.STORED
+
+    @classmethod
+    def from_value(cls, value: BoardValue) -> ActiveBoard:
+        """Read a device's answer.
+
+        Raises:
+            ValueError: It has a state that means nothing.
+        """
+        name = bytes(value.name).rstrip(b"\0").decode("ascii", "replace")
+        state = BoardState(value.state)
+        return cls(name, state, value.crc, value.estop >= 0)
+
+
+class ExpectedBoard(NamedTuple):
+    """The board that a device has to be on."""
+
+    name: str
+    fingerprint: int
 
 
 class BootHistory:

@@ -2,8 +2,9 @@
 
     CLOSED -> HELLO -> PREPARING -> OPEN      and from any of them back to HELLO or CLOSED
 
-Hello is repeated until the device answers. Then the clock is synchronised, the stream rate set and
-the watched parameters fetched; after that the session is open. It ends when the port closes, when
+Hello is repeated until the device answers. Then the clock is synchronised, the stream rate set, the
+watched parameters fetched, and the device's board compared with the expected one, if there is one;
+after that the session is open. It ends when the port closes, when
 the device falls silent or is reset, and when the device no longer knows the session.
 
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
@@ -15,13 +16,18 @@ uses of the session is one object, which is replaced as a whole.
 from __future__ import annotations
 
 import enum
+import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import count
 
+from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import (
+    Capability,
     EventCode,
     Fault,
+    Group,
     RefusalCode,
     StopMode,
     SupervisorState,
@@ -33,13 +39,16 @@ from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    BoardGet,
     BoardValue,
     ClearEstop,
     ClearFault,
+    Contradictions,
     ControlCounters,
     DeviceHello,
     Estop,
     Event,
+    GroupGet,
     GroupInfo,
     Hello,
     LinkCounters,
@@ -58,13 +67,22 @@ from wheelwire_protocol.types import (
 )
 
 from ..errors import (
+    BoardMismatch,
     DeviceRefused,
     LinkLost,
     WheelwireError,
     WrongBoard,
 )
 from .clock import Synchroniser
-from .info import BootHistory, DeviceInfo, LinkStatistics, RoundTrips, device_of_session
+from .info import (
+    ActiveBoard,
+    BootHistory,
+    DeviceInfo,
+    ExpectedBoard,
+    LinkStatistics,
+    RoundTrips,
+    device_of_session,
+)
 from .liveness import Liveness
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .setpoints import SETPOINT_IDS, OpenSession, SetpointSender
@@ -78,6 +96,7 @@ RETRY_US = 1_000_000
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 """What an application means for the values that are on trial."""
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
+_LOG = logging.getLogger("wheelwire")
 
 
 class Phase(enum.Enum):
@@ -101,8 +120,10 @@ class Session:
         watched: Ids of parameters whose values are read whenever a session opens.
         any_board: Whether to continue with another board than that of the first session.
         settings: Parameter id -> the value that the device is given whenever a session opens.
+        expected_board: The board that the device has to be on; on another one no session opens.
 
     Attributes:
+        board: What is known in this session of the device's board; None where it cannot tell.
         phase: Phase of the session.
         error: Why the session is not open; meaningless while it is.
         device: The device of the newest session.
@@ -128,8 +149,10 @@ class Session:
         *,
         any_board: bool = False,
         settings: Mapping[int, float] | None = None,
+        expected_board: ExpectedBoard | None = None,
     ) -> None:
         self.phase = Phase.CLOSED
+        self.board: ActiveBoard | None = None
         self.error: WheelwireError = LinkLost("the port was not opened yet")
         self.device: DeviceInfo | None = None
         self.count = 0
@@ -146,6 +169,9 @@ class Session:
         self._watched = tuple(watched)
         self._settings = dict(settings or {})
         self._any_board = any_board
+        self._expected_board = expected_board
+        self._board_is_known = False
+        """The device said what board it is on, or that it cannot tell."""
 
         self._encoder = Encoder()
         self._decoder = Decoder()
@@ -187,6 +213,7 @@ class Session:
             ParameterEntry: self._on_answer,
             LinkCounters: self._on_answer,
             ControlCounters: self._on_answer,
+            Contradictions: self._on_answer,
             GroupInfo: self._on_answer,
             BoardValue: self._on_answer,
         }
@@ -482,6 +509,42 @@ class Session:
         if self._stream_rate_hz is not None:
             needed.append(SetStreamRate(self._id, 0, self._stream_rate_hz))
         self._requests.submit_all(needed, self._on_prepared, now_us)
+        self._ask_for_board(device, now_us)
+
+    def _ask_for_board(self, device: DeviceInfo, now_us: int) -> None:
+        """Ask for the device's board, of which no answer is needed unless one is expected."""
+        self.board = None
+        # Only a device that restarts when asked can have another board.
+        self._board_is_known = Capability.RESTART not in device.capabilities
+        if self._board_is_known:
+            return
+
+        def take_group(answer: Answer | WheelwireError) -> None:
+            # A device of another release may mean something else by the messages about boards.
+            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.BOARD):
+                self._requests.submit(BoardGet(self._id, 0), take_board, now_us)
+            else:
+                self._board_is_known = True
+
+        def take_board(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, BoardValue):
+                with suppress(ValueError):
+                    self.board = ActiveBoard.from_value(answer)
+            self._board_is_known = True
+
+        self._requests.submit(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
+
+    def _board_mismatch(self) -> BoardMismatch | None:
+        expected, found = self._expected_board, self.board
+        if expected is None:
+            return None
+        if found is None:
+            return BoardMismatch(expected.name, "unknown: the device cannot tell")
+        if found.state is BoardState.NONE:
+            return BoardMismatch(expected.name, "none")
+        if found.fingerprint != expected.fingerprint:
+            return BoardMismatch(expected.name, found.name, confirmed=found.is_confirmed)
+        return None
 
     def _on_prepared(self, failure: WheelwireError | None) -> None:
         self._prepared = True
@@ -497,6 +560,13 @@ class Session:
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif self._synchroniser.ready:
+            if self._expected_board is not None and not self._board_is_known:
+                return
+            mismatch = self._board_mismatch()
+            if mismatch is not None:
+                # Hellos go on: the board may be written while the program waits.
+                self._begin_hello(mismatch, now_us, RETRY_US)
+                return
             # The phase last: whoever sees it may send a setpoint at once.
             self._collect_watched()
             self.setpoints.opened = OpenSession(
@@ -567,6 +637,12 @@ class Session:
         if event.code == EventCode.TRIAL_EXPIRED:
             self._begin_after_trial(now_us)
             return
+        if event.code == EventCode.ROLLING:
+            _LOG.warning(
+                "the robot rolls at %.2f m/s although nothing drives it: on a slope, set stop_mode "
+                "to 3 (brake until driven) and block the wheels",
+                event.speed_mps,
+            )
         # All other events tell the state in `after`, also those about the parameter store.
         try:
             self.setpoints.supervisor = SupervisorState(event.after)

@@ -22,6 +22,7 @@ from .heartbeat import Heartbeat, Phase
 from .settings import McuSettings
 
 GUARD_START_S = 10.0
+_PARENT_ENDED = "wheelwire: the application ended before its pins were opened"
 FAILED = 1
 
 
@@ -71,7 +72,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     from wheelwire_protocol.native import NativeMissingError
 
     from . import realtime
-    from .core import McuLoop, make_core, parameters_in_force
+    from .core import McuLoop, active_parameters, make_core
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
 
@@ -81,7 +82,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
         realtime.CORE_PRIORITY
     )  # before the pin library starts threads, which inherit it
     try:
-        gpio = open_gpio(settings, parameters_in_force(settings))
+        gpio = open_gpio(settings, active_parameters(settings))
     except (WheelwireError, NativeMissingError, OSError) as error:
         return _fail(settings, error)
     started = False
@@ -119,9 +120,12 @@ def _pidfd_of_parent(pid: int | None) -> int | None:
     """Becomes readable when the application ends, even if a fork of it holds the socket open."""
     if pid is None:
         return None
-    parent = os.pidfd_open(pid)
+    try:
+        parent = os.pidfd_open(pid)
+    except ProcessLookupError:
+        sys.exit(_PARENT_ENDED)
     if os.getppid() != pid:  # it ended before the pidfd was opened, which may be another's now
-        sys.exit("the application has ended already")
+        sys.exit(_PARENT_ENDED)
     return parent
 
 

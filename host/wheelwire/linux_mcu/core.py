@@ -17,6 +17,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..errors import ConfigurationError
 from .gpio.base import Gpio
 from .heartbeat import Heartbeat
+from .latches import latch_file
 from .line import Line
 from .settings import McuSettings
 from .whole_file import write_whole
@@ -42,6 +43,8 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
         reset_reason=ResetReason.POWER_ON,
     )
     core = Core(identity, store.load(), store.save)
+    latches = latch_file(settings)
+    core.keep_latches(latches.load(), latches.save)
     problems = settings.board.problems()
     if problems:
         raise ConfigurationError("; ".join(problems))
@@ -56,7 +59,7 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
     return core
 
 
-def parameters_in_force(settings: McuSettings) -> dict[str, float]:
+def active_parameters(settings: McuSettings) -> dict[str, float]:
     """All parameters by name, as they are after the start."""
     # A second core, only to look at: the pins have to be opened before the real one may start.
     core = make_core(settings)

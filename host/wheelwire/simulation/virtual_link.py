@@ -81,7 +81,7 @@ class VirtualLink:
         device = self._session.device
         if device is None:
             raise self._session.error
-        return LinkInfo("mock", None, None, device)
+        return LinkInfo("mock", None, None, device, self._session.board)
 
     @property
     def statistics(self) -> LinkStatistics:

@@ -183,6 +183,8 @@ class Teleop:
         else:
             self._say("nothing is latched")
             return
+        # A clear alone restarts nothing. All keys were let go above: a motion needs a new press.
+        self._robot.set_velocity(0.0, 0.0, TTL_S)
         self._say(f"{state.name} cleared")
 
 

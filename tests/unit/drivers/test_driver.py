@@ -24,7 +24,7 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
 from wheelwire.testing.refusing import commands_with
-from wheelwire_protocol.codes import SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ParameterGet,
@@ -207,7 +207,20 @@ def test_estop_latches_until_cleared(robot: PtyDevice, driver: SerialDriver) -> 
         driver.set_velocity(0.1, 0.0)
     driver.clear_estop()
     driver.set_velocity(0.1, 0.0)
-    wait_until(lambda: bool(robot.device.obeyed))
+    wait_until(lambda: raises_unarmed(driver))  # a clear alone restarts nothing
+    assert not robot.device.obeyed
+    driver.set_velocity(0.0, 0.0)
+    driver.set_velocity(0.1, 0.0)
+    wait_until(lambda: len(robot.device.obeyed) == 2)
+
+
+def raises_unarmed(driver: SerialDriver) -> bool:
+    """Whether a setpoint raises that the robot waits for a zero setpoint."""
+    try:
+        driver.set_velocity(0.1, 0.0)
+    except errors.DeviceRefused as refused:
+        return refused.code == RefusalCode.UNARMED
+    return False
 
 
 def test_a_fault_is_told_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:

@@ -244,7 +244,7 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -
     assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN
 
 
-def test_after_a_clear_the_next_setpoint_goes_at_once() -> None:
+def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives() -> None:
     line = VirtualLine().open()
     line.session.estop(lambda _: None, line.now_us)
     line.run(0.05)
@@ -253,4 +253,11 @@ def test_after_a_clear_the_next_setpoint_goes_at_once() -> None:
     assert isinstance(line.request(ClearEstop(0, 0)), Ack)
     line.drive()
     line.run(0.05)
-    assert len(line.device.obeyed) == 1
+    assert not line.device.obeyed
+    with pytest.raises(DeviceRefused) as refused:
+        line.drive()
+    assert refused.value.code == RefusalCode.UNARMED
+    line.drive(0.0, 0.0)
+    line.drive()
+    line.run(0.05)
+    assert len(line.device.obeyed) == 2

@@ -7,14 +7,14 @@ import pytest
 
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused
-from wheelwire.linux_mcu.core import make_core, parameters_in_force
+from wheelwire.linux_mcu.core import active_parameters, make_core
 from wheelwire.linux_mcu.settings import McuSettings
 from wheelwire.linux_mcu.store import converted_store
 
 
 def in_force(store: Path, **parameters: float) -> dict[str, float]:
     settings = McuSettings(backend="l298n", parameters=parameters, store=str(store))
-    return parameters_in_force(settings)
+    return active_parameters(settings)
 
 
 def test_what_was_saved_is_there_again(tmp_path: Path) -> None:
