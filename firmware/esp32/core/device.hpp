@@ -40,6 +40,8 @@ class Device {
   uint32_t control_period_us() const { return robot_.control_period_us(); }
   bool on_trial() const { return robot_.on_trial(); }
   float parameter(ParameterId id) const { return robot_.parameters().get(id); }
+  /// What the wheels are driven at in this step, um/s; 0 unless they follow a velocity.
+  WheelPair commanded() const { return robot_.commanded(); }
   SupervisorState state() const { return robot_.state(); }
   uint32_t faults() const { return robot_.faults(); }
   bool has_session() const { return server_.has_session(); }

@@ -36,6 +36,10 @@ class Drive {
   /// Call when the parameters have changed.
   void note_parameters(const ControlConfig& config);
 
+  /// What the wheels are driven at in this step, um/s; 0 unless they follow a velocity.
+  WheelPair commanded() const {
+    return following_ && mode_ == ControlMode::kVelocity ? command_ : WheelPair{};
+  }
   const Wheel& left() const { return left_; }
   const Wheel& right() const { return right_; }
   /// Of the faster wheel, at least 0.

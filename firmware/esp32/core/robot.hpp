@@ -110,6 +110,7 @@ class Robot {
   /// Why they could not be read, as flags of `fault`.
   uint32_t store_faults() const { return store_faults_; }
 
+  WheelPair commanded() const { return drive_.commanded(); }
   const Wheel& left() const { return drive_.left(); }
   const Wheel& right() const { return drive_.right(); }
   /// By the wheels, as latched by the last step.

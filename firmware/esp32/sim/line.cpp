@@ -19,11 +19,19 @@ size_t take(std::deque<uint8_t>& queue, uint8_t* out, size_t capacity) {
 
 }  // namespace
 
-size_t Line::read(uint8_t* out, size_t capacity) { return take(receive_, out, capacity); }
+size_t Line::read(uint8_t* out, size_t capacity) {
+  if (tap_ == nullptr) return take(receive_, out, capacity);
+  const auto zero = std::find(receive_.begin(), receive_.end(), uint8_t{0});
+  const auto chunk = static_cast<size_t>(zero - receive_.begin()) + 1;
+  const size_t size = take(receive_, out, std::min(chunk, capacity));
+  tap_->on_read(out, size);
+  return size;
+}
 
 bool Line::write(const uint8_t* data, size_t size) {
   if (size > kSendCapacity - send_.size()) return false;
   send_.insert(send_.end(), data, data + size);
+  if (tap_ != nullptr) tap_->on_write(data, size);
   return true;
 }
 

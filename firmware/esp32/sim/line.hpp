@@ -9,6 +9,17 @@
 
 namespace wheelwire::sim {
 
+/// Sees what the firmware reads and writes, at that moment.
+class LineTap {
+ public:
+  /// `size` 0: it has handled all that there was.
+  virtual void on_read(const uint8_t* data, size_t size) = 0;
+  virtual void on_write(const uint8_t* data, size_t size) = 0;
+
+ protected:
+  ~LineTap() = default;
+};
+
 class Line final : public ByteStream {
  public:
   /// As on the chip (main/uart_line.cpp). Bytes that arrive while it is full are lost.
@@ -27,6 +38,10 @@ class Line final : public ByteStream {
   /// 0: no limit, as on native USB.
   void set_baud(uint32_t baud) { baud_ = baud; }
 
+  /// From now on the firmware reads no further than the next zero in one call, so that the tap sees
+  /// each frame just before the firmware handles it.
+  void set_tap(LineTap* tap) { tap_ = tap; }
+
   /// Bytes from the host onto the wire.
   void host_write(const uint8_t* data, size_t size);
   size_t host_read(uint8_t* out, size_t capacity);
@@ -42,6 +57,9 @@ class Line final : public ByteStream {
   /// Bytes that the chip sends without the firmware, at its boot ROM's baud rate.
   void emit_from_rom(const Bytes& text);
 
+  /// Whether the firmware can send this many bytes now.
+  bool has_room(size_t size) const { return size <= kSendCapacity - send_.size(); }
+
   uint64_t lost_to_device() const { return lost_to_device_; }
   uint64_t lost_to_host() const { return lost_to_host_; }
 
@@ -50,6 +68,7 @@ class Line final : public ByteStream {
   double seconds_for(size_t queued, double credit) const;
   void deliver_to_host(uint8_t byte);
 
+  LineTap* tap_ = nullptr;
   uint32_t baud_ = 0;
   std::deque<uint8_t> wire_to_device_;
   std::deque<uint8_t> receive_;

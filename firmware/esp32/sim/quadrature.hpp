@@ -32,6 +32,9 @@ class Quadrature {
   /// True position [tick], forward positive.
   int64_t ticks() const { return static_cast<int64_t>(std::floor(position_)); }
 
+  /// What the levels show of it: a counter that is sound counts this, whatever edges are lost.
+  int64_t shown_ticks() const { return shown_; }
+
   /// Turns the wheel; `sink(a, b)` is called at each change of a level.
   template <typename Sink>
   void turn(double angle_rad, int counts_per_revolution, Sink&& sink) {

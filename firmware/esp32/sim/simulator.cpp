@@ -103,6 +103,7 @@ void Simulator::boot() {
 }
 
 void Simulator::control_step() {
+  ++control_steps_;
   device_->step(board.device_us());
   next_step_us_ += device_->control_period_us();
   observe();

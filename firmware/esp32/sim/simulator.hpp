@@ -49,8 +49,19 @@ class Simulator {
   /// Takes effect at the next reset. Before, the id is drawn from the seed.
   void set_board_id(uint64_t board_id) { identity_.board_id = board_id; }
 
+  /// Active value; the parameter must exist. 0 while the chip boots.
+  float parameter(ParameterId id) const { return device_ ? device_->parameter(id) : 0.0f; }
+  /// The velocity that the wheel is driven at now, by its slew limit; 0 if it follows none.
+  int32_t commanded_umps(Side side) const {
+    if (!device_) return 0;
+    return side == kLeft ? device_->commanded().left : device_->commanded().right;
+  }
+  /// Since the simulator was created.
+  uint64_t control_steps() const { return control_steps_; }
+
   BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
 
+  ResetReason reset_reason() const { return identity_.reset_reason; }
   uint32_t boot_id() const { return identity_.boot_id; }
   SupervisorState state() const { return device_ ? device_->state() : SupervisorState::kBoot; }
   uint32_t faults() const { return device_ ? device_->faults() : 0; }
@@ -79,6 +90,7 @@ class Simulator {
   std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
   std::optional<Device> device_;
   uint64_t next_step_us_ = 0;
+  uint64_t control_steps_ = 0;
   bool driver_failed_ = false;
   Record record_;
 };

@@ -51,14 +51,14 @@ size_t Store::load(uint8_t* out, size_t capacity) {
 }
 
 bool Store::save(const uint8_t* data, size_t size) {
-  if (failing) return false;
+  if (refuses()) return false;
   if (path_) return replace_file(*path_, data, size);
   block_.assign(data, data + size);
   return true;
 }
 
 bool Store::erase() {
-  if (failing) return false;
+  if (refuses()) return false;
   unreadable = 0;
   block_.clear();
   return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;

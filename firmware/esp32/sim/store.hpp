@@ -10,9 +10,22 @@
 
 namespace wheelwire::sim {
 
+class Store;
+
+/// Asked before each save and erase.
+class StoreWatch {
+ public:
+  /// False: it fails and changes nothing, as where the power has gone before it.
+  virtual bool allow_write(const Store& store) = 0;
+
+ protected:
+  ~StoreWatch() = default;
+};
+
 class Store final : public ParameterStore {
  public:
-  bool failing = false;     ///< Saving and erasing fail, and change nothing.
+  bool failing = false;  ///< Saving and erasing fail, and change nothing.
+  StoreWatch* watch = nullptr;
   uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; erasing clears it.
 
   /// From now on the block is kept in this file.
@@ -24,6 +37,8 @@ class Store final : public ParameterStore {
   uint32_t faults() override { return unreadable; }
 
  private:
+  bool refuses() { return failing || (watch != nullptr && !watch->allow_write(*this)); }
+
   std::optional<std::string> path_;
   Bytes block_;  ///< Used when there is no file.
 };
