@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz corruption bench reliability mutants dying soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -116,6 +116,12 @@ SECONDS ?= 60
 fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
 	@$(BIN)/python tools/install-extra fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
+
+explorer: $(VENV)/installed
+	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-explore)
+
+explore: explorer  ## Drive the whole robot from one seed, against the rules of docs/safety.md: make explore [SECONDS=60] [SEED=N]
+	@$(BIN)/python tests/explore/run.py $(SECONDS) $(SEED)
 
 corruption: cpp-tests  ## Corrupt frames in every way and count the wrong ones accepted; about two minutes
 	@$(HOST_BUILD)/wheelwire-corruption --random 100000000

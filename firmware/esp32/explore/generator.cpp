@@ -1,0 +1,546 @@
+#include "generator.hpp"
+
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+
+#include "boards.hpp"
+#include "protocol.hpp"
+#include "random.hpp"
+
+namespace wheelwire::explore {
+
+namespace {
+
+/// What a scenario is mostly about. All of them meet hosts, stops, resets and a bad line.
+enum class Subject { kSound, kDefects, kParameters, kBoards, kFlash, kAnything, kCount };
+
+class Generator {
+ public:
+  explicit Generator(uint64_t seed) : random_(seed) { scenario_.seed = seed; }
+
+  Scenario scenario() {
+    subject_ = static_cast<Subject>(below(static_cast<size_t>(Subject::kCount)));
+    set_up();
+    const size_t phases = 6 + below(18);
+    for (size_t i = 0; i < phases; ++i) phase();
+    add(Kind::kRun, {2e6});
+    return scenario_;
+  }
+
+ private:
+  // --- chance ------------------------------------------------------------------------------------
+
+  size_t below(size_t count) { return static_cast<size_t>(random_.next() % count); }
+  bool chance(int percent) { return below(100) < static_cast<size_t>(percent); }
+  double unit() { return (sim::symmetric(random_.next()) + 1.0) / 2.0; }
+  double between(double low, double high) { return low + (high - low) * unit(); }
+  /// Each decade is as likely as the others.
+  double spread(double low, double high) { return low * std::pow(high / low, unit()); }
+  double one_of(std::initializer_list<double> values) {
+    return values.begin()[below(values.size())];
+  }
+  double side() { return static_cast<double>(below(2)); }
+  bool is_about(Subject subject) const {
+    return subject_ == subject || subject_ == Subject::kAnything;
+  }
+
+  void add(Kind kind, std::initializer_list<double> values = {}) {
+    Operation operation{.kind = kind};
+    size_t i = 0;
+    for (const double value : values) operation.values[i++] = value;
+    scenario_.operations.push_back(operation);
+  }
+  void wait() {
+    if (chance(60)) {
+      add(Kind::kRun, {std::floor(spread(200, 20e3))});
+    } else {
+      add(Kind::kRun, {std::floor(spread(20e3, 3e6))});
+    }
+  }
+  void moment() {
+    if (chance(20)) return add(Kind::kService);
+    if (chance(70)) add(Kind::kRun, {std::floor(spread(100, 5e3))});
+  }
+
+  // --- the robot ---------------------------------------------------------------------------------
+
+  void set_up() {
+    if (is_about(Subject::kBoards) && chance(70)) {
+      add(Kind::kWire, {chance(30) ? -1.0 : static_cast<double>(below(shipped_boards().size())),
+                        chance(60) ? 1.0 : 0.0, side()});
+    }
+    if (chance(20)) add(Kind::kBootTime, {std::floor(spread(100, 500e3))});
+    if (chance(15)) add(Kind::kBaud, {one_of({115'200, 230'400, 921'600, 2e6})});
+    if (chance(15)) add(Kind::kClock, {between(-200, 200)});
+    if (is_about(Subject::kDefects) && chance(60)) {
+      const double volts = between(4.8, 12.6);
+      add(Kind::kSupply, {volts, chance(20) ? between(0, 2) : 0.0, chance(15) ? 4.5 : 0.0});
+      add(Kind::kBattery, {chance(30) ? 0.0 : volts});
+    }
+    if (subject_ == Subject::kAnything && chance(30))
+      add(Kind::kCounts, {std::floor(spread(20, 100e3))});
+    add(Kind::kRun, {60e3});
+    if (chance(90)) add(Kind::kOpen, {0});
+  }
+
+  void defect() {
+    switch (below(8)) {
+      case 0:
+        return add(Kind::kEncoder, {side(), 1});
+      case 1:
+        return add(Kind::kEncoder, {side(), 0, 1});
+      case 2:
+        return add(Kind::kEncoder, {side(), 0, 0, 1.0 + side()});
+      case 3:
+        return add(Kind::kLostEdges, {side(), between(0, 0.9), between(0, 0.4)});
+      case 4:
+        return add(Kind::kMotor, {side(), 1});
+      case 5:
+        return add(Kind::kMotor, {side(), 0, 1});
+      case 6:
+        return add(Kind::kBlocked, {side(), 1});
+      default:
+        return add(Kind::kSwaps, {side(), side()});
+    }
+  }
+
+  void repair() {
+    for (const double wheel : {0.0, 1.0}) {
+      add(Kind::kEncoder, {wheel});
+      add(Kind::kMotor, {wheel});
+      add(Kind::kBlocked, {wheel});
+      add(Kind::kLostEdges, {wheel});
+    }
+  }
+
+  // --- driving -----------------------------------------------------------------------------------
+
+  double host() { return chance(85) ? 0.0 : 1.0; }
+
+  double speed() {
+    if (chance(3))
+      return one_of({std::numeric_limits<double>::quiet_NaN(),
+                     std::numeric_limits<double>::infinity(), 3e38, -3e38, 1e-7});
+    const double magnitude = chance(20) ? one_of({0.02, 0.1, 0.4, 1.0, 10.0}) : spread(0.02, 0.6);
+    return chance(30) ? -magnitude : magnitude;
+  }
+
+  /// Drives for a while; mostly both wheels alike.
+  void drive(double for_us) {
+    const bool duty = chance(20);
+    const double left = duty ? between(-1, 1) : speed();
+    const double right = chance(60) ? left : duty ? between(-1, 1) : speed();
+    const double every_us = chance(80) ? 50e3 : std::floor(spread(2e3, 900e3));
+    add(Kind::kHold, {host(), left, right, for_us, every_us, duty ? 1.0 : 0.0});
+  }
+
+  void setpoint(double who) {
+    const double life_us =
+        chance(80) ? std::floor(spread(20e3, 2e6)) : std::floor(between(-1e5, 8e6));
+    const double ahead = chance(90) ? 1.0 : one_of({0, -1, -5, 3, 1000});
+    const double session = chance(95) ? 0.0 : 1.0 + side();
+    if (chance(25)) {
+      add(Kind::kDuty, {who, between(-1, 1), between(-1, 1), life_us, ahead, session});
+    } else {
+      const double left = chance(10) ? 0.0 : speed();
+      add(Kind::kVelocity, {who, left, chance(60) ? left : speed(), life_us, ahead, session});
+    }
+  }
+
+  void rest() { add(Kind::kVelocity, {0, 0, 0, 200e3, 1, 0}); }
+
+  /// Something ends, or disturbs, the drive.
+  void interrupt() {
+    switch (below(12)) {
+      case 0:
+      case 1:
+        return add(Kind::kStop, {host(), static_cast<double>(below(5)), 1});
+      case 2:
+        return add(Kind::kEstop, {host()});
+      case 3:
+      case 4:
+        return contact();
+      case 5:
+        return add(Kind::kOpen, {side()});
+      case 6:
+        return reset();
+      case 7:
+        return add(Kind::kLate, {std::floor(spread(500, 60e3))});
+      case 8:
+        return add(Kind::kRun, {std::floor(spread(100e3, 4e6))});
+      case 9:
+        return add(Kind::kHello, {host(), side()});
+      case 10:
+        return parameter(true);
+      default:
+        return setpoint(host());
+    }
+  }
+
+  void contact() {
+    add(Kind::kContact, {1});
+    if (chance(50)) {
+      add(Kind::kRun, {std::floor(spread(100, 2e6))});
+      if (chance(40)) add(Kind::kClearEstop, {0, 1});
+      if (chance(30)) setpoint(0);
+      add(Kind::kContact, {0});
+    }
+  }
+
+  void reset() {
+    add(Kind::kReset, {one_of({1, 2, 3, 4, 5, 6, 7})});
+    if (chance(80)) {
+      add(Kind::kRun, {chance(80) ? 60e3 : 5e3});
+      if (chance(85)) add(Kind::kOpen, {0});
+    }
+  }
+
+  /// Ends what is latched, and drives on in a way that it may or may not.
+  void clear() {
+    if (chance(80)) add(Kind::kContact, {0});
+    const bool estop = chance(70);
+    if (estop) {
+      add(Kind::kClearEstop, {host(), 1});
+      moment();
+    }
+    if (!estop || chance(50)) {
+      add(Kind::kClearFault, {0, 1});
+      moment();
+    }
+    if (chance(30)) rest();
+    if (chance(20)) add(Kind::kRun, {std::floor(spread(100e3, 1.5e6))});
+    if (chance(10)) add(Kind::kRepeat, {0, static_cast<double>(below(4))});
+    if (chance(60)) {
+      setpoint(0);
+      wait();
+    }
+    if (chance(60)) {
+      rest();
+      drive(std::floor(spread(100e3, 2e6)));
+    }
+  }
+
+  // --- parameters --------------------------------------------------------------------------------
+
+  double value_of(const ParameterSpec& spec) {
+    const auto low = static_cast<double>(spec.minimum);
+    const auto high = static_cast<double>(spec.maximum);
+    const auto usual = static_cast<double>(spec.default_value);
+    double value = usual;
+    switch (below(10)) {
+      case 0:
+        value = low;
+        break;
+      case 1:
+        value = high;
+        break;
+      case 2:
+      case 3:
+        value = between(low, high);
+        break;
+      case 4:
+      case 5:
+        value = low > 0.0 ? spread(low, high) : between(low, high);
+        break;
+      case 6:
+        value = usual * between(0.3, 1.7);
+        break;
+      case 7:
+        return chance(70) ? usual
+                          : one_of({high * 1.1 + 1, low - 1, usual + 0.5,
+                                    std::numeric_limits<double>::quiet_NaN(),
+                                    -std::numeric_limits<double>::infinity()});
+      default:
+        break;
+    }
+    value = std::fmin(std::fmax(value, low), high);
+    return spec.kind == ParameterKind::kReal ? value : std::round(value);
+  }
+
+  void parameter(bool always = false) {
+    const ParameterSpec* spec = &kParameters[below(kParameterCount)];
+    for (int i = 0; always && i < 20 && spec->changes != ParameterChanges::kAlways; ++i)
+      spec = &kParameters[below(kParameterCount)];
+    const double id = chance(98) ? static_cast<double>(spec->id) : one_of({0, 44, 60, 255});
+    add(Kind::kSet, {host(), id, value_of(*spec), 1, 0});
+  }
+
+  void set(ParameterId id, double value) {
+    add(Kind::kSet, {0, static_cast<double>(id), value, 1, 0});
+    moment();
+  }
+
+  void parameters() {
+    for (size_t i = 1 + below(4); i > 0; --i) {
+      parameter();
+      moment();
+    }
+    if (chance(40))
+      add(Kind::kSave, {0, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
+    if (chance(10)) add(Kind::kResetParameters, {0});
+  }
+
+  void trial() {
+    add(Kind::kTrial, {0, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
+    moment();
+    for (size_t i = 1 + below(3); i > 0; --i) {
+      parameter(chance(50));
+      moment();
+    }
+    if (chance(60)) drive(std::floor(spread(50e3, 1e6)));
+    if (chance(20)) add(Kind::kTrial, {0, 2, spread(0.2, 3)});
+    switch (below(7)) {
+      case 0:
+        add(Kind::kTrial, {0, 3});
+        break;
+      case 1:
+        add(Kind::kTrial, {0, 4});
+        break;
+      case 2:
+        add(Kind::kOpen, {side()});
+        break;
+      case 3:
+        add(Kind::kRun, {4e6});
+        break;
+      case 4:
+        reset();
+        break;
+      default:
+        interrupt();
+    }
+    moment();
+    if (chance(50)) add(Kind::kTrial, {0, 4});
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+
+  // --- boards ------------------------------------------------------------------------------------
+
+  void board() {
+    const auto which = static_cast<double>(below(shipped_boards().size()));
+    const bool contact = chance(25);
+    if (contact) {
+      add(chance(50) ? Kind::kContact : Kind::kEstop, {chance(50) ? 1.0 : 0.0});
+      moment();
+    }
+    add(Kind::kBoardWrite, {0, which, chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
+    moment();
+    if (chance(10)) add(Kind::kOpen, {side()});
+    if (chance(85)) add(Kind::kRestart, {0});
+    add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
+    if (chance(20)) reset();
+    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(40)) setpoint(0);
+    if (chance(25)) contact_or_estop();
+    if (chance(15)) add(Kind::kRun, {11e6});
+    if (chance(80)) add(Kind::kBoardConfirm, {0, chance(90) ? 0.0 : 1.0});
+    moment();
+    if (chance(30)) add(Kind::kRun, {130e3});
+    if (chance(40)) add(Kind::kOpen, {0});
+    drive(std::floor(spread(50e3, 1e6)));
+  }
+
+  void contact_or_estop() {
+    if (chance(50)) return add(Kind::kEstop, {host()});
+    add(Kind::kContact, {1});
+    moment();
+  }
+
+  void confirm() {
+    setpoint(0);
+    moment();
+    add(Kind::kBoardConfirm, {0, chance(85) ? 0.0 : 1.0});
+    if (chance(30)) setpoint(0);
+    add(Kind::kRun, {130e3});
+    add(Kind::kOpen, {0});
+    drive(std::floor(spread(50e3, 800e3)));
+  }
+
+  // --- flash -------------------------------------------------------------------------------------
+
+  void flash() {
+    if (chance(70)) add(Kind::kPowerCut, {static_cast<double>(below(3)), side()});
+    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(3)), side()});
+    switch (below(4)) {
+      case 0:
+        parameters();
+        add(Kind::kSave, {0, 0});
+        break;
+      case 1:
+        board();
+        break;
+      case 2:
+        contact_or_estop();
+        add(Kind::kRun, {std::floor(spread(100e3, 14e6))});
+        if (chance(50)) {
+          add(Kind::kContact, {0});
+          add(Kind::kClearEstop, {0, 1});
+          add(Kind::kRun, {std::floor(spread(1e3, 3e6))});
+        }
+        break;
+      default:
+        add(Kind::kResetParameters, {0});
+        if (chance(20)) add(Kind::kStoreUnreadable, {one_of({256, 512, 1024})});
+    }
+    wait();
+    reset();
+    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
+  }
+
+  // --- wheels ------------------------------------------------------------------------------------
+
+  void wheels() {
+    if (chance(40)) set(ParameterId::kMaxDuty, chance(30) ? 1.0 : between(0.15, 1.0));
+    if (chance(15)) repair();
+    defect();
+    if (chance(80)) add(Kind::kRun, {4e6});
+    if (chance(80)) {
+      add(Kind::kClearFault, {0, 1});
+      add(Kind::kRun, {600e3});
+    }
+    const double velocity = chance(50) ? spread(0.02, 0.1) : spread(0.1, 0.4);
+    const double left = chance(50) ? velocity : -velocity;
+    const double right = chance(70) ? left : chance(50) ? -left : 0.0;
+    add(Kind::kHold, {0, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
+    if (chance(60)) repair();
+  }
+
+  void floor() {
+    switch (below(5)) {
+      case 0:
+        add(Kind::kSlope, {between(-0.35, 0.35)});
+        break;
+      case 1:
+        add(Kind::kLoad, {side(), between(-0.05, 0.05)});
+        break;
+      case 2:
+        add(Kind::kPush, {side(), between(-3, 3)});
+        break;
+      case 3:
+        add(Kind::kFree, {side()});
+        break;
+      default:
+        add(Kind::kSlope, {0});
+    }
+    if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
+    drive(std::floor(spread(200e3, 3e6)));
+    if (chance(50)) add(Kind::kStop, {0, static_cast<double>(below(5)), 1});
+    add(Kind::kRun, {std::floor(spread(100e3, 6e6))});
+  }
+
+  // --- the line ----------------------------------------------------------------------------------
+
+  void bad_line() {
+    if (chance(30))
+      add(Kind::kNoise, {std::floor(spread(1, 3000)), static_cast<double>(below(1000))});
+    add(Kind::kImpair, {1.0 + static_cast<double>(below(5)), static_cast<double>(below(400)),
+                        std::floor(spread(100, 2e6))});
+    setpoint(host());
+    moment();
+    if (chance(50)) add(Kind::kRepeat, {host(), static_cast<double>(below(6))});
+    wait();
+  }
+
+  void any_request() {
+    const double who = host();
+    switch (below(12)) {
+      case 0:
+        return add(Kind::kStreamRate, {who, one_of({0, 10, 100, 500, 1000, 5000, 65535})});
+      case 1:
+        return add(Kind::kGet, {who, static_cast<double>(below(kParameterCount + 3))});
+      case 2:
+        return add(Kind::kList, {who, static_cast<double>(below(kParameterCount + 3))});
+      case 3:
+        return add(Kind::kLinkCounters, {who});
+      case 4:
+        return add(Kind::kControlCounters, {who});
+      case 5:
+        return add(Kind::kGroup, {who, static_cast<double>(below(4))});
+      case 6:
+        return add(Kind::kBoardGet, {who});
+      case 7:
+        return add(Kind::kContradictions, {who});
+      case 8:
+        return add(Kind::kPing, {who, chance(90) ? 0.0 : 1.0});
+      case 9:
+        return add(Kind::kHello, {who, side(), one_of({0, 0, 1}), one_of({0, 0, 1})});
+      case 10:
+        return add(Kind::kRestart, {who});
+      default:
+        return add(Kind::kRepeat, {who, static_cast<double>(below(8))});
+    }
+  }
+
+  /// Messages in any order.
+  void anything() {
+    for (size_t i = 4 + below(20); i > 0; --i) {
+      switch (below(12)) {
+        case 0:
+        case 1:
+          setpoint(side());
+          break;
+        case 2:
+          interrupt();
+          break;
+        case 3:
+          parameter();
+          break;
+        case 4:
+          add(Kind::kClearEstop, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
+          break;
+        case 5:
+          add(Kind::kClearFault, {side(), one_of({1, 1, 0, -1}), one_of({0, 0, 0, 1})});
+          break;
+        case 6:
+          add(Kind::kTrial, {side(), static_cast<double>(below(6)), spread(0.1, 100)});
+          break;
+        case 7:
+          add(Kind::kSave, {side(), static_cast<double>(below(kParameterCount + 2))});
+          break;
+        case 8:
+          add(Kind::kBoardConfirm, {side(), side()});
+          break;
+        case 9:
+          add(Kind::kBoardWrite, {side(), static_cast<double>(below(20)), one_of({0, 0, 1, 2, 3})});
+          break;
+        default:
+          any_request();
+      }
+      moment();
+    }
+  }
+
+  void phase() {
+    if (chance(35)) {
+      drive(std::floor(spread(50e3, 2e6)));
+      interrupt();
+      moment();
+      if (chance(60)) clear();
+      return;
+    }
+    const size_t kind = below(20);
+    if (kind < 3 && is_about(Subject::kParameters)) return parameters();
+    if (kind < 5 && is_about(Subject::kParameters)) return trial();
+    if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
+    if (kind < 9 && is_about(Subject::kFlash)) return flash();
+    if (kind < 10 && is_about(Subject::kDefects)) return wheels();
+    if (kind < 13 && is_about(Subject::kDefects)) return floor();
+    if (kind < 14 && subject_ != Subject::kSound) return bad_line();
+    if (kind < 15) return anything();
+    if (kind < 16) return any_request();
+    if (kind < 17) return reset();
+    if (kind < 18) return clear();
+    if (kind < 19 && subject_ != Subject::kSound) return add(Kind::kDriverFails, {side()});
+    drive(std::floor(spread(200e3, 5e6)));
+  }
+
+  sim::Random random_;
+  Scenario scenario_;
+  Subject subject_ = Subject::kAnything;
+};
+
+}  // namespace
+
+Scenario generate(uint64_t seed) { return Generator(seed).scenario(); }
+
+}  // namespace wheelwire::explore

@@ -1,0 +1,613 @@
+#include "rules.hpp"
+
+#include <cmath>
+
+#include "names.hpp"
+
+namespace wheelwire::explore {
+
+namespace {
+
+using enum ParameterId;
+using sim::kLeft;
+using sim::kRight;
+using sim::Side;
+
+constexpr RuleSpec kRules[] = {
+    {Rule::kDriveOnlyInDriving, "S01", "drive-only-in-driving"},
+    {Rule::kContactStops, "S02", "contact-stops"},
+    {Rule::kDeadlineStops, "S03", "deadline-stops"},
+    {Rule::kConfirmedBoardOnly, "S04", "confirmed-board-only"},
+    {Rule::kSessionAndClockFirst, "S05", "session-and-clock-first"},
+    {Rule::kWheelFaultInTime, "S06", "wheel-fault-in-time"},
+    {Rule::kSoundRobotDrivesOn, "S07", "sound-robot-drives-on"},
+    {Rule::kLatchEndsByClear, "S08", "latch-ends-by-clear"},
+    {Rule::kEstopSurvivesPowerLoss, "S09", "estop-survives-power-loss"},
+    {Rule::kClearDoesNotRestart, "S10", "clear-does-not-restart"},
+    {Rule::kSlewWithinLimit, "S11", "slew-within-limit"},
+    {Rule::kRequestOnce, "S12", "request-once"},
+    {Rule::kTicksConserved, "S13", "ticks-conserved"},
+    {Rule::kFlashOldOrNew, "S14", "flash-old-or-new"},
+    {Rule::kTrialEndsWithItsSession, "S15", "trial-ends-with-its-session"},
+    {Rule::kContradictionsNeverDrive, "S16", "contradictions-never-drive"},
+    {Rule::kAnswersAsSpecified, "S17", "answers-as-specified"},
+    {Rule::kNoHardSwitch, "S18", "no-hard-switch"},
+    {Rule::kWithinLimits, "S19", "within-limits"},
+    {Rule::kStopAtOnce, "S20", "stop-at-once"},
+    {Rule::kStateByItsTable, "S21", "state-by-its-table"},
+    {Rule::kRollingIsReported, "S22", "rolling-is-reported"},
+    {Rule::kStopsAsAsked, "S23", "stops-as-asked"},
+    {Rule::kContactInputOfItsBoard, "S24", "contact-input-of-its-board"},
+    {Rule::kLateStepIsAFault, "S25", "late-step-is-a-fault"},
+    {Rule::kBoardStaysWhileEstopped, "S26", "board-stays-while-estopped"},
+};
+
+constexpr std::array<Side, 2> kSides = sim::kSides;
+
+constexpr uint64_t kSlackUs = 10'000;
+/// A wheel that was just pushed or loaded is not what the times of S06 are for.
+constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
+constexpr size_t kSlewSteps = 20;
+constexpr uint64_t kLatchNoteUs = 11'000'000;
+constexpr uint64_t kRollingUs = 1'000'000;
+/// A counter is exact up to half of its range.
+constexpr int64_t kMostTicksInAStep = 16'000;
+
+/// The rule that a setpoint broke which had to be refused.
+Rule rule_of(Codes denied) {
+  if (denied.has(RefusalCode::kBoardUnconfirmed) || denied.has(RefusalCode::kBoardOnTrial))
+    return Rule::kConfirmedBoardOnly;
+  if (denied.has(RefusalCode::kEstopped) || denied.has(RefusalCode::kFault))
+    return Rule::kLatchEndsByClear;
+  if (denied.has(RefusalCode::kUnarmed)) return Rule::kClearDoesNotRestart;
+  if (denied.has(RefusalCode::kContradiction)) return Rule::kContradictionsNeverDrive;
+  if (denied.has(RefusalCode::kExpired)) return Rule::kDeadlineStops;
+  if (denied.has(RefusalCode::kNoTrial)) return Rule::kTrialEndsWithItsSession;
+  return Rule::kSessionAndClockFirst;
+}
+
+double sign_of(double value) { return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0; }
+
+bool is_latched(SupervisorState state) {
+  return state == SupervisorState::kEstopped || state == SupervisorState::kFault;
+}
+
+}  // namespace
+
+std::span<const RuleSpec> all_rules() { return kRules; }
+
+const RuleSpec& spec_of(Rule rule) { return kRules[static_cast<size_t>(rule) - 1]; }
+
+std::optional<Rule> rule_called(std::string_view code) {
+  for (const RuleSpec& spec : kRules)
+    if (code == spec.code) return spec.rule;
+  return std::nullopt;
+}
+
+// --- the winding ---------------------------------------------------------------------------------
+
+/// S01. On a board that is wired otherwise than the firmware was told, windings do what they do.
+void Judge::drive_only_in_driving() {
+  const bool trusted = world_.wired_as_believed || !witness_.board_confirmed();
+  check(Rule::kDriveOnlyInDriving,
+        !trusted || !simulator_.board.drives() || simulator_.state() == SupervisorState::kDriving,
+        "a winding is driven in " + name_of(simulator_.state()));
+}
+
+/// S02, at the end of a control step.
+void Judge::contact_stops() {
+  if (!witness_.contact_open()) return;
+  check(Rule::kContactStops, simulator_.state() == SupervisorState::kEstopped,
+        "the contact is open, and the robot is in " + name_of(simulator_.state()));
+}
+
+/// S03, at the end of a control step.
+void Judge::deadline_stops() {
+  if (simulator_.state() != SupervisorState::kDriving || !witness_.granted()) return;
+  check(Rule::kDeadlineStops, now_us() < witness_.granted()->deadline_us,
+        "it drives " + std::to_string(now_us() - witness_.granted()->deadline_us) +
+            " us after its setpoint's deadline");
+}
+
+/// S05, and what else a setpoint has to have: S03, S04, S10, S16.
+void Judge::driven_by_right() {
+  if (simulator_.state() != SupervisorState::kDriving || witness_.granted()) return;
+  accuse({rule_of(witness_.denied()),
+          "it drives without a setpoint that may; the last one had to be refused with " +
+              (witness_.denied().empty() ? "nothing" : witness_.denied().text())});
+}
+
+/// S04, however it is wired: until a board is confirmed its pins float, and on trial it coasts.
+void Judge::confirmed_board_only() {
+  if (witness_.board_state() == BoardState::kStored) return;
+  check(Rule::kConfirmedBoardOnly, simulator_.state() != SupervisorState::kDriving,
+        "it is in DRIVING on a board that nobody confirmed");
+  check(Rule::kConfirmedBoardOnly, !simulator_.board.drives(),
+        "a winding is driven on a board that nobody confirmed");
+}
+
+// --- wheels --------------------------------------------------------------------------------------
+
+/// What the wheel is to do, within the limits [m/s].
+double Judge::target(Side side) const {
+  const auto& granted = witness_.granted();
+  if (!granted || granted->duty) return 0.0;
+  const double peak = std::max(std::abs(granted->left), std::abs(granted->right));
+  const double limit = static_cast<double>(value(kMaxVelocityMps));
+  const double scale = peak > limit ? limit / peak : 1.0;
+  return scale * (side == kLeft ? granted->left : granted->right);
+}
+
+/// Its encoder is dead, its feedback inverted, or it cannot turn.
+bool Judge::is_wrong(Side side) const {
+  const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+  const sim::WheelModel& wheel = simulator_.board.plant.model().wheels[side];
+  return encoder.dead || encoder.reversed != wheel.motor_reversed || wheel.motor_open ||
+         wheel.blocked;
+}
+
+/// All that a wheel's monitoring depends on is as it comes, but for the limits.
+bool Judge::has_default_protection() const {
+  for (const ParameterSpec& spec : kParameters) {
+    if (spec.id == kMaxDuty || spec.id == kMaxVelocityMps || spec.id == kStreamRateHz ||
+        spec.id == kTtlMaxS || spec.id == kRearmGapS || spec.id == kRollingVelocityMps ||
+        spec.id == kStopMode || spec.id == kBrakeTimeS || spec.id == kEstopInputEnabled ||
+        spec.id == kMaxDutyRatePerS || spec.id == kPwmFrequencyHz || spec.id == kGlitchFilterNs)
+      continue;
+    if (value(spec.id) != spec.default_value) return false;
+  }
+  return value(kMaxDuty) >= 0.15f;
+}
+
+/// Nothing but the firmware moves the robot, and nothing is broken.
+bool Judge::is_clean() const { return !world_.ever_disturbed; }
+
+/// S06.
+void Judge::wheel_fault_in_time() {
+  const bool drives = simulator_.state() == SupervisorState::kDriving;
+  if (drives && memory_.state != SupervisorState::kDriving)
+    memory_.started_at_rest = simulator_.board.plant.stands_still();
+  const double supply_v = simulator_.board.plant.model().bridge.supply_v;
+  const double battery_v = simulator_.board.battery.volts;
+  const bool applies =
+      drives && memory_.started_at_rest && has_default_protection() && world_.wired_as_believed &&
+      supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
+      simulator_.board.plant.model().supply_ohm == 0.0 && simulator_.board.wiring.is_right() &&
+      !simulator_.board.plant.model().motors_swapped &&
+      world_us() > world_.disturbed_us + kAfterDisturbanceUs;
+  for (const Side side : kSides) {
+    Memory::Wheel& wheel = memory_.wheels[side];
+    const double wanted = target(side);
+    if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02 ||
+        (wheel.slowest != 0.0 && sign_of(wanted) != sign_of(wheel.slowest))) {
+      wheel = {};
+      if (!applies || !is_wrong(side) || std::abs(wanted) < 0.02) continue;
+    }
+    if (wheel.wrong_since_us == 0) wheel = {.wrong_since_us = now_us(), .slowest = wanted};
+    if (std::abs(wanted) < std::abs(wheel.slowest)) wheel.slowest = wanted;
+    const uint64_t limit_us = std::abs(wheel.slowest) >= 0.1 ? 1'500'000 : 2'600'000;
+    check(Rule::kWheelFaultInTime, now_us() <= wheel.wrong_since_us + limit_us + kSlackUs,
+          std::string(side == kLeft ? "the left" : "the right") +
+              " wheel has not done what its setpoint says for " +
+              text_of(static_cast<double>(now_us() - wheel.wrong_since_us) * 1e-6) + " s");
+  }
+}
+
+/// S07.
+void Judge::sound_robot_drives_on() {
+  if (!is_clean() || !has_default_protection() || !world_.wired_as_believed) return;
+  constexpr uint32_t kOfWheels = fault::kLeftNotCounting | fault::kRightNotCounting |
+                                 fault::kLeftReversed | fault::kRightReversed |
+                                 fault::kLeftEncoderImplausible | fault::kRightEncoderImplausible;
+  check(Rule::kSoundRobotDrivesOn, (simulator_.faults() & ~memory_.faults & kOfWheels) == 0,
+        "a sound robot on a flat floor has the faults " + std::to_string(simulator_.faults()));
+}
+
+// --- states --------------------------------------------------------------------------------------
+
+/// S08 and S21: what may happen to the state without a message.
+void Judge::time_moves_the_state() {
+  const SupervisorState before = witness_.last_state();
+  const SupervisorState after = simulator_.state();
+  if (before == after) return;
+  const auto wrong = [&](Rule rule) {
+    accuse({rule, "from " + name_of(before) + " to " + name_of(after) + " without a reason"});
+  };
+  const bool trial_is_over =
+      witness_.trial() == Trial::kExpired ||
+      (witness_.trial() == Trial::kRuns && now_us() >= witness_.trial_until_us());
+  switch (after) {
+    case SupervisorState::kFault:
+      if (before == SupervisorState::kEstopped) return wrong(Rule::kLatchEndsByClear);
+      check(Rule::kStateByItsTable, simulator_.faults() != 0, "it is in FAULT without one");
+      return;
+    case SupervisorState::kEstopped:
+      if (!witness_.contact_open()) wrong(Rule::kStateByItsTable);
+      return;
+    case SupervisorState::kTimedOut:
+      if (before != SupervisorState::kDriving)
+        return wrong(is_latched(before) ? Rule::kLatchEndsByClear : Rule::kStateByItsTable);
+      if (witness_.granted() && now_us() + kSlackUs < witness_.granted()->deadline_us)
+        wrong(Rule::kStateByItsTable);
+      return;
+    case SupervisorState::kIdle:
+      if (is_latched(before)) return wrong(Rule::kLatchEndsByClear);
+      if (!trial_is_over) wrong(Rule::kStateByItsTable);
+      return;
+    case SupervisorState::kBoot:
+    case SupervisorState::kDriving:
+      wrong(is_latched(before) ? Rule::kLatchEndsByClear : Rule::kStateByItsTable);
+  }
+}
+
+/// S08 and S21: what a message makes of the state.
+void Judge::message_moves_the_state() {
+  const Task& task = *witness_.task();
+  const SupervisorState before = task.before;
+  const SupervisorState after = simulator_.state();
+  const bool moves = before == SupervisorState::kDriving || before == SupervisorState::kTimedOut;
+  SupervisorState expected = before;
+  const bool acts = task.carried_out && task.is_new;
+  const uint8_t id = task.message.id;
+  if (id == Estop::kId) {
+    expected = SupervisorState::kEstopped;
+  } else if (id == Stop::kId || (id == Hello::kId && acts)) {
+    if (moves) expected = SupervisorState::kIdle;
+  } else if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && acts) {
+    expected = SupervisorState::kDriving;
+  } else if (id == ClearEstop::kId && acts && before == SupervisorState::kEstopped) {
+    expected = simulator_.faults() != 0 ? SupervisorState::kFault : SupervisorState::kIdle;
+  } else if (id == ClearFault::kId && acts && before == SupervisorState::kFault) {
+    expected = SupervisorState::kIdle;
+  }
+  if (after == expected) return;
+  const bool may_notice_contact =
+      task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
+                      id == BoardWrite::kId || id == BoardConfirm::kId);
+  if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;
+  // It reverts a trial, by its end or its deadline.
+  if (id == ParameterTrial::kId && moves && after == SupervisorState::kIdle) return;
+  const Rule rule = id == Estop::kId || id == Stop::kId ? Rule::kStopAtOnce
+                    : is_latched(before)                ? Rule::kLatchEndsByClear
+                                                        : Rule::kStateByItsTable;
+  accuse({rule, describe(task.message) + (task.carried_out ? "" : ", not carried out,") +
+                    " moves it from " + name_of(before) + " to " + name_of(after) + " instead of " +
+                    name_of(expected)});
+}
+
+/// S20.
+void Judge::stop_at_once() {
+  const uint8_t id = witness_.task()->message.id;
+  if (id != Stop::kId && id != Estop::kId) return;
+  check(Rule::kStopAtOnce, !world_.wired_as_believed || !simulator_.board.drives(),
+        "a winding is driven after " + describe(witness_.task()->message));
+}
+
+/// S26.
+void Judge::board_stays_while_estopped() {
+  const Task& task = *witness_.task();
+  const uint8_t id = task.message.id;
+  if (id != BoardWrite::kId && id != BoardConfirm::kId) return;
+  const bool estopped = task.before == SupervisorState::kEstopped || witness_.contact_open();
+  check(Rule::kBoardStaysWhileEstopped,
+        !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
+        describe(task.message) + " is carried out with an e-stop");
+}
+
+// --- limits --------------------------------------------------------------------------------------
+
+/// S11.
+void Judge::slew_within_limit() {
+  const auto& granted = witness_.granted();
+  if (simulator_.state() != SupervisorState::kDriving || !granted ||
+      memory_.state != SupervisorState::kDriving)
+    return;
+  const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
+  if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
+    const double rate = static_cast<double>(
+        std::max(value(kMaxDutyRatePerS), memory_.values[index_of(kMaxDutyRatePerS)]));
+    // Where the direction changes the stage pauses for a step, and for another to begin.
+    const double step = 1.3 * rate * period_s + 2.0 / 32767.0;
+    for (const Side side : kSides) {
+      const double before = memory_.duty[side];
+      const double now = simulator_.board.bridges()[side].signed_duty();
+      const bool pauses = before == 0.0 || sign_of(before) != sign_of(now);
+      const double growth = pauses ? std::abs(now) : std::abs(now) - std::abs(before);
+      check(Rule::kSlewWithinLimit, !world_.wired_as_believed || growth <= step * (pauses ? 2 : 1),
+            "a duty goes from " + text_of(before) + " to " + text_of(now) + " in one step");
+    }
+  }
+  if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
+  // Over some steps: where a limit scales both wheels, one of them may move twice in a step.
+  const double acceleration = static_cast<double>(
+      std::max(value(kMaxAccelerationMps2), memory_.values[index_of(kMaxAccelerationMps2)]));
+  const auto steps = static_cast<double>(memory_.followed.size());
+  const double most_umps = 1.3 * acceleration * period_s * 1e6 * (steps + 1.0) + 2.0 * steps;
+  if (memory_.followed.size() < kSlewSteps) return;
+  for (const Side side : kSides) {
+    const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
+                                   memory_.followed.front()[side]);
+    check(Rule::kSlewWithinLimit, change <= most_umps,
+          "a wheel's command changes by " + text_of(change) + " um/s in " + text_of(steps) +
+              " steps of " + text_of(acceleration * period_s * 1e6));
+  }
+}
+
+/// S19.
+void Judge::within_limits() {
+  if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
+  const double limit =
+      static_cast<double>(std::max(value(kMaxDuty), memory_.values[index_of(kMaxDuty)]));
+  for (const Side side : kSides) {
+    const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
+    // A limit that was lowered takes effect within the slew limit.
+    const bool falls = duty < std::abs(memory_.duty[side]);
+    check(Rule::kWithinLimits, duty <= limit + 2.0 / 32767.0 || falls,
+          "a duty of " + text_of(duty) + " of " + text_of(limit));
+  }
+}
+
+/// S18.
+void Judge::no_hard_switch() {
+  check(Rule::kNoHardSwitch,
+        !world_.wired_as_believed || simulator_.board.hard_switches() <= memory_.hard_switches,
+        "a winding's direction changed without a pause");
+}
+
+/// S12, S14, S15.
+void Judge::values_are_as_acknowledged() {
+  for (size_t i = 0; i < kParameterCount; ++i) {
+    const float now = simulator_.parameter(kParameters[i].id);
+    if (now == witness_.values()[i]) continue;
+    const Rule rule = witness_.task() && witness_.task()->is_repeat ? Rule::kRequestOnce
+                      : now == memory_.values[i]                    ? Rule::kTrialEndsWithItsSession
+                                                                    : Rule::kAnswersAsSpecified;
+    return accuse({rule, "parameter " + std::to_string(i + 1) + " is " +
+                             text_of(static_cast<double>(now)) + " instead of " +
+                             text_of(static_cast<double>(witness_.values()[i]))});
+  }
+}
+
+/// S16.
+void Judge::contradictions_never_drive() {
+  check(Rule::kContradictionsNeverDrive,
+        simulator_.state() != SupervisorState::kDriving || !witness_.contradicts(),
+        "it drives with parameters that contradict each other");
+}
+
+/// S25.
+void Judge::late_step_is_a_fault() {
+  const bool was_driving = memory_.state == SupervisorState::kDriving;
+  const uint64_t elapsed_us = now_us() - memory_.step_us;
+  const bool applies =
+      was_driving && !world_.handled && !world_.writes_flash && witness_.trial() == Trial::kNone &&
+      static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
+  check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
+        "a control step came after " + std::to_string(elapsed_us) + " us without a fault");
+}
+
+// --- at rest -------------------------------------------------------------------------------------
+
+/// S09: an e-stop is noted in flash once the wheels stand, and so is its end.
+void Judge::estop_is_noted() {
+  const bool estopped = simulator_.state() == SupervisorState::kEstopped;
+  const bool rests = simulator_.board.plant.stands_still() &&
+                     simulator_.state() != SupervisorState::kDriving &&
+                     !simulator_.board.latch_store.failing;
+  if (estopped == witness_.flash().estop || !rests) {
+    memory_.latch_due_us = 0;
+    return;
+  }
+  if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
+  check(Rule::kEstopSurvivesPowerLoss, now_us() <= memory_.latch_due_us,
+        std::string(estopped ? "an e-stop" : "its end") + " was not noted in flash");
+}
+
+/// S23.
+void Judge::stops_as_asked(bool stepped) {
+  const SupervisorState state = simulator_.state();
+  if (state == SupervisorState::kDriving || state == SupervisorState::kBoot) {
+    memory_.steps_since_stop = -1;
+    return;
+  }
+  if (witness_.last_state() == SupervisorState::kDriving && memory_.steps_since_stop < 0) {
+    memory_.steps_since_stop = 0;
+    memory_.stopped_us = now_us();
+    memory_.brake_us = static_cast<uint64_t>(static_cast<double>(value(kBrakeTimeS)) * 1e6);
+    memory_.stop_mode = static_cast<StopMode>(value(kStopMode));
+    if (witness_.task() && witness_.task()->message.id == Stop::kId) {
+      const StopMode asked = witness_.task()->message.as<Stop>().mode;
+      if (asked != StopMode::kConfigured && asked <= StopMode::kBrakeUntilDriven)
+        memory_.stop_mode = asked;
+    }
+  }
+  if (!stepped || memory_.steps_since_stop < 0 || !world_.wired_as_believed) return;
+  // The stage pauses first.
+  if (++memory_.steps_since_stop < 4) return;
+  const uint64_t since_us = now_us() - memory_.stopped_us;
+  const uint64_t brake_us = memory_.brake_us;
+  const auto period_us = static_cast<uint64_t>(1e6 / static_cast<double>(value(kControlRateHz)));
+  const bool brakes = memory_.stop_mode == StopMode::kBrakeUntilDriven ||
+                      (memory_.stop_mode == StopMode::kBrake && since_us + kSlackUs < brake_us);
+  const bool coasts =
+      memory_.stop_mode == StopMode::kCoast ||
+      (memory_.stop_mode == StopMode::kBrake && since_us > brake_us + 2 * period_us + kSlackUs);
+  const bool can_coast = kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  for (const Side side : kSides) {
+    const double shorted = simulator_.board.bridges()[side].shorted();
+    if (brakes)
+      check(Rule::kStopsAsAsked, shorted > 0.5, "a winding is not braked after a stop that brakes");
+    if (coasts && can_coast)
+      check(Rule::kStopsAsAsked, shorted == 0.0, "a winding is braked after a stop that coasts");
+  }
+}
+
+/// S22.
+void Judge::rolling_is_reported() {
+  const double threshold = static_cast<double>(value(kRollingVelocityMps));
+  double speed = 0.0;
+  bool sound =
+      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
+      value(kCountsPerRevolution) == static_cast<float>(simulator_.board.counts_per_revolution) &&
+      simulator_.board.wiring.is_right() && world_.wired_as_believed &&
+      value(kVelocityWindowUs) <= 50'000.0f;
+  for (const Side side : kSides) {
+    const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
+    sound = sound && !encoder.dead && encoder.stuck == 0 && encoder.lost == 0.0;
+    speed = std::max(speed, std::abs(simulator_.board.plant.speed_mps(side)));
+  }
+  const bool rolls = sound && witness_.is_open() && threshold > 0.0 &&
+                     simulator_.state() != SupervisorState::kDriving && speed > 1.3 * threshold;
+  // Where it rolls before somebody listens, nobody can be told.
+  if (!witness_.is_open() && speed > 0.4 * threshold) memory_.rolling_told = true;
+  if (!rolls || speed < memory_.rolled_mps) {
+    memory_.rolling_since_us = 0;
+    memory_.rolled_mps = rolls ? speed : 0.0;
+    if (!rolls && speed < 0.4 * threshold) memory_.rolling_told = false;
+    if (!rolls) return;
+  }
+  memory_.rolled_mps = speed;
+  if (simulator_.state() == SupervisorState::kDriving) memory_.rolling_told = false;
+  if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
+  check(Rule::kRollingIsReported,
+        memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs,
+        "it rolls at " + text_of(speed) + " m/s without drive, and nobody is told");
+}
+
+void Judge::on_event(const Event& event) {
+  if (event.code != EventCode::kRolling) return;
+  memory_.rolling_told = true;
+  check(Rule::kRollingIsReported, simulator_.state() != SupervisorState::kDriving,
+        "ROLLING is reported while it drives");
+  const bool brakes = value(kStopMode) >= 2.0f && value(kBrakeTimeS) >= 0.5f;
+  const bool recently_reset = now_us() < 3'000'000;
+  const bool measures =
+      value(kWheelRadius) == kParameters[index_of(kWheelRadius)].default_value &&
+      value(kCountsPerRevolution) == kParameters[index_of(kCountsPerRevolution)].default_value;
+  check(Rule::kRollingIsReported,
+        !is_clean() || !brakes || recently_reset || !measures || !world_.wired_as_believed,
+        "ROLLING is reported on a flat floor after a braked stop");
+}
+
+// --- ticks ---------------------------------------------------------------------------------------
+
+/// S13. What each total should be by what the encoders' levels showed.
+void Judge::follow_ticks() {
+  const bool swapped = (value(kEncodersSwapped) != 0) != simulator_.board.wiring.swapped;
+  bool known = world_.wired_as_believed && simulator_.board.wiring.both_on == 0 &&
+               !simulator_.board.wiring.mixed && !world_.changed_encoders;
+  for (const ParameterId id : {kEncodersSwapped, kLeftEncoderInverted, kRightEncoderInverted})
+    known = known && value(id) == memory_.values[index_of(id)];
+  for (const Side wheel : kSides) {
+    Memory::Ticks& ticks = memory_.ticks[wheel];
+    const sim::Quadrature& encoder = simulator_.board.encoders[swapped ? other(wheel) : wheel];
+    const int64_t moved = encoder.shown_ticks() - ticks.shown;
+    ticks.shown = encoder.shown_ticks();
+    if (!known || encoder.model.stuck != 0 || std::abs(moved) > kMostTicksInAStep) {
+      ticks.known = false;
+      continue;
+    }
+    const bool inverted = (value(wheel == kLeft ? kLeftEncoderInverted : kRightEncoderInverted) !=
+                           0) != encoder.model.reversed;
+    ticks.expected += static_cast<uint32_t>(inverted ? -moved : moved);
+  }
+}
+
+void Judge::on_state(const WheelState& state) {
+  follow_ticks();
+  for (const Side wheel : kSides) {
+    Memory::Ticks& ticks = memory_.ticks[wheel];
+    const auto reported =
+        static_cast<uint32_t>(wheel == kLeft ? state.left_ticks : state.right_ticks);
+    check(Rule::kTicksConserved, !ticks.known || ticks.expected == reported,
+          std::string(wheel == kLeft ? "left" : "right") + " ticks are " +
+              std::to_string(static_cast<int32_t>(reported)) + ", the encoder's levels make " +
+              std::to_string(static_cast<int32_t>(ticks.expected)));
+    ticks.known = true;
+    ticks.expected = reported;
+  }
+}
+
+// --- in order ------------------------------------------------------------------------------------
+
+void Judge::after_message() {
+  if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
+  message_moves_the_state();
+  stop_at_once();
+  board_stays_while_estopped();
+  driven_by_right();
+  drive_only_in_driving();
+  if (witness_.task()->message.id == Stop::kId || simulator_.state() == SupervisorState::kDriving)
+    stops_as_asked(false);
+}
+
+void Judge::after_call(bool stepped) {
+  time_moves_the_state();
+  drive_only_in_driving();
+  confirmed_board_only();
+  driven_by_right();
+  contradictions_never_drive();
+  values_are_as_acknowledged();
+  no_hard_switch();
+  if (stepped) {
+    contact_stops();
+    deadline_stops();
+    within_limits();
+    wheel_fault_in_time();
+    sound_robot_drives_on();
+    slew_within_limit();
+    late_step_is_a_fault();
+    estop_is_noted();
+    rolling_is_reported();
+    follow_ticks();
+  }
+  stops_as_asked(stepped);
+  if (stepped) remember();
+}
+
+void Judge::remember() {
+  const auto& granted = witness_.granted();
+  const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
+  memory_.followed_duty = drives && granted->duty;
+  const bool changed =
+      memory_.values[index_of(kMaxAccelerationMps2)] != value(kMaxAccelerationMps2) ||
+      memory_.values[index_of(kControlRateHz)] != value(kControlRateHz);
+  memory_.followed_velocity = drives && !granted->duty;
+  if (!memory_.followed_velocity || memory_.restarting_steps > 0 || changed)
+    memory_.followed.clear();
+  if (memory_.followed_velocity) {
+    memory_.followed.push_back(
+        {simulator_.commanded_umps(kLeft), simulator_.commanded_umps(kRight)});
+    if (memory_.followed.size() > kSlewSteps) memory_.followed.pop_front();
+  }
+  if (memory_.restarting_steps > 0) --memory_.restarting_steps;
+  memory_.state = simulator_.state();
+  for (const Side side : kSides)
+    memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
+  memory_.faults = simulator_.faults();
+  memory_.step_us = now_us();
+  memory_.values = witness_.values();
+  memory_.hard_switches = simulator_.board.hard_switches();
+  world_.writes_flash = world_.handled = false;
+}
+
+void Judge::after_start() {
+  memory_ = {};
+  memory_.faults = simulator_.faults();
+  memory_.step_us = now_us();
+  memory_.values = witness_.values();
+  memory_.state = simulator_.state();
+  memory_.hard_switches = simulator_.board.hard_switches();
+  for (const Side wheel : kSides)
+    memory_.ticks[wheel].shown = simulator_.board.encoders[wheel].shown_ticks();
+  const bool contact_off =
+      witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
+  check(Rule::kContactInputOfItsBoard,
+        !contact_off || (witness_.flash().parameters &&
+                         witness_.flash().parameters_board == fingerprint(witness_.board())),
+        "a board with a contact ignores it, by a value that was saved for another board");
+  check(Rule::kDriveOnlyInDriving, !simulator_.board.drives() || !world_.wired_as_believed,
+        "a winding is driven as the firmware starts");
+}
+
+}  // namespace wheelwire::explore

@@ -1,0 +1,147 @@
+// The rules of docs/safety.md, each by its code. They look at the robot from outside: at windings,
+// wheels, bytes and time.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "rule_ids.hpp"
+#include "witness.hpp"
+
+namespace wheelwire::explore {
+
+struct RuleSpec {
+  Rule rule;
+  const char* code;
+  const char* name;
+};
+
+std::span<const RuleSpec> all_rules();
+const RuleSpec& spec_of(Rule rule);
+std::optional<Rule> rule_called(std::string_view code);
+
+/// What the rules remember from one look to the next.
+struct Memory {
+  // Of the last look.
+  SupervisorState state = SupervisorState::kBoot;
+  std::array<double, 2> duty{};
+  bool followed_velocity = false;
+  int restarting_steps = 0;  ///< It stopped a moment ago, and its slew begins anew.
+  std::deque<std::array<int32_t, 2>> followed;  ///< Commands of the last steps [um/s].
+  bool followed_duty = false;
+  uint32_t faults = 0;
+  uint64_t step_us = 0;
+  Values values{};
+  uint32_t hard_switches = 0;
+
+  // S06 and S07.
+  struct Wheel {
+    uint64_t wrong_since_us = 0;  ///< 0: it does what it should, or need not.
+    double slowest = 0.0;         ///< Setpoint since then [m/s].
+  };
+  std::array<Wheel, 2> wheels{};
+  bool started_at_rest = false;
+
+  // S09.
+  uint64_t latch_due_us = 0;
+
+  // S13.
+  struct Ticks {
+    bool known = false;
+    int64_t shown = 0;
+    uint32_t expected = 0;
+  };
+  std::array<Ticks, 2> ticks{};
+
+  // S22 and S23.
+  uint64_t rolling_since_us = 0;
+  double rolled_mps = 0.0;
+  bool rolling_told = false;
+  StopMode stop_mode = StopMode::kConfigured;
+  uint64_t stopped_us = 0;
+  uint64_t brake_us = 0;
+  int steps_since_stop = -1;  ///< -1: it has not stopped.
+};
+
+/// What hands and hardware do, as far as rules depend on it. The explorer writes it.
+struct World {
+  bool wired_as_believed = true;
+  uint64_t disturbed_us = 0;  ///< Simulated time of the last push, load, slope or defect [us].
+  bool ever_disturbed = false;
+  // Since the last control step:
+  bool writes_flash = false;  ///< It may be late.
+  bool handled = false;       ///< A message was.
+  /// Levels may have jumped, so ticks are not known any more.
+  bool changed_encoders = false;
+};
+
+class Judge {
+ public:
+  /// `excepted`: rules that are not looked at, as bits.
+  Judge(sim::Simulator& simulator, const Witness& witness, World& world, uint64_t excepted)
+      : simulator_(simulator), witness_(witness), world_(world), excepted_(excepted) {}
+
+  /// The first thing that is wrong, if any.
+  const std::optional<Finding>& finding() const { return finding_; }
+  void accuse(const Finding& finding) {
+    const bool excepted = (excepted_ >> static_cast<unsigned>(finding.rule) & 1) != 0;
+    if (!finding.text.empty() && !excepted && !finding_) finding_ = finding;
+  }
+
+  void before_message() { time_moves_the_state(); }
+  void after_message();
+  /// `stepped`: a control step has ended; otherwise the firmware only read the line.
+  void after_call(bool stepped);
+  void after_start();
+  void on_state(const WheelState& state);
+  void on_event(const Event& event);
+
+ private:
+  void check(Rule rule, bool holds, const std::string& otherwise) {
+    if (!holds) accuse({rule, otherwise});
+  }
+
+  void drive_only_in_driving();
+  void contact_stops();
+  void deadline_stops();
+  void driven_by_right();
+  void confirmed_board_only();
+  void wheel_fault_in_time();
+  void sound_robot_drives_on();
+  void time_moves_the_state();
+  void message_moves_the_state();
+  void stop_at_once();
+  void board_stays_while_estopped();
+  void slew_within_limit();
+  void within_limits();
+  void no_hard_switch();
+  void values_are_as_acknowledged();
+  void contradictions_never_drive();
+  void late_step_is_a_fault();
+  void estop_is_noted();
+  void stops_as_asked(bool stepped);
+  void rolling_is_reported();
+  void follow_ticks();
+  void remember();
+
+  double target(sim::Side side) const;
+  bool is_wrong(sim::Side side) const;
+  bool has_default_protection() const;
+  bool is_clean() const;
+  uint64_t now_us() const { return simulator_.board.device_us(); }
+  uint64_t world_us() const { return static_cast<uint64_t>(simulator_.board.now() / 1000); }
+  float value(ParameterId id) const { return witness_.value(id); }
+
+  sim::Simulator& simulator_;
+  const Witness& witness_;
+  World& world_;
+  uint64_t excepted_;
+  Memory memory_;
+  std::optional<Finding> finding_;
+};
+
+}  // namespace wheelwire::explore

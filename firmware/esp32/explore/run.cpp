@@ -1,0 +1,528 @@
+#include "run.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "boards.hpp"
+#include "reset_reason.hpp"
+
+namespace wheelwire::explore {
+
+namespace {
+
+constexpr double kOpenUs = 3'000;
+constexpr size_t kSides = 2;
+
+int16_t q15(double duty) {
+  if (!std::isfinite(duty)) return INT16_MIN;
+  return static_cast<int16_t>(std::clamp(std::lround(duty * 32767.0), -32768L, 32767L));
+}
+
+uint64_t whole(double value) { return value > 0.0 ? static_cast<uint64_t>(value) : 0; }
+
+template <typename Code>
+Code code_of(double value) {
+  return static_cast<Code>(static_cast<uint8_t>(whole(value)));
+}
+
+bool loses_memory(ResetReason reason) {
+  return reason == ResetReason::kPowerOn || reason == ResetReason::kExternal ||
+         reason == ResetReason::kBrownout;
+}
+
+}  // namespace
+
+Run::Run(const Scenario& scenario, Coverage& coverage)
+    : simulator_(scenario.seed),
+      judge_(simulator_, witness_, world_, scenario.excepted),
+      coverage_(coverage),
+      hosts_{Host(static_cast<uint32_t>(sim::mix(scenario.seed))),
+             Host(static_cast<uint32_t>(sim::mix(scenario.seed + 1)))},
+      boot_id_(simulator_.boot_id()) {
+  simulator_.board.line.set_tap(this);
+  simulator_.board.store.watch = this;
+  simulator_.board.board_store.watch = this;
+  simulator_.board.latch_store.watch = this;
+}
+
+// --- time ----------------------------------------------------------------------------------------
+
+void Run::run_for(double us) {
+  const sim::Nanoseconds end =
+      simulator_.board.now() + static_cast<sim::Nanoseconds>(std::min(us, 60e6) * 1e3);
+  do {
+    sim::Nanoseconds next = std::min(end, simulator_.next_event());
+    while (!delayed_.empty() && delayed_.front().due <= simulator_.board.now()) {
+      const Bytes bytes = delayed_.front().bytes;
+      delayed_.pop_front();
+      simulator_.board.line.host_write(bytes.data(), bytes.size());
+    }
+    if (!delayed_.empty()) next = std::min(next, delayed_.front().due);
+    advance_to(std::max(next, simulator_.board.now()));
+  } while (simulator_.board.now() < end && !ended());
+}
+
+void Run::advance_to(sim::Nanoseconds end) {
+  const uint64_t steps = simulator_.control_steps();
+  simulator_.advance(end - simulator_.board.now());
+  call(simulator_.control_steps() != steps);
+}
+
+/// The firmware has done something, or time has passed.
+void Run::call(bool stepped) {
+  if (dead_) {
+    dead_ = false;
+    witness_.forgets_task();
+    reset(ResetReason::kPowerOn);
+    return;
+  }
+  settle(true);
+  if (simulator_.boot_id() != boot_id_) {
+    // It restarted by itself, or the supply browned out.
+    note_reset();
+    return;
+  }
+  if (!started_ && simulator_.state() != SupervisorState::kBoot) {
+    started_ = true;
+    judge_.accuse(witness_.starts());
+    compare_boards();
+    coverage_.board(fingerprint(witness_.board()), fingerprint(simulator_.board.wired()),
+                    witness_.board_state());
+    judge_.after_start();
+    return;
+  }
+  if (!started_) return;
+  if (stepped) witness_.expires_trial();
+  judge_.after_call(stepped);
+  witness_.notes_stop();
+  if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
+  pass_answers();
+}
+
+void Run::note_reset() {
+  const ResetReason reason = simulator_.reset_reason();
+  boot_id_ = simulator_.boot_id();
+  coverage_.reset(reason, witness_.last_state());
+  witness_.resets(loses_memory(reason));
+  to_device_.forget();
+  from_device_.forget();
+  started_ = false;
+  if (simulator_.state() != SupervisorState::kBoot) call(false);
+}
+
+void Run::reset(ResetReason reason) {
+  simulator_.reset(reason);
+  note_reset();
+}
+
+void Run::pass_answers() {
+  uint8_t bytes[256];
+  while (const size_t size = simulator_.board.line.host_read(bytes, sizeof bytes)) {
+    for (size_t i = 0; i < hosts_.size(); ++i)
+      to_host_[i].feed(bytes, size, [&](const Seen& seen) { hosts_[i].receive(seen); });
+  }
+}
+
+// --- the line ------------------------------------------------------------------------------------
+
+void Run::on_read(const uint8_t* data, size_t size) {
+  if (dead_) return;
+  settle(false);
+  to_device_.feed(data, size, [this](const Seen& seen) {
+    judge_.before_message();
+    witness_.note_state();
+    witness_.reads(seen);
+    world_.handled = true;
+  });
+}
+
+/// The firmware has handled what it read. At the end of a call it may have done more: it reads no
+/// more than so many bytes in a step.
+void Run::settle(bool call_ended) {
+  if (!witness_.task()) return;
+  judge_.accuse(witness_.settles());
+  const Task& task = *witness_.task();
+  if (task.carried_out) coverage_.accepted(task.message.id, task.before);
+  if (!call_ended) judge_.after_message();
+  witness_.note_state();
+  witness_.forgets_task();
+}
+
+void Run::on_write(const uint8_t* data, size_t size) {
+  if (dead_) return;
+  from_device_.feed(data, size, [this](const Seen& seen) {
+    judge_.accuse(witness_.sends(seen));
+    if (seen.id == WheelState::kId) judge_.on_state(seen.as<WheelState>());
+    if (seen.id == Event::kId) {
+      const auto event = seen.as<Event>();
+      if (event.code == EventCode::kSupervisor) coverage_.transition(event.before, event.cause);
+      judge_.on_event(event);
+    }
+    if (seen.id == Refuse::kId) {
+      const auto refuse = seen.as<Refuse>();
+      coverage_.refusal(refuse.message_id, refuse.code);
+    }
+  });
+}
+
+void Run::send(const Bytes& bytes) {
+  if (bytes.empty()) return;
+  Bytes sent = bytes;
+  const Impairment how = impairment_;
+  impairment_ = Impairment::kNone;
+  switch (how) {
+    case Impairment::kNone:
+      break;
+    case Impairment::kLost:
+      return;
+    case Impairment::kDoubled:
+      sent.insert(sent.end(), bytes.begin(), bytes.end());
+      break;
+    case Impairment::kDelayed: {
+      const sim::Nanoseconds due =
+          simulator_.board.now() + static_cast<sim::Nanoseconds>(impaired_us_ * 1000);
+      const auto later = std::find_if(delayed_.begin(), delayed_.end(),
+                                      [due](const Delayed& other) { return other.due > due; });
+      delayed_.insert(later, {due, sent});
+      return;
+    }
+    case Impairment::kBit:
+      sent[impaired_at_ / 8 % sent.size()] ^= static_cast<uint8_t>(1U << impaired_at_ % 8);
+      break;
+    case Impairment::kCut:
+      sent.erase(sent.begin() + static_cast<std::ptrdiff_t>(impaired_at_ % sent.size()));
+      break;
+  }
+  simulator_.board.line.host_write(sent.data(), sent.size());
+}
+
+// --- flash ---------------------------------------------------------------------------------------
+
+bool Run::allow_write(const sim::Store& store) {
+  if (dead_) return false;
+  const Witness::Written what = &store == &simulator_.board.store ? Witness::Written::kParameters
+                                : &store == &simulator_.board.board_store
+                                    ? Witness::Written::kBoard
+                                    : Witness::Written::kLatch;
+  world_.writes_flash = true;
+  if (cut_in_ == 0) {
+    cut_in_ = -1;
+    dead_ = true;
+    witness_.cut_at_write(what);
+    return cut_keeps_;
+  }
+  if (cut_in_ > 0) --cut_in_;
+  if (what == Witness::Written::kLatch) witness_.notes_latch();
+  return true;
+}
+
+// --- operations ----------------------------------------------------------------------------------
+
+bool Run::apply(const Operation& operation) {
+  const auto& values = operation.values;
+  switch (operation.kind) {
+    case Kind::kRun:
+      run_for(values[0]);
+      break;
+    case Kind::kService:
+      if (simulator_.state() == SupervisorState::kBoot) break;
+      simulator_.service_link();
+      call(false);
+      break;
+    case Kind::kHold:
+      hold(operation);
+      break;
+    default:
+      if (operation.kind >= Kind::kOpen && operation.kind <= Kind::kRepeat) {
+        message(operation);
+      } else {
+        change_robot(operation);
+      }
+  }
+  return !ended();
+}
+
+Host& Run::host_of(const Operation& operation) {
+  return hosts_[whole(operation.values[0]) % hosts_.size()];
+}
+
+uint32_t Run::session_of(Host& host, int session) {
+  if (session == 1) return hosts_[0].session_id() ^ hosts_[1].session_id() ^ host.session_id();
+  return session == 2 ? host.session_id() + 1 : host.session_id();
+}
+
+template <typename Message>
+void Run::send_request(Host& host, Message message, int ahead, int session) {
+  message.session_id = session_of(host, session);
+  message.request_id = host.request_id(ahead);
+  send(host.frame(message));
+}
+
+void Run::open(Host& host) {
+  host.renew_nonce();
+  send(host.frame(Hello{host.nonce(), schema::kVersion, schema::kHash}));
+  run_for(kOpenUs);
+  send(host.frame(Ping{host.session_id(), 1, 0}));
+  run_for(kOpenUs);
+}
+
+void Run::message(const Operation& operation) {
+  Host& host = host_of(operation);
+  const auto& values = operation.values;
+  const auto integer = [&](size_t i) { return static_cast<int>(values[i]); };
+  const auto byte = [&](size_t i) { return static_cast<uint8_t>(whole(values[i])); };
+  switch (operation.kind) {
+    case Kind::kOpen:
+      return open(host);
+    case Kind::kHello:
+      if (values[1] != 0.0) host.renew_nonce();
+      return send(
+          host.frame(Hello{host.nonce(), static_cast<uint16_t>(schema::kVersion + integer(2)),
+                           schema::kHash + static_cast<uint32_t>(integer(3))}));
+    case Kind::kPing:
+      return send(host.frame(Ping{session_of(host, integer(1)), 1, 0}));
+    case Kind::kVelocity:
+    case Kind::kDuty:
+      return setpoint(operation);
+    case Kind::kStop:
+      return send(host.frame(Stop{session_of(host, integer(3)), 1, host.command_seq(integer(2)),
+                                  code_of<StopMode>(values[1])}));
+    case Kind::kEstop:
+      return send(host.frame(Estop{host.session_id(), 1}));
+    case Kind::kClearEstop:
+      return send_request(host, ClearEstop{}, integer(1), integer(2));
+    case Kind::kClearFault:
+      return send_request(host, ClearFault{}, integer(1), integer(2));
+    case Kind::kStreamRate:
+      return send_request(host, SetStreamRate{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
+    case Kind::kGet:
+      return send_request(host, ParameterGet{.parameter = byte(1)});
+    case Kind::kSet:
+      return send_request(
+          host, ParameterSet{.parameter = byte(1), .value = static_cast<float>(values[2])},
+          integer(3), integer(4));
+    case Kind::kSave:
+      return send_request(host, ParameterSave{.parameter = byte(1)});
+    case Kind::kResetParameters:
+      return send_request(host, ParameterReset{});
+    case Kind::kList:
+      return send_request(host, ParameterList{.parameter_index = byte(1)});
+    case Kind::kLinkCounters:
+      return send_request(host, LinkCountersGet{});
+    case Kind::kControlCounters:
+      return send_request(host, ControlCountersGet{});
+    case Kind::kTrial:
+      return send_request(host, ParameterTrial{.action = code_of<TrialAction>(values[1]),
+                                               .timeout_s = static_cast<float>(values[2])});
+    case Kind::kGroup:
+      return send_request(host, GroupGet{.group = code_of<Group>(values[1])});
+    case Kind::kContradictions:
+      return send_request(host, ContradictionsGet{});
+    case Kind::kRestart:
+      return send_request(host, Restart{});
+    case Kind::kBoardGet:
+      return send_request(host, BoardGet{});
+    case Kind::kBoardWrite:
+      return write_board(operation, host);
+    case Kind::kBoardConfirm: {
+      const uint32_t meant = fingerprint(witness_.board()) + static_cast<uint32_t>(integer(1));
+      return send_request(host, BoardConfirm{.fingerprint = meant});
+    }
+    case Kind::kRepeat:
+      return send(host.repeated(whole(values[1])));
+    default:
+      return;
+  }
+}
+
+void Run::setpoint(const Operation& operation) {
+  Host& host = host_of(operation);
+  const auto& values = operation.values;
+  const auto life_us = static_cast<int64_t>(values[3]);
+  const auto expiry_us = static_cast<uint64_t>(
+      std::max<int64_t>(0, static_cast<int64_t>(simulator_.board.device_us()) + life_us));
+  const uint32_t session = session_of(host, static_cast<int>(values[5]));
+  const uint32_t seq = host.command_seq(static_cast<int>(values[4]));
+  if (operation.kind == Kind::kDuty) {
+    send(host.frame(SetDuty{session, seq, expiry_us, q15(values[1]), q15(values[2])}));
+  } else {
+    send(host.frame(SetWheelVelocity{session, seq, expiry_us, static_cast<float>(values[1]),
+                                     static_cast<float>(values[2])}));
+  }
+}
+
+/// What a program does that drives: a setpoint every now and then.
+void Run::hold(const Operation& operation) {
+  const auto& values = operation.values;
+  const double every_us = std::clamp(values[4], 1e3, 1e6);
+  for (double left_us = std::min(values[3], 20e6); left_us > 0.0 && !ended(); left_us -= every_us) {
+    setpoint({.kind = values[5] != 0.0 ? Kind::kDuty : Kind::kVelocity,
+              .values = {values[0], values[1], values[2], 2.5 * every_us, 1, 0}});
+    run_for(std::min(every_us, left_us));
+  }
+}
+
+void Run::write_board(const Operation& operation, Host& host) {
+  const auto& boards = shipped_boards();
+  BoardDescription board = boards[whole(operation.values[1]) % boards.size()];
+  const auto damage = static_cast<int>(operation.values[2]);
+  if (damage == 2) board.left_encoder_a = board.left_encoder_b;
+  if (damage == 3) board.stage = static_cast<Stage>(kStages);
+  uint8_t body[BoardWrite::kSize] = {};
+  wheelwire::write_board(board, body + BoardWrite::kSize - BoardDescription::kSize);
+  if (damage == 1) body[BoardWrite::kSize - 1] ^= 1;
+  send_request(host, BoardWrite::decode(body));
+}
+
+void Run::disturb(bool lasts) {
+  world_.disturbed_us = static_cast<uint64_t>(simulator_.board.now() / 1000);
+  world_.ever_disturbed = world_.ever_disturbed || lasts;
+}
+
+void Run::change_robot(const Operation& operation) {
+  const auto& values = operation.values;
+  sim::SimulatedBoard& board = simulator_.board;
+  switch (operation.kind) {
+    case Kind::kNoise: {
+      sim::Random random(whole(values[1]));
+      Bytes bytes(std::min<size_t>(whole(values[0]), 4000));
+      for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random.next());
+      board.line.host_write(bytes.data(), bytes.size());
+      return;
+    }
+    case Kind::kImpair:
+      impairment_ = static_cast<Impairment>(whole(values[0]) % 6);
+      impaired_at_ = static_cast<uint32_t>(whole(values[1]));
+      impaired_us_ = whole(values[2]);
+      return;
+    case Kind::kBaud:
+      board.line.set_baud(static_cast<uint32_t>(whole(values[0])));
+      return;
+    case Kind::kContact:
+      board.estop.open = values[0] != 0.0;
+      return;
+    case Kind::kReset:
+      return reset(code_of<ResetReason>(std::min(values[0], 7.0)));
+    case Kind::kPowerCut:
+      cut_in_ = static_cast<int>(values[0]);
+      cut_keeps_ = values[1] != 0.0;
+      return;
+    case Kind::kStoreFails: {
+      const bool fails = values[1] != 0.0;
+      const auto store = whole(values[0]);
+      (store == 0   ? board.store
+       : store == 1 ? board.board_store
+                    : board.latch_store)
+          .failing = fails;
+      return;
+    }
+    case Kind::kStoreUnreadable:
+      (values[1] == 0.0 ? board.store : board.board_store).unreadable =
+          static_cast<uint32_t>(whole(values[0])) &
+          (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
+      return reset(ResetReason::kPowerOn);
+    case Kind::kDriverFails:
+      simulator_.set_driver_failed(values[0] != 0.0);
+      if (values[0] != 0.0 && started_) witness_.drivers_fail();
+      return;
+    case Kind::kBootTime:
+      simulator_.boot_time_us = std::min<uint64_t>(whole(values[0]), 1'000'000);
+      return;
+    case Kind::kLate:
+      disturb();
+      simulator_.delay_control(std::min<uint64_t>(whole(values[0]), 5'000'000));
+      return;
+    case Kind::kClock:
+      board.clock.set_ppm(std::clamp(values[0], -10'000.0, 10'000.0), board.now());
+      return;
+    case Kind::kWire:
+      simulator_.board_unwritten = values[1] != 0.0;
+      wire(static_cast<int>(values[0]));
+      board.set_floating_level(values[2] != 0.0);
+      return reset(ResetReason::kPowerOn);
+    case Kind::kBattery:
+      disturb();
+      board.battery.volts = std::clamp(values[0], 0.0, 60.0);
+      return;
+    case Kind::kLostEdges: {
+      disturb();
+      sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
+      model.lost = std::clamp(values[1], 0.0, 1.0);
+      model.edge_error_ticks = std::clamp(values[2], 0.0, 0.45);
+      return;
+    }
+    case Kind::kEncoder: {
+      disturb();
+      world_.changed_encoders = true;
+      sim::EncoderModel& model = board.encoders[whole(values[0]) % kSides].model;
+      model.dead = values[1] != 0.0;
+      model.reversed = values[2] != 0.0;
+      model.stuck = static_cast<int>(whole(values[3]) % 3);
+      return;
+    }
+    case Kind::kCounts:
+      disturb();
+      board.counts_per_revolution = static_cast<int>(std::clamp(values[0], 4.0, 200'000.0));
+      return;
+    default:
+      return change_plant(operation);
+  }
+}
+
+void Run::change_plant(const Operation& operation) {
+  disturb();
+  const auto& values = operation.values;
+  sim::Plant& plant = simulator_.board.plant;
+  sim::PlantModel model = plant.model();
+  sim::WheelModel& wheel = model.wheels[whole(values[0]) % kSides];
+  switch (operation.kind) {
+    case Kind::kSupply:
+      model.bridge.supply_v = std::clamp(values[0], 0.0, 60.0);
+      model.supply_ohm = std::clamp(values[1], 0.0, 20.0);
+      simulator_.board.brownout_v = std::clamp(values[2], 0.0, 60.0);
+      break;
+    case Kind::kSlope:
+      model.slope_rad = std::clamp(values[0], -0.5, 0.5);
+      break;
+    case Kind::kFree:
+      model.wheels_free = values[0] != 0.0;
+      break;
+    case Kind::kLoad:
+      wheel.load_nm = std::clamp(values[1], -1.0, 1.0);
+      break;
+    case Kind::kPush:
+      plant.turn_by_hand(static_cast<sim::Side>(whole(values[0]) % kSides),
+                         std::clamp(values[1], -100.0, 100.0) * 6.28318530717958647692);
+      return;
+    case Kind::kBlocked:
+      wheel.blocked = values[1] != 0.0;
+      break;
+    case Kind::kMotor:
+      wheel.motor_reversed = values[1] != 0.0;
+      wheel.motor_open = values[2] != 0.0;
+      wheel.motor_scale = std::clamp(values[3] == 0.0 ? 1.0 : values[3], 0.5, 2.0);
+      break;
+    case Kind::kSwaps:
+      world_.changed_encoders = true;
+      model.motors_swapped = values[0] != 0.0;
+      simulator_.board.wiring.swapped = values[1] != 0.0;
+      break;
+    default:
+      return;
+  }
+  if (sim::is_physical(model)) plant.configure(model);
+}
+
+void Run::wire(int board) {
+  if (board < 0) return simulator_.board.wire_as_active();
+  const auto& boards = shipped_boards();
+  simulator_.board.wire(boards[static_cast<size_t>(board) % boards.size()]);
+}
+
+/// Whether the firmware has been told what is there.
+void Run::compare_boards() {
+  world_.wired_as_believed = simulator_.board.is_wired_as_active() ||
+                             fingerprint(simulator_.board.wired()) == fingerprint(witness_.board());
+}
+
+}  // namespace wheelwire::explore

@@ -1,0 +1,739 @@
+#include "witness.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "boards.hpp"
+#include "names.hpp"
+
+namespace wheelwire::explore {
+
+namespace {
+
+constexpr size_t kKeptAnswers = 4;
+constexpr double kDoubt = 1e-5;
+/// Room for what a message may be answered with, and the events that it causes.
+constexpr size_t kLongestFrames = 3 * 90;
+constexpr uint32_t kLineShare[] = {4, 5};
+constexpr uint32_t kStoreFaults = fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable;
+
+/// The message's fields that every request begins with.
+struct Head {
+  uint32_t session_id;
+  uint16_t request_id;
+};
+
+Head head_of(const Seen& message) {
+  Head head{};
+  const uint8_t* in = message.body.data();
+  wire::get(in, head.session_id);
+  wire::get(in, head.request_id);
+  return head;
+}
+
+bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDuty::kId; }
+
+/// The board in a BoardWrite, which ends with it.
+const uint8_t* packed_board(const Seen& message) {
+  return message.body.data() + message.body.size() - BoardDescription::kSize;
+}
+
+/// Boards are written as they are shipped, or broken.
+bool is_shipped(const Seen& message) {
+  for (const BoardDescription& board : shipped_boards()) {
+    uint8_t packed[BoardDescription::kSize];
+    write_board(board, packed);
+    if (std::memcmp(packed, packed_board(message), sizeof packed) == 0) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::string Codes::text() const {
+  std::string text;
+  for (unsigned code = 0; code < 32; ++code)
+    if ((bits_ >> code & 1) != 0)
+      text += (text.empty() ? "" : " or ") + name_of(static_cast<RefusalCode>(code));
+  return text;
+}
+
+// --- what the firmware reads ---------------------------------------------------------------------
+
+void Witness::reads(const Seen& message) {
+  task_ = Task{.message = message, .before = simulator_.state(), .codes = {}, .exact = {}};
+  wanted_.reset();
+  switch (message.id) {
+    case Hello::kId:
+      return read_hello(message.as<Hello>());
+    case Stop::kId:
+    case Estop::kId:
+      task_->answers = task_->is_new = true;
+      task_->codes = RefusalCode::kNone;
+      return;
+    case SetWheelVelocity::kId: {
+      const auto setpoint = message.as<SetWheelVelocity>();
+      return read_setpoint(setpoint, false, static_cast<double>(setpoint.left_mps),
+                           static_cast<double>(setpoint.right_mps));
+    }
+    case SetDuty::kId: {
+      const auto setpoint = message.as<SetDuty>();
+      return read_setpoint(setpoint, true, setpoint.left_duty_q15 / 32767.0,
+                           setpoint.right_duty_q15 / 32767.0);
+    }
+    case Ping::kId:
+      task_->answers = task_->is_new = true;
+      task_->codes = open_ && message.as<Ping>().session_id == session_id_
+                         ? RefusalCode::kNone
+                         : RefusalCode::kNoSession;
+      return;
+    default:
+      if (message.id >= 0x80) {
+        task_.reset();
+        return;
+      }
+      return read_request(head_of(message).session_id, head_of(message).request_id);
+  }
+}
+
+void Witness::read_hello(const Hello& hello) {
+  task_->answers = true;
+  task_->codes = hello.protocol_version != schema::kVersion ? RefusalCode::kProtocolVersion
+                 : hello.schema_hash != schema::kHash       ? RefusalCode::kSchema
+                                                            : RefusalCode::kNone;
+  task_->is_new = task_->codes.has(RefusalCode::kNone) && !(open_ && hello.nonce == nonce_);
+}
+
+template <typename Setpoint>
+void Witness::read_setpoint(const Setpoint& message, bool duty, double left, double right) {
+  if (!open_ || message.session_id != session_id_) {
+    task_->answers = true;
+    task_->codes = RefusalCode::kNoSession;
+    denied_ = task_->codes;
+    return;
+  }
+  if (message.command_seq <= newest_command_) return;  // Dropped without an answer.
+  newest_command_ = message.command_seq;
+  task_->is_new = true;
+  if (!std::isfinite(left) || !std::isfinite(right)) {
+    task_->codes = RefusalCode::kNotFinite;
+  } else {
+    // In the device's own resolution: a setpoint below it is zero.
+    const auto is_zero = [duty](double value) { return std::abs(value) < (duty ? 1e-9 : 0.5e-6); };
+    task_->codes = setpoint_codes(message.expiry_us, is_zero(left) && is_zero(right));
+  }
+  task_->answers = !task_->codes.has(RefusalCode::kNone);
+  if (task_->answers) denied_ = task_->codes;
+  const auto ttl_us =
+      static_cast<uint64_t>(std::ceil(static_cast<double>(value(ParameterId::kTtlMaxS)) * 1e6));
+  wanted_ = Granted{.duty = duty,
+                    .left = left,
+                    .right = right,
+                    .deadline_us = std::min(message.expiry_us, now_us() + ttl_us),
+                    .command_seq = message.command_seq};
+}
+
+/// All reasons that apply; kNone among them if it must or may be obeyed.
+Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
+  Codes codes;
+  const uint64_t now = now_us();
+  if (board_state_ == BoardState::kBuiltIn) codes |= RefusalCode::kBoardUnconfirmed;
+  if (board_state_ == BoardState::kTrial) codes |= RefusalCode::kBoardOnTrial;
+  if (restarting_) codes |= RefusalCode::kBooting;
+  if (!synchronised_) codes |= RefusalCode::kClockUnsynchronised;
+  const auto gap_us =
+      static_cast<uint64_t>(static_cast<double>(value(ParameterId::kRearmGapS)) * 1e6);
+  const bool is_gap = now >= any_setpoint_us_ + gap_us;
+  const bool may_be_gap = now + 1 >= counted_setpoint_us_ + gap_us;
+  any_setpoint_us_ = now;
+  if (codes.empty()) counted_setpoint_us_ = now;
+  if (expiry_us <= now) codes |= RefusalCode::kExpired;
+  if (trial_ == Trial::kExpired) codes |= RefusalCode::kNoTrial;
+  if (task_->before == SupervisorState::kEstopped) codes |= RefusalCode::kEstopped;
+  if (task_->before == SupervisorState::kFault) codes |= RefusalCode::kFault;
+  if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
+  const bool rests = unarmed_ && !is_zero;
+  if (rests && !may_be_gap) codes |= RefusalCode::kUnarmed;
+  if (!codes.empty()) return codes;
+  codes |= RefusalCode::kNone;
+  if (rests && !is_gap) codes |= RefusalCode::kUnarmed;
+  if (doubtful_contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
+  return codes;
+}
+
+void Witness::read_request(uint32_t session_id, uint16_t request_id) {
+  if (!open_ || session_id != session_id_) {
+    task_->answers = true;
+    task_->codes = RefusalCode::kNoSession;
+    return;
+  }
+  for (const Kept& kept : kept_) {
+    if (kept.request_id != request_id) continue;
+    task_->is_repeat = task_->answers = true;
+    task_->exact = kept.answer;
+    return;
+  }
+  if (static_cast<int16_t>(request_id - newest_request_) <= 0) return;
+  task_->is_new = task_->answers = true;
+  task_->records = task_->message.id != BoardGet::kId;
+  if (task_->message.id == ParameterTrial::kId) expires_trial();
+  task_->codes = request_codes(task_->message);
+}
+
+/// What outlasts a session cannot change now.
+Codes Witness::lasting_code() const {
+  if (trial_ == Trial::kRuns) return RefusalCode::kOnTrial;
+  if (trial_ == Trial::kExpired) return RefusalCode::kNoTrial;
+  return {};
+}
+
+Codes Witness::stopped_code() const {
+  const Codes lasting = lasting_code();
+  if (!lasting.empty()) return lasting;
+  if (simulator_.state() == SupervisorState::kDriving) return RefusalCode::kNotStopped;
+  return {};
+}
+
+Codes Witness::request_codes(const Seen& message) const {
+  const Codes none = RefusalCode::kNone;
+  const Codes store_failed = RefusalCode::kStoreFailed;
+  switch (message.id) {
+    case ClearEstop::kId:
+      return contact_open() ? RefusalCode::kCausePresent : RefusalCode::kNone;
+    case ClearFault::kId:
+      return lasting_ != 0 ? RefusalCode::kCausePresent : RefusalCode::kNone;
+    case SetStreamRate::kId: {
+      const uint32_t rate_hz = message.as<SetStreamRate>().rate_hz;
+      const uint32_t capacity = simulator_.board.line.baud() / 10;
+      constexpr uint32_t kFrame = WheelState::kSize + 10;
+      const bool fits =
+          capacity == 0 || rate_hz * kFrame * kLineShare[1] <= capacity * kLineShare[0];
+      return static_cast<float>(rate_hz) <= value(ParameterId::kControlRateHz) && fits
+                 ? RefusalCode::kNone
+                 : RefusalCode::kRateTooHigh;
+    }
+    case ParameterGet::kId: {
+      const uint8_t id = message.as<ParameterGet>().parameter;
+      return id >= 1 && id <= kParameterCount ? RefusalCode::kNone : RefusalCode::kUnknownParameter;
+    }
+    case ParameterList::kId:
+      return message.as<ParameterList>().parameter_index < kParameterCount
+                 ? RefusalCode::kNone
+                 : RefusalCode::kOutOfRange;
+    case ParameterSet::kId:
+      return codes(message.as<ParameterSet>());
+    case ParameterSave::kId: {
+      if (message.as<ParameterSave>().parameter > kParameterCount)
+        return RefusalCode::kUnknownParameter;
+      const Codes stopped = stopped_code();
+      if (!stopped.empty()) return stopped;
+      return (lasting_ & kStoreFaults) != 0 || simulator_.board.store.failing ? store_failed : none;
+    }
+    case ParameterReset::kId: {
+      const Codes lasting = lasting_code();
+      if (!lasting.empty()) return lasting;
+      if (estopped() || simulator_.state() == SupervisorState::kDriving)
+        return RefusalCode::kNotStopped;
+      return simulator_.board.store.failing ? store_failed : none;
+    }
+    case ParameterTrial::kId:
+      return codes(message.as<ParameterTrial>());
+    case Restart::kId: {
+      const Codes stopped = stopped_code();
+      if (!stopped.empty()) return stopped;
+      if (!fresh_candidate_) return none;
+      if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
+      return simulator_.board.board_store.failing ? store_failed : none;
+    }
+    case BoardWrite::kId: {
+      const Codes refused = board_state_ == BoardState::kTrial ? Codes(RefusalCode::kBoardOnTrial)
+                            : !is_shipped(message)             ? Codes(RefusalCode::kBoardRefused)
+                                                               : Codes();
+      return board_codes(refused);
+    }
+    case BoardConfirm::kId: {
+      const bool waits = board_state_ == BoardState::kTrial || board_state_ == BoardState::kBuiltIn;
+      const bool meant = message.as<BoardConfirm>().fingerprint == fingerprint(board_);
+      const Codes refused = !waits   ? Codes(RefusalCode::kNoBoardOnTrial)
+                            : !meant ? Codes(RefusalCode::kBoardRefused)
+                                     : Codes();
+      return board_codes(refused);
+    }
+    default:
+      return none;
+  }
+}
+
+/// `refused`: what speaks against it beside the robot's state.
+Codes Witness::board_codes(Codes refused) const {
+  const Codes stopped = stopped_code();
+  if (!stopped.empty()) return stopped;
+  if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
+  if (!refused.empty()) return refused;
+  return simulator_.board.board_store.failing ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+}
+
+Codes Witness::codes(const ParameterSet& request) const {
+  if (request.parameter < 1 || request.parameter > kParameterCount)
+    return RefusalCode::kUnknownParameter;
+  if (!std::isfinite(request.value)) return RefusalCode::kNotFinite;
+  const ParameterSpec& spec = kParameters[request.parameter - 1];
+  if (request.value < spec.minimum || request.value > spec.maximum) return RefusalCode::kOutOfRange;
+  if (spec.kind != ParameterKind::kReal && request.value != std::floor(request.value))
+    return RefusalCode::kNotIntegral;
+  if (request.value == value(spec.id)) return RefusalCode::kNone;
+  if (trial_ == Trial::kExpired) return RefusalCode::kNoTrial;
+  const bool released = spec.changes == ParameterChanges::kReleased;
+  if (released && trial_ == Trial::kRuns) return RefusalCode::kOnTrial;
+  const SupervisorState state = contact_open() ? SupervisorState::kEstopped : simulator_.state();
+  const bool drives = state == SupervisorState::kDriving;
+  if ((drives && spec.changes != ParameterChanges::kAlways) ||
+      (released && state == SupervisorState::kEstopped))
+    return RefusalCode::kNotStopped;
+  Values changed = values_;
+  changed[request.parameter - 1U] = request.value;
+  const uint32_t known = contradictions(values_);
+  Codes codes = RefusalCode::kNone;
+  if (trial_ == Trial::kRuns && !drives) return codes;
+  if ((contradictions(changed) & ~known) != 0) return RefusalCode::kContradiction;
+  if ((doubtful_contradictions(changed) | doubtful_contradictions(values_)) != 0)
+    codes |= RefusalCode::kContradiction;
+  return codes;
+}
+
+Codes Witness::codes(const ParameterTrial& request) const {
+  const bool extends =
+      request.action == TrialAction::kBegin || request.action == TrialAction::kRenew;
+  if (extends) {
+    if (!std::isfinite(request.timeout_s)) return RefusalCode::kNotFinite;
+    if (request.timeout_s < 0.2f || request.timeout_s > 60.0f) return RefusalCode::kOutOfRange;
+    if (request.action == TrialAction::kRenew)
+      return trial_ == Trial::kRuns ? RefusalCode::kNone : RefusalCode::kNoTrial;
+    const Codes lasting = lasting_code();
+    return lasting.empty() ? RefusalCode::kNone : lasting;
+  }
+  if (request.action == TrialAction::kRevert) return RefusalCode::kNone;
+  if (request.action != TrialAction::kKeep) return RefusalCode::kOutOfRange;
+  if (trial_ != Trial::kRuns) return RefusalCode::kNoTrial;
+  const uint32_t fresh = contradictions(values_) & ~contradictions(before_trial_);
+  if (fresh != 0) return RefusalCode::kContradiction;
+  Codes codes = RefusalCode::kNone;
+  if ((doubtful_contradictions(values_) | doubtful_contradictions(before_trial_)) != 0)
+    codes |= RefusalCode::kContradiction;
+  return codes;
+}
+
+// --- what it sends -------------------------------------------------------------------------------
+
+Finding Witness::sends(const Seen& message) {
+  if (message.id == WheelState::kId) return {};
+  if (message.id == Event::kId) {
+    // It may be of the trial's end, which comes before the messages of a step.
+    if (!task_) expires_trial();
+    return {};
+  }
+  if (!task_ || !task_->answers || task_->answered) {
+    // A setpoint may be refused where it need not be.
+    const bool is_refusal = message.id == Refuse::kId && task_ && is_setpoint(task_->message.id) &&
+                            task_->is_new && !task_->answered;
+    if (!is_refusal)
+      return {Rule::kAnswersAsSpecified,
+              "sent " + describe(message) + " without having been asked"};
+  }
+  task_->answered = true;
+  return takes_effect(message);
+}
+
+/// Checks the answer to the task, and takes note of what it says.
+Finding Witness::takes_effect(const Seen& answer) {
+  const Seen& message = task_->message;
+  const auto wrong = [&](const std::string& what) {
+    const Rule rule = task_->is_repeat ? Rule::kRequestOnce : Rule::kAnswersAsSpecified;
+    return Finding{rule,
+                   "answered " + describe(message) + " with " + describe(answer) + ": " + what};
+  };
+  if (message.id == Hello::kId) {
+    if (answer.id != DeviceHello::kId) return wrong("a hello is answered with DeviceHello");
+    return opens(answer.as<DeviceHello>());
+  }
+  if (task_->is_repeat) {
+    if (task_->exact && !(*task_->exact == answer))
+      return wrong("the first time it was " + describe(*task_->exact));
+    return {};
+  }
+  if (answer.id == Refuse::kId) {
+    const auto refuse = answer.as<Refuse>();
+    if (refuse.message_id != message.id) return wrong("it names another message");
+    task_->refusal = refuse.code;
+    if (!task_->codes.has(refuse.code)) return wrong("expected " + task_->codes.text());
+    if (is_setpoint(message.id)) denied_ = refuse.code;
+  } else {
+    if (!task_->codes.has(RefusalCode::kNone)) return wrong("expected " + task_->codes.text());
+    if (answer.id != answer_to(message.id)) return wrong("another answer belongs to it");
+    task_->carried_out = true;
+  }
+  if (task_->is_new && task_->records) {
+    newest_request_ = head_of(message).request_id;
+    kept_.push_back({newest_request_, answer});
+    if (kept_.size() > kKeptAnswers) kept_.pop_front();
+  }
+  // A save that fails for good leaves the values as they are set; so does a reset of them.
+  if (message.id == ParameterReset::kId && task_->refusal == RefusalCode::kStoreFailed)
+    values_ = defaults();
+  if (task_->carried_out && (task_->is_new || message.id == Ping::kId)) acts(message);
+  return {};
+}
+
+Finding Witness::opens(const DeviceHello& hello) {
+  if (!task_->codes.has(hello.refusal))
+    return {Rule::kAnswersAsSpecified,
+            "answered Hello with " + name_of(hello.refusal) + ": expected " + task_->codes.text()};
+  if (!task_->is_new) return {};
+  task_->carried_out = true;
+  ends_session();
+  open_ = true;
+  nonce_ = hello.nonce;
+  session_id_ = hello.nonce ^ simulator_.boot_id();
+  synchronised_ = false;
+  newest_command_ = 0;
+  newest_request_ = 0;
+  kept_.clear();
+  fresh_candidate_ = false;
+  return {};
+}
+
+void Witness::ends_session() {
+  if (trial_ == Trial::kRuns) values_ = before_trial_;
+  trial_ = Trial::kNone;
+  granted_.reset();
+}
+
+void Witness::expires_trial() {
+  if (trial_ != Trial::kRuns || now_us() < trial_until_us_) return;
+  ends_session();
+  trial_ = Trial::kExpired;
+}
+
+/// The message is carried out.
+void Witness::acts(const Seen& message) {
+  change_flash(message, flash_);
+  switch (message.id) {
+    case Stop::kId: {
+      const auto stop = message.as<Stop>();
+      if (open_ && stop.session_id == session_id_)
+        newest_command_ = std::max(newest_command_, stop.command_seq);
+      granted_.reset();
+      return;
+    }
+    case Estop::kId:
+      granted_.reset();
+      return;
+    case Ping::kId:
+      synchronised_ = true;
+      return;
+    case ClearEstop::kId:
+    case ClearFault::kId: {
+      const SupervisorState latched =
+          message.id == ClearEstop::kId ? SupervisorState::kEstopped : SupervisorState::kFault;
+      if (task_->before != latched) return;
+      unarmed_ = true;
+      any_setpoint_us_ = counted_setpoint_us_ = now_us();
+      return;
+    }
+    case ParameterSet::kId: {
+      const auto request = message.as<ParameterSet>();
+      values_[request.parameter - 1U] = request.value;
+      return;
+    }
+    case ParameterReset::kId:
+      values_ = defaults();
+      if (task_->carried_out) lasting_ &= ~kStoreFaults;
+      return;
+    case ParameterTrial::kId:
+      return acts(message.as<ParameterTrial>());
+    case Restart::kId:
+      restarting_ = true;
+      return;
+    case BoardWrite::kId:
+      fresh_candidate_ = true;
+      return;
+    case BoardConfirm::kId:
+      fresh_candidate_ = false;
+      if (board_state_ == BoardState::kTrial) {
+        board_state_ = BoardState::kStored;
+      } else {
+        restarting_ = true;
+      }
+      return;
+  }
+}
+
+void Witness::acts(const ParameterTrial& request) {
+  const auto until_us = now_us() + static_cast<uint64_t>(request.timeout_s * 1e6f);
+  switch (request.action) {
+    case TrialAction::kBegin:
+      before_trial_ = values_;
+      trial_ = Trial::kRuns;
+      trial_until_us_ = until_us;
+      return;
+    case TrialAction::kRenew:
+      trial_until_us_ = until_us;
+      return;
+    case TrialAction::kKeep:
+      trial_ = Trial::kNone;
+      return;
+    case TrialAction::kRevert:
+      if (trial_ == Trial::kRuns) ends_session();
+      trial_ = Trial::kNone;
+      return;
+  }
+}
+
+/// What the message makes of the flash, if all of its writes succeed.
+void Witness::change_flash(const Seen& message, Flash& flash) const {
+  switch (message.id) {
+    case ParameterSave::kId: {
+      const uint8_t id = message.as<ParameterSave>().parameter;
+      Values saved = values_;
+      if (id != 0) {
+        saved = loaded(flash);
+        saved[id - 1U] = values_[id - 1U];
+      }
+      flash.parameters = saved;
+      flash.parameters_board = board_fingerprint();
+      return;
+    }
+    case ParameterReset::kId:
+      flash.parameters.reset();
+      return;
+    case BoardWrite::kId:
+      flash.candidate = BoardDescription::decode(packed_board(message));
+      flash.candidate_state = Candidate::kWritten;
+      return;
+    case Restart::kId:
+      if (fresh_candidate_) flash.candidate_state = Candidate::kRequested;
+      return;
+    case BoardConfirm::kId:
+      flash.confirmed = board_;
+      flash.candidate_state = Candidate::kNone;
+      return;
+  }
+}
+
+// --- between two messages ------------------------------------------------------------------------
+
+Finding Witness::settles() {
+  if (!task_) return {};
+  const bool room = simulator_.board.line.has_room(kLongestFrames);
+  Finding problem;
+  // That a setpoint was obeyed which had to be refused shows in what drives.
+  const bool obeyed =
+      is_setpoint(task_->message.id) && simulator_.state() == SupervisorState::kDriving;
+  if (task_->answers && !task_->answered) {
+    if (room && !obeyed) {
+      problem.text =
+          "did not answer " + describe(task_->message) + ", expected " + task_->codes.text();
+    } else if (!room) {
+      presumes();
+    }
+  }
+  if (is_setpoint(task_->message.id) && task_->is_new && !task_->answered &&
+      task_->codes.has(RefusalCode::kNone)) {
+    if (!room && !task_->codes.is_single()) lost_track_ = true;
+    task_->carried_out = true;
+    granted_ = wanted_;
+    unarmed_ = false;
+  }
+  return problem;
+}
+
+/// The line was full, and the answer is lost.
+void Witness::presumes() {
+  if (!task_->is_new || is_setpoint(task_->message.id)) return;
+  if (task_->message.id == Hello::kId) {
+    opens({.nonce = task_->message.as<Hello>().nonce, .refusal = RefusalCode::kNone});
+    return;
+  }
+  if (!task_->codes.is_single()) lost_track_ = true;
+  task_->carried_out = task_->codes.has(RefusalCode::kNone);
+  if (task_->records) {
+    newest_request_ = head_of(task_->message).request_id;
+    kept_.push_back({newest_request_, std::nullopt});
+    if (kept_.size() > kKeptAnswers) kept_.pop_front();
+  }
+  if (task_->carried_out) acts(task_->message);
+}
+
+void Witness::notes_stop() {
+  if (simulator_.state() != SupervisorState::kDriving) granted_.reset();
+}
+
+// --- resets --------------------------------------------------------------------------------------
+
+void Witness::cut_at_write(Written what) {
+  maybe_flash_ = flash_;
+  if (what == Written::kLatch) {
+    maybe_flash_->estop = !flash_.estop;
+  } else if (task_ && task_->is_new) {
+    change_flash(task_->message, *maybe_flash_);
+  } else {
+    maybe_flash_->candidate_state = boot_of(*maybe_flash_).candidate_state;
+  }
+}
+
+void Witness::resets(bool loses_memory) {
+  if (last_state_ != SupervisorState::kBoot) {
+    state_before_reset_ = last_state_;
+    faults_before_reset_ = last_faults_;
+    unarmed_before_reset_ = unarmed_;
+    memory_kept_ = true;
+  }
+  if (loses_memory) memory_kept_ = false;
+  last_state_ = SupervisorState::kBoot;
+  last_faults_ = 0;
+  open_ = false;
+  session_id_ = 0;
+  kept_.clear();
+  granted_.reset();
+  task_.reset();
+  trial_ = Trial::kNone;
+  restarting_ = fresh_candidate_ = false;
+}
+
+Witness::Start Witness::boot_of(const Flash& flash) const {
+  Start start;
+  start.candidate_state = flash.candidate_state;
+  // Nothing is known of the wiring.
+  if (simulator_.board.board_store.unreadable != 0) return start;
+  const bool writable = !simulator_.board.board_store.failing;
+  if (flash.candidate_state == Candidate::kRequested && writable) {
+    start.candidate_state = Candidate::kTried;
+    start.state = BoardState::kTrial;
+    start.board = *flash.candidate;
+    return start;
+  }
+  if (writable) start.candidate_state = Candidate::kNone;
+  if (flash.confirmed) {
+    start.state = BoardState::kStored;
+    start.board = *flash.confirmed;
+  } else {
+    start.state = simulator_.board_unwritten ? BoardState::kBuiltIn : BoardState::kStored;
+    start.board = built_in_board();
+  }
+  return start;
+}
+
+Finding Witness::starts() {
+  Finding problem = starts_from(flash_);
+  if (!problem.text.empty() && maybe_flash_) {
+    const Finding second = starts_from(*maybe_flash_);
+    if (second.text.empty()) {
+      flash_ = *maybe_flash_;
+      problem.text.clear();
+    } else {
+      problem = {Rule::kFlashOldOrNew, problem.text + "; after the cut: " + second.text};
+    }
+  }
+  maybe_flash_.reset();
+  if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
+  note_state();
+  memory_kept_ = false;
+  any_setpoint_us_ = counted_setpoint_us_ = now_us();
+  return problem;
+}
+
+Finding Witness::starts_from(const Flash& flash) {
+  const Start start = boot_of(flash);
+  board_state_ = start.state;
+  board_ = start.board;
+  if (simulator_.board_state() != start.state) {
+    return {Rule::kFlashOldOrNew, "the board is " + name_of(simulator_.board_state()) +
+                                      " instead of " + name_of(start.state)};
+  }
+  values_ = loaded(flash);
+  lasting_ = simulator_.board.store.unreadable;
+  if (simulator_.driver_failed()) lasting_ |= fault::kDriverFailed;
+  if (board_state_ == BoardState::kNone) lasting_ |= fault::kNoBoard;
+  if (lasting_ & kStoreFaults) values_ = defaults();
+  for (const ParameterSpec& spec : kParameters) {
+    if (simulator_.parameter(spec.id) != value(spec.id))
+      return {spec.id == ParameterId::kEstopInputEnabled ? Rule::kContactInputOfItsBoard
+                                                         : Rule::kFlashOldOrNew,
+              "parameter " + std::to_string(static_cast<int>(spec.id)) + " is " +
+                  text_of(static_cast<double>(simulator_.parameter(spec.id))) + " instead of " +
+                  text_of(static_cast<double>(value(spec.id)))};
+  }
+  const bool estop = memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : flash.estop;
+  const uint32_t faults = lasting_ | (memory_kept_ ? faults_before_reset_ & ~fault::kNoBoard : 0U);
+  unarmed_ = memory_kept_ && unarmed_before_reset_;
+  const SupervisorState state = estop         ? SupervisorState::kEstopped
+                                : faults != 0 ? SupervisorState::kFault
+                                              : SupervisorState::kIdle;
+  if (simulator_.state() != state)
+    return {memory_kept_ ? Rule::kLatchEndsByClear : Rule::kEstopSurvivesPowerLoss,
+            "it starts in " + name_of(simulator_.state()) + " instead of " + name_of(state)};
+  if (simulator_.faults() != faults)
+    return {Rule::kLatchEndsByClear, "it starts with the faults " +
+                                         std::to_string(simulator_.faults()) + " instead of " +
+                                         std::to_string(faults)};
+  return {};
+}
+
+/// The values without a saved one.
+Values Witness::defaults() const {
+  Values values;
+  for (size_t i = 0; i < kParameterCount; ++i) values[i] = kParameters[i].default_value;
+  if (!board_confirmed()) return values;
+  values[index_of(ParameterId::kPwmFrequencyHz)] = board_.pwm_frequency_hz;
+  values[index_of(ParameterId::kGlitchFilterNs)] = board_.encoder_filter_ns;
+  if (board_.estop < 0) values[index_of(ParameterId::kEstopInputEnabled)] = 0;
+  return values;
+}
+
+/// What a start makes of the flash.
+Values Witness::loaded(const Flash& flash) const {
+  if (!flash.parameters) return defaults();
+  Values values = *flash.parameters;
+  if (flash.parameters_board != board_fingerprint()) {
+    const size_t contact = index_of(ParameterId::kEstopInputEnabled);
+    values[contact] = defaults()[contact];
+  }
+  return values;
+}
+
+uint32_t Witness::board_fingerprint() const {
+  return board_state_ == BoardState::kNone ? 0 : fingerprint(board_);
+}
+
+// --- contradictions ------------------------------------------------------------------------------
+
+uint32_t Witness::contradictions(const Values& values) const {
+  return contradictions(values, kDoubt);
+}
+
+/// Within the rounding of the core's single precision.
+uint32_t Witness::doubtful_contradictions(const Values& values) const {
+  return contradictions(values, -kDoubt) & ~contradictions(values, kDoubt);
+}
+
+uint32_t Witness::contradictions(const Values& values, double doubt) const {
+  const auto of = [&values](ParameterId id) { return static_cast<double>(values[index_of(id)]); };
+  using enum ParameterId;
+  const double rate_hz = of(kControlRateHz);
+  const double turns_hz = of(kMaxVelocityMps) / (2.0 * std::numbers::pi * of(kWheelRadius));
+  const double ticks_hz = turns_hz * of(kCountsPerRevolution);
+  uint32_t flags = 0;
+  if (of(kOverrunLimitUs) < 1.5e6 / rate_hz * (1.0 - doubt)) flags |= contradiction::kOverrunLimit;
+  if (board_confirmed() &&
+      of(kPwmFrequencyHz) > kStageTables[static_cast<size_t>(board_.stage)].max_frequency_hz)
+    flags |= contradiction::kPwmFrequency;
+  if (of(kStreamRateHz) > rate_hz) flags |= contradiction::kStreamRate;
+  if (of(kSupplyDropV) >= std::min(of(kNominalSupplyV), of(kUnmeasuredSupplyV)))
+    flags |= contradiction::kSupplyDrop;
+  if (ticks_hz >= rate_hz * (kCounterLimit / 2) * (1.0 + doubt)) flags |= contradiction::kTickRate;
+  if (of(kGlitchFilterNs) * 1e-9 * ticks_hz >= 1.0 + doubt) flags |= contradiction::kGlitchFilter;
+  return flags;
+}
+
+}  // namespace wheelwire::explore

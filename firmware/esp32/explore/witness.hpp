@@ -1,0 +1,227 @@
+// What somebody knows who sees the bytes on the line, the contact, the power and the clock, but not
+// into the firmware: sessions, setpoints that were granted, parameters, boards, latches. It is
+// written from protocol/SPEC.md, and calls nothing that the core decides with.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rule_ids.hpp"
+#include "simulator.hpp"
+#include "wire_decoder.hpp"
+
+namespace wheelwire::explore {
+
+using Values = std::array<float, kParameterCount>;
+
+constexpr size_t index_of(ParameterId id) { return static_cast<size_t>(id) - 1; }
+
+/// A set of refusal codes; with kNone in it the message may be carried out.
+class Codes {
+ public:
+  constexpr Codes() = default;
+  constexpr Codes(RefusalCode code) : bits_(1U << static_cast<unsigned>(code)) {}
+  Codes& operator|=(Codes other) {
+    bits_ |= other.bits_;
+    return *this;
+  }
+  constexpr bool has(RefusalCode code) const {
+    return (bits_ >> static_cast<unsigned>(code) & 1) != 0;
+  }
+  constexpr bool empty() const { return bits_ == 0; }
+  constexpr bool is_single() const { return (bits_ & (bits_ - 1)) == 0; }
+  std::string text() const;
+
+ private:
+  uint32_t bits_ = 0;
+};
+
+/// A setpoint that has every right to drive.
+struct Granted {
+  bool duty = false;
+  double left = 0.0;  ///< m/s or -1..1, by `duty`.
+  double right = 0.0;
+  uint64_t deadline_us = 0;
+  uint32_t command_seq = 0;
+};
+
+/// How far the board that was written is on its way.
+enum class Candidate { kNone, kWritten, kRequested, kTried };
+
+/// What lies in flash.
+struct Flash {
+  std::optional<Values> parameters;  ///< None: the defaults.
+  uint32_t parameters_board = 0;     ///< The board that they were saved for, by its fingerprint.
+  std::optional<BoardDescription> confirmed;
+  std::optional<BoardDescription> candidate;
+  Candidate candidate_state = Candidate::kNone;
+  bool estop = false;
+
+  bool operator==(const Flash&) const = default;
+};
+
+/// The message that the firmware handles, and what it has to answer.
+struct Task {
+  Seen message;
+  SupervisorState before{};
+  bool is_new = false;     ///< Neither a repeat, nor too old, nor of another session.
+  bool is_repeat = false;  ///< Answered from what is kept, and not carried out again.
+  bool answers = false;    ///< An answer must come.
+  bool answered = false;
+  bool records = false;  ///< The answer is kept for repeats.
+  bool carried_out = false;
+  RefusalCode refusal = RefusalCode::kNone;
+  Codes codes;                ///< The answer is one of these.
+  std::optional<Seen> exact;  ///< The answer to a repeat, where it is known.
+};
+
+enum class Trial { kNone, kRuns, kExpired };
+
+class Witness {
+ public:
+  explicit Witness(sim::Simulator& simulator) : simulator_(simulator) {}
+
+  // What is seen, in its order. Those that return a finding say what is wrong.
+  /// The firmware reads a message, and is about to handle it.
+  void reads(const Seen& message);
+  Finding sends(const Seen& message);
+  /// It has handled the message: it reads on, or its call has ended.
+  Finding settles();
+  /// A trial whose deadline has passed has ended.
+  void expires_trial();
+  /// Once the robot does not drive, its setpoint does not count any more.
+  void notes_stop();
+  /// It wrote, or erased, its note of a latched e-stop.
+  void notes_latch() { flash_.estop = simulator_.state() == SupervisorState::kEstopped; }
+  /// The power went at a write: what it was to change may have changed.
+  enum class Written { kParameters, kBoard, kLatch };
+  void cut_at_write(Written what);
+  /// The chip was reset, and begins to boot.
+  void resets(bool loses_memory);
+  /// It has started.
+  Finding starts();
+  void drivers_fail() { lasting_ |= fault::kDriverFailed; }
+
+  // What is known.
+  bool is_open() const { return open_; }
+  uint32_t session_id() const { return session_id_; }
+  bool synchronised() const { return synchronised_; }
+  const std::optional<Granted>& granted() const { return granted_; }
+  /// Why the last setpoint that was not granted was not.
+  Codes denied() const { return denied_; }
+  const Values& values() const { return values_; }
+  float value(ParameterId id) const { return values_[index_of(id)]; }
+  Trial trial() const { return trial_; }
+  uint64_t trial_until_us() const { return trial_until_us_; }
+  const std::optional<Task>& task() const { return task_; }
+  const Flash& flash() const { return flash_; }
+  BoardState board_state() const { return board_state_; }
+  const BoardDescription& board() const { return board_; }
+  bool board_confirmed() const {
+    return board_state_ == BoardState::kStored || board_state_ == BoardState::kTrial;
+  }
+  bool unarmed() const { return unarmed_; }
+  uint32_t lasting_faults() const { return lasting_; }
+  SupervisorState last_state() const { return last_state_; }
+  uint32_t last_faults() const { return last_faults_; }
+  /// State and faults, as they were last seen before the firmware went on.
+  void note_state() {
+    last_state_ = simulator_.state();
+    last_faults_ = simulator_.faults();
+  }
+  /// The contact stops the robot while it is open.
+  bool contact_counts() const {
+    return board_confirmed() && board_.estop >= 0 && value(ParameterId::kEstopInputEnabled) != 0;
+  }
+  bool contact_open() const { return contact_counts() && simulator_.board.estop.is_open(); }
+  bool contradicts() const { return contradictions(values_) != 0; }
+  /// An answer was lost, and what became of its request is not known.
+  bool lost_track() const { return lost_track_; }
+  void forgets_task() { task_.reset(); }
+
+ private:
+  struct Kept {
+    uint16_t request_id = 0;
+    std::optional<Seen> answer;
+  };
+
+  template <typename Setpoint>
+  void read_setpoint(const Setpoint& message, bool duty, double left, double right);
+  void read_hello(const Hello& hello);
+  void read_request(uint32_t session_id, uint16_t request_id);
+  Codes setpoint_codes(uint64_t expiry_us, bool is_zero);
+  Codes request_codes(const Seen& message) const;
+  Codes codes(const ParameterSet& request) const;
+  Codes codes(const ParameterTrial& request) const;
+  Codes board_codes(Codes last) const;
+  Codes stopped_code() const;
+  Codes lasting_code() const;
+  Finding takes_effect(const Seen& answer);
+  Finding opens(const DeviceHello& hello);
+  void acts(const Seen& message);
+  void acts(const ParameterTrial& request);
+  void change_flash(const Seen& message, Flash& flash) const;
+  void ends_session();
+  struct Start {
+    BoardState state = BoardState::kNone;
+    BoardDescription board;
+    Candidate candidate_state = Candidate::kNone;
+  };
+  Start boot_of(const Flash& flash) const;
+  Finding starts_from(const Flash& flash);
+  void presumes();
+  Values defaults() const;
+  Values loaded(const Flash& flash) const;
+  uint32_t board_fingerprint() const;
+  uint32_t contradictions(const Values& values) const;
+  uint32_t doubtful_contradictions(const Values& values) const;
+  uint32_t contradictions(const Values& values, double margin) const;
+  bool estopped() const {
+    return simulator_.state() == SupervisorState::kEstopped || contact_open();
+  }
+  uint64_t now_us() const { return simulator_.board.device_us(); }
+
+  sim::Simulator& simulator_;
+
+  bool open_ = false;
+  uint32_t nonce_ = 0;
+  uint32_t session_id_ = 0;
+  bool synchronised_ = false;
+  uint32_t newest_command_ = 0;
+  uint16_t newest_request_ = 0;
+  std::deque<Kept> kept_;
+  std::optional<Granted> granted_;
+  Codes denied_;
+  std::optional<Granted> wanted_;  ///< What the task asks for.
+  std::optional<Task> task_;
+
+  bool restarting_ = false;
+  bool unarmed_ = false;
+  uint64_t any_setpoint_us_ = 0;      ///< When the last one arrived, or a latch was cleared.
+  uint64_t counted_setpoint_us_ = 0;  ///< One that came so far that it certainly counts.
+
+  Values values_{};
+  Values before_trial_{};
+  Trial trial_ = Trial::kNone;
+  uint64_t trial_until_us_ = 0;
+  Flash flash_;
+  std::optional<Flash> maybe_flash_;  ///< If a write was cut.
+  uint32_t lasting_ = 0;
+
+  BoardState board_state_ = BoardState::kNone;
+  BoardDescription board_;
+  bool fresh_candidate_ = false;  ///< Written in this session.
+
+  SupervisorState last_state_ = SupervisorState::kBoot;
+  uint32_t last_faults_ = 0;
+  bool memory_kept_ = false;
+  SupervisorState state_before_reset_ = SupervisorState::kBoot;
+  uint32_t faults_before_reset_ = 0;
+  bool unarmed_before_reset_ = false;
+  bool lost_track_ = false;
+};
+
+}  // namespace wheelwire::explore
