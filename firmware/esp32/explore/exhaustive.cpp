@@ -33,6 +33,7 @@ std::vector<Operations> boards() {
        make(Kind::kRun, {130e3}), open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 1}), boot, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 0}), boot, open},
+      {make(Kind::kStoreUnreadable, {double{fault::kStoreFull}, 2}), boot, open},
   };
 }
 

@@ -380,11 +380,30 @@ class Generator {
         break;
       default:
         add(Kind::kResetParameters, {0});
-        if (chance(20)) add(Kind::kStoreUnreadable, {one_of({256, 512, 1024})});
+        if (chance(30)) damaged_flash();
     }
     wait();
     reset();
     if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
+  }
+
+  /// The cure that the fault's text proposes, and what the device is then.
+  void damaged_flash() {
+    add(Kind::kStoreUnreadable, {one_of({256, 512, 1024}), static_cast<double>(below(3))});
+    add(Kind::kRun, {60e3});
+    add(Kind::kOpen, {0});
+    add(Kind::kClearEstop, {0, 1});
+    moment();
+    if (chance(80)) add(Kind::kResetParameters, {0});
+    moment();
+    add(Kind::kClearFault, {0, 1});
+    if (chance(40)) add(Kind::kRestart, {0});
+    add(Kind::kRun, {130e3});
+    if (chance(30)) reset();
+    add(Kind::kOpen, {0});
+    if (chance(70)) add(Kind::kClearFault, {0, 1});
+    rest();
+    drive(300e3);
   }
 
   // --- wheels ------------------------------------------------------------------------------------

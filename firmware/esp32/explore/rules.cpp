@@ -393,7 +393,7 @@ void Judge::estop_is_noted() {
   const bool estopped = simulator_.state() == SupervisorState::kEstopped;
   const bool rests = simulator_.board.plant.stands_still() &&
                      simulator_.state() != SupervisorState::kDriving &&
-                     !simulator_.board.latch_store.failing;
+                     !simulator_.board.latch_store.failing && simulator_.board.flash.faults == 0;
   if (estopped == witness_.flash().estop || !rests) {
     memory_.latch_due_us = 0;
     return;
@@ -504,7 +504,7 @@ void Judge::follow_ticks() {
     const int64_t moved = encoder.shown_ticks() - ticks.shown;
     ticks.shown = encoder.shown_ticks();
     if (!known || encoder.model.stuck != 0 || std::abs(moved) > kMostTicksInAStep) {
-      ticks.known = false;
+      ticks.known = ticks.countable = false;
       continue;
     }
     const bool inverted = (value(wheel == kLeft ? kLeftEncoderInverted : kRightEncoderInverted) !=
@@ -523,7 +523,7 @@ void Judge::on_state(const WheelState& state) {
           std::string(wheel == kLeft ? "left" : "right") + " ticks are " +
               std::to_string(static_cast<int32_t>(reported)) + ", the encoder's levels make " +
               std::to_string(static_cast<int32_t>(ticks.expected)));
-    ticks.known = true;
+    ticks.known = ticks.countable;
     ticks.expected = reported;
   }
 }

@@ -52,6 +52,7 @@ struct Memory {
   // S13.
   struct Ticks {
     bool known = false;
+    bool countable = false;  ///< What the levels show is what the firmware counts.
     int64_t shown = 0;
     uint32_t expected = 0;
   };

@@ -417,7 +417,9 @@ void Run::change_robot(const Operation& operation) {
       return;
     }
     case Kind::kStoreUnreadable:
-      (values[1] == 0.0 ? board.store : board.board_store).unreadable =
+      (values[1] == 0.0   ? board.store.unreadable
+       : values[1] == 1.0 ? board.board_store.unreadable
+                          : board.flash.faults) =
           static_cast<uint32_t>(whole(values[0])) &
           (fault::kStoreFull | fault::kStoreNewer | fault::kStoreUnreadable);
       return reset(ResetReason::kPowerOn);

@@ -244,7 +244,7 @@ Codes Witness::request_codes(const Seen& message) const {
       if (!stopped.empty()) return stopped;
       if (!fresh_candidate_) return none;
       if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
-      return simulator_.board.board_store.failing ? store_failed : none;
+      return cannot_write_board() ? store_failed : none;
     }
     case BoardWrite::kId: {
       const Codes refused = board_state_ == BoardState::kTrial ? Codes(RefusalCode::kBoardOnTrial)
@@ -271,7 +271,7 @@ Codes Witness::board_codes(Codes refused) const {
   if (!stopped.empty()) return stopped;
   if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
   if (!refused.empty()) return refused;
-  return simulator_.board.board_store.failing ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+  return cannot_write_board() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
 }
 
 Codes Witness::codes(const ParameterSet& request) const {
@@ -378,6 +378,8 @@ Finding Witness::takes_effect(const Seen& answer) {
     kept_.push_back({newest_request_, answer});
     if (kept_.size() > kKeptAnswers) kept_.pop_front();
   }
+  if (message.id == BoardWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
+    fresh_candidate_ = false;
   // A save that fails for good leaves the values as they are set; so does a reset of them.
   if (message.id == ParameterReset::kId && task_->refusal == RefusalCode::kStoreFailed)
     values_ = defaults();
@@ -448,7 +450,8 @@ void Witness::acts(const Seen& message) {
     }
     case ParameterReset::kId:
       values_ = defaults();
-      if (task_->carried_out) lasting_ &= ~kStoreFaults;
+      lasting_ &= ~kStoreFaults;
+      flash_damaged_ = false;
       return;
     case ParameterTrial::kId:
       return acts(message.as<ParameterTrial>());
@@ -505,7 +508,12 @@ void Witness::change_flash(const Seen& message, Flash& flash) const {
       return;
     }
     case ParameterReset::kId:
-      flash.parameters.reset();
+      // Formatting a partition that cannot be opened erases all that lies in it.
+      if (flash_damaged_) {
+        flash = {};
+      } else {
+        flash.parameters.reset();
+      }
       return;
     case BoardWrite::kId:
       flash.candidate = BoardDescription::decode(packed_board(message));
@@ -605,7 +613,8 @@ Witness::Start Witness::boot_of(const Flash& flash) const {
   Start start;
   start.candidate_state = flash.candidate_state;
   // Nothing is known of the wiring.
-  if (simulator_.board.board_store.unreadable != 0) return start;
+  if (simulator_.board.board_store.unreadable != 0 || simulator_.board.flash.faults != 0)
+    return start;
   const bool writable = !simulator_.board.board_store.failing;
   if (flash.candidate_state == Candidate::kRequested && writable) {
     start.candidate_state = Candidate::kTried;
@@ -651,8 +660,9 @@ Finding Witness::starts_from(const Flash& flash) {
     return {Rule::kFlashOldOrNew, "the board is " + name_of(simulator_.board_state()) +
                                       " instead of " + name_of(start.state)};
   }
+  flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
-  lasting_ = simulator_.board.store.unreadable;
+  lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;
   if (simulator_.driver_failed()) lasting_ |= fault::kDriverFailed;
   if (board_state_ == BoardState::kNone) lasting_ |= fault::kNoBoard;
   if (lasting_ & kStoreFaults) values_ = defaults();
@@ -664,7 +674,10 @@ Finding Witness::starts_from(const Flash& flash) {
                   text_of(static_cast<double>(simulator_.parameter(spec.id))) + " instead of " +
                   text_of(static_cast<double>(value(spec.id)))};
   }
-  const bool estop = memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : flash.estop;
+  // A record of flash that cannot be read counts as an e-stop.
+  const bool noted = flash.estop || simulator_.board.flash.faults != 0;
+  const bool estop =
+      memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : noted;
   const uint32_t faults = lasting_ | (memory_kept_ ? faults_before_reset_ & ~fault::kNoBoard : 0U);
   unarmed_ = memory_kept_ && unarmed_before_reset_;
   const SupervisorState state = estop         ? SupervisorState::kEstopped

@@ -179,6 +179,9 @@ class Witness {
   uint32_t contradictions(const Values& values) const;
   uint32_t doubtful_contradictions(const Values& values) const;
   uint32_t contradictions(const Values& values, double margin) const;
+  bool cannot_write_board() const {
+    return simulator_.board.board_store.failing || flash_damaged_;
+  }
   bool estopped() const {
     return simulator_.state() == SupervisorState::kEstopped || contact_open();
   }
@@ -210,6 +213,7 @@ class Witness {
   Flash flash_;
   std::optional<Flash> maybe_flash_;  ///< If a write was cut.
   uint32_t lasting_ = 0;
+  bool flash_damaged_ = false;  ///< Its partition cannot be opened.
 
   BoardState board_state_ = BoardState::kNone;
   BoardDescription board_;

@@ -27,6 +27,7 @@ SimulatedBoard::SimulatedBoard(uint64_t seed)
     : encoders{Quadrature(mix(seed)), Quadrature(mix(seed + 1))},
       active_(kBoardOfEsp32),
       wired_(kBoardOfEsp32) {
+  for (Store* const one : {&store, &board_store, &latch_store}) one->lie_in(flash);
   reset();
 }
 

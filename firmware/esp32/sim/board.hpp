@@ -80,6 +80,7 @@ class SimulatedBoard final : public EncoderPort {
   int counts_per_revolution = 360;
   double brownout_v = 0.0;  ///< The chip needs a supply of at least this.
   Line line;
+  Partition flash;
   Store store;
   Store board_store;
   RetainedMemory latches;

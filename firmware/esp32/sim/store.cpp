@@ -44,14 +44,14 @@ bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
 }  // namespace
 
 size_t Store::load(uint8_t* out, size_t capacity) {
-  if (unreadable != 0) return 0;
+  if (faults() != 0) return 0;
   const Bytes block = path_ ? read_file(*path_) : block_;
   std::copy_n(block.begin(), std::min(capacity, block.size()), out);
   return block.size();
 }
 
 bool Store::save(const uint8_t* data, size_t size) {
-  if (refuses()) return false;
+  if (partition_faults() != 0 || refuses()) return false;
   if (path_) return replace_file(*path_, data, size);
   block_.assign(data, data + size);
   return true;
@@ -59,6 +59,14 @@ bool Store::save(const uint8_t* data, size_t size) {
 
 bool Store::erase() {
   if (refuses()) return false;
+  if (partition_faults() == 0) return remove();
+  partition_->faults = 0;
+  bool removed = true;
+  for (Store* const store : partition_->stores) removed = store->remove() && removed;
+  return removed;
+}
+
+bool Store::remove() {
   unreadable = 0;
   block_.clear();
   return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "hal.hpp"
 #include "uart.hpp"
@@ -22,23 +23,38 @@ class StoreWatch {
   ~StoreWatch() = default;
 };
 
+/// What all stores lie in. Where it cannot be opened, none can be read or written, and erasing any
+/// of them formats it, as on the chip (main/nvs_store.cpp).
+struct Partition {
+  uint32_t faults = 0;  ///< Why it cannot be opened, as flags of `fault`.
+  std::vector<Store*> stores;
+};
+
 class Store final : public ParameterStore {
  public:
   bool failing = false;  ///< Saving and erasing fail, and change nothing.
   StoreWatch* watch = nullptr;
   uint32_t unreadable = 0;  ///< Why it cannot be read, as flags of `fault`; erasing clears it.
 
+  /// From now on it is one of those in this partition.
+  void lie_in(Partition& partition) {
+    partition_ = &partition;
+    partition.stores.push_back(this);
+  }
   /// From now on the block is kept in this file.
   void use_file(const std::string& path) { path_ = path; }
 
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
   bool erase() override;
-  uint32_t faults() override { return unreadable; }
+  uint32_t faults() override { return unreadable | partition_faults(); }
 
  private:
+  uint32_t partition_faults() const { return partition_ != nullptr ? partition_->faults : 0; }
+  bool remove();
   bool refuses() { return failing || (watch != nullptr && !watch->allow_write(*this)); }
 
+  Partition* partition_ = nullptr;
   std::optional<std::string> path_;
   Bytes block_;  ///< Used when there is no file.
 };

@@ -303,6 +303,11 @@ void add_device(std::vector<Variable>& table) {
               whole("store_unreadable", "", 0, 0xFFFF,
                     "Why the saved parameters cannot be read, as the fault flag of that "
                     "name; checked when the firmware starts, cleared by erasing.")),
+          with_field<[](auto& s) -> auto& { return s.board.flash.faults; }>(
+              whole("flash_unreadable", "", 0, 0xFFFF,
+                    "Why the flash of parameters, board and e-stop cannot be opened, as the fault "
+                    "flag of that name; checked when the firmware starts. Erasing any of the three "
+                    "erases all of them.")),
           with_field<[](auto& s) -> auto& { return s.boot_time_us; }>(
               whole("boot_time_us", "us", 0, 60e6, "From a reset to the firmware's start.")),
           with_field<[](auto& s) -> auto& { return s.boot_text; }>(

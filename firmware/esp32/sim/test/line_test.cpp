@@ -1,9 +1,12 @@
 #include "line.hpp"
 
+#include <vector>
+
 #include "check.hpp"
 
 using wheelwire::sim::Bytes;
 using wheelwire::sim::Line;
+using wheelwire::sim::LineTap;
 
 namespace {
 
@@ -70,4 +73,30 @@ TEST(line_tells_when_the_next_wire_falls_idle) {
   CHECK(line.until_idle() == 0.08);
   line.carry(line.until_idle(), true);
   CHECK(line.until_idle() == 0.0 && read_all(line) == 100);
+}
+
+namespace {
+
+struct Tap final : LineTap {
+  std::vector<size_t> read;
+  size_t written = 0;
+  void on_read(const uint8_t*, size_t size) override { read.push_back(size); }
+  void on_write(const uint8_t*, size_t size) override { written += size; }
+};
+
+}  // namespace
+
+TEST(a_tap_sees_one_frame_after_the_other_and_the_end) {
+  Line line;
+  Tap tap;
+  line.set_tap(&tap);
+  const uint8_t frames[] = {0, 1, 2, 0, 0, 3, 0};
+  line.host_write(frames, sizeof frames);
+  line.carry(0.0, true);
+  uint8_t out[16];
+  size_t total = 0;
+  while (const size_t size = line.read(out, sizeof out)) total += size;
+  CHECK(total == sizeof frames);
+  CHECK((tap.read == std::vector<size_t>{1, 3, 1, 2, 0}));
+  CHECK(line.write(frames, 4) && tap.written == 4);
 }

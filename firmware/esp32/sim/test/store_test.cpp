@@ -7,7 +7,9 @@
 
 #include "check.hpp"
 
+using wheelwire::sim::Partition;
 using wheelwire::sim::Store;
+using wheelwire::sim::StoreWatch;
 
 namespace {
 
@@ -54,4 +56,43 @@ TEST(store_in_a_file_that_cannot_be_written) {
   Store store;
   store.use_file("/nonexistent/parameters");
   CHECK(!store.save(kBlock, sizeof kBlock));
+}
+
+TEST(stores_in_a_partition_that_cannot_be_opened_are_erased_together) {
+  Partition flash;
+  Store parameters;
+  Store board;
+  parameters.lie_in(flash);
+  board.lie_in(flash);
+  CHECK(board.save(kBlock, sizeof kBlock));
+  flash.faults = 256;
+  uint8_t out[8] = {};
+  CHECK(board.load(out, sizeof out) == 0 && board.faults() == 256);
+  CHECK(!parameters.save(kBlock, sizeof kBlock));
+  CHECK(parameters.erase());
+  CHECK(board.load(out, sizeof out) == 0 && board.faults() == 0);
+  CHECK(board.save(kBlock, sizeof kBlock));
+}
+
+namespace {
+
+struct Deny final : StoreWatch {
+  int asked = 0;
+  bool allow_write(const Store&) override {
+    ++asked;
+    return false;
+  }
+};
+
+}  // namespace
+
+TEST(a_watch_may_refuse_each_write) {
+  Store store;
+  CHECK(store.save(kBlock, sizeof kBlock));
+  Deny deny;
+  store.watch = &deny;
+  CHECK(!store.save(kBlock, 1) && !store.erase());
+  CHECK(deny.asked == 2);
+  uint8_t out[8] = {};
+  CHECK(store.load(out, sizeof out) == 3);
 }
