@@ -21,6 +21,7 @@ def wait_for_release(robot: wheelwire.BaseDriver) -> None:
         except wheelwire.DeviceRefused as refused:
             print(f"not yet: {refused}")
         else:
+            robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
             print("cleared; driving again")
             return
 

@@ -45,6 +45,7 @@ def act(robot: wheelwire.BaseDriver, key: str) -> None:
     elif key == "c":
         robot.clear_estop()
         robot.clear_fault()
+        robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
 
 
 def main() -> None:

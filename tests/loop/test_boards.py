@@ -20,7 +20,7 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Group
+from wheelwire_protocol.codes import Group, RefusalCode
 from wheelwire_protocol.types import GROUP_HASHES, GroupGet
 
 
@@ -28,6 +28,75 @@ from wheelwire_protocol.types import GROUP_HASHES, GroupGet
 def simulator(tmp_path: Path) -> Iterator[Simulator]:
     with Simulator(store=tmp_path / "store") as simulator:
         yield simulator
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> Iterator[Simulator]:
+    """A chip whose board nobody confirmed."""
+    with Simulator(store=tmp_path / "store", settings={"board_unwritten": 1}) as simulator:
+        yield simulator
+
+
+def test_a_fresh_chip_drives_once_its_board_is_confirmed(fresh: Simulator) -> None:
+    refused = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
+    assert refused.returncode == errors.DeviceRefused.exit_code
+    assert "wheelwire board confirm" in refused.stderr
+    info = run_json("info", fresh.port)
+    assert any("wheelwire board confirm" in warning for warning in info["warnings"])
+    assert fresh.get("true.distance_m") == 0.0
+
+    unasked = run("board", "confirm", fresh.port)
+    assert unasked.returncode == errors.InvalidArgument.exit_code
+    assert "--yes" in unasked.stderr
+    assert run_json("board", "read", fresh.port)["state"] == "BUILT_IN"
+
+    for was_confirmed in (False, True):
+        assert run_json("board", "confirm", fresh.port, "--yes") == {
+            "board": "L298N, ESP32-DevKitC",
+            "confirmed": True,
+            "was_confirmed": was_confirmed,
+        }
+    drive = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
+    assert drive.returncode == 0, drive.stderr
+    fresh.reset()
+    assert run_json("board", "read", fresh.port)["state"] == "STORED"
+    assert run_json("info", fresh.port)["warnings"] == []
+
+
+def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
+    simulator: Simulator, tmp_path: Path
+) -> None:
+    with pytest.raises(errors.BoardMismatch, match="is L298N, ESP32-DevKitC, not TB6612FNG"):
+        open_driver("serial", port=simulator.port, board="tb6612")
+    config = tmp_path / "robot.yaml"
+    config.write_text(f"driver: serial\nboard: tb6612\nserial:\n  port: {simulator.port}\n")
+    refused = run("drive", str(config), "--linear", "0.2", "--seconds", "0.5")
+    assert refused.returncode == errors.BoardMismatch.exit_code
+    assert simulator.get("true.distance_m") == 0.0
+    assert run("board", "write", str(config), "tb6612").returncode == 0
+    assert run("drive", str(config), "--linear", "0.2", "--seconds", "0.5").returncode == 0
+    with open_driver("serial", port=simulator.port, board="tb6612") as robot:
+        keep_driving(robot)
+        # While it is connected it comes back on another board.
+        other = SerialDriver(simulator.port)
+        other.board.take_up(load_board("drv8833"))
+        other.close()
+        with pytest.raises(errors.LinkLost):
+            keep_driving(robot)
+
+
+def test_values_that_contradict_each_other_are_refused_by_name(simulator: Simulator) -> None:
+    with open_driver("serial", port=simulator.port) as robot:
+        with pytest.raises(errors.DeviceRefused, match="above control_rate_hz") as refused:
+            robot.parameters.set("stream_rate_hz", 2000)
+        assert refused.value.code == RefusalCode.CONTRADICTION
+
+
+def test_an_estop_input_that_is_off_is_a_warning(simulator: Simulator) -> None:
+    assert run_json("info", simulator.port)["warnings"] == []
+    run_json("params", "set", simulator.port, "estop_input_enabled", "0")
+    (warning,) = run_json("info", simulator.port)["warnings"]
+    assert "although the board has a contact" in warning
 
 
 def keep_driving(robot: DeviceDriver) -> None:
@@ -38,10 +107,8 @@ def keep_driving(robot: DeviceDriver) -> None:
 
 
 def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:
-    before = run_json("board", "read", simulator.port)
-    assert before["state"] == "BUILT_IN"
     result = run("board", "write", simulator.port, "tb6612")
-    assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and kept\n")
+    assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and confirmed\n")
     after = run_json("board", "read", simulator.port)
     assert after == {"state": "STORED", "board": board_mapping(load_board("tb6612"))}
     simulator.reset()
@@ -81,7 +148,7 @@ def test_a_wrong_board_is_refused_before_anything_is_written(
     result = run("board", "write", simulator.port, str(file))
     assert result.returncode == errors.ConfigurationError.exit_code
     assert "led = 36: GPIO 36 of the ESP32 is an input only" in result.stderr
-    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
 
 
 def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
@@ -93,7 +160,7 @@ def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator)
         with pytest.raises(errors.DeviceRefused, match="on trial"):
             keep_driving(robot)
     simulator.reset()  # as when it crashed, or after ten seconds
-    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"
+    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
 
 
 @pytest.mark.parametrize("device_has", ["others", "none"])
@@ -139,18 +206,20 @@ def offer(simulator: Simulator, person: Chooser) -> list[str]:
     return said
 
 
-def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen(simulator: Simulator) -> None:
+def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen(fresh: Simulator) -> None:
     person = Chooser("tb6612")
-    assert offer(simulator, person) == ["TB6612FNG: written, tried and kept"]
+    assert offer(fresh, person) == ["TB6612FNG: written, tried and confirmed"]
     (question,) = person.asked
     assert set(question.choices) == {*shipped_boards(), KEEP} - {"pi4b"}
-    assert "keep: L298N, ESP32-DevKitC" in question.text
-    assert run_json("board", "read", simulator.port)["state"] == "STORED"
-    assert offer(simulator, person) == ["board: TB6612FNG"]
+    # By its picture: whoever keeps it confirms it.
+    assert "keep: it is L298N, ESP32-DevKitC, docs/boards/l298n.svg" in question.text
+    assert run_json("board", "read", fresh.port)["state"] == "STORED"
+    assert offer(fresh, person) == ["board: TB6612FNG"]
     assert len(person.asked) == 1
 
 
 @pytest.mark.parametrize("answer", [KEEP, "l298n"])
-def test_a_set_up_leaves_the_board_that_is_in_force(simulator: Simulator, answer: str) -> None:
-    assert offer(simulator, Chooser(answer)) == []
-    assert run_json("board", "read", simulator.port)["state"] == "BUILT_IN"
+def test_a_set_up_confirms_the_board_that_the_robot_is_on(fresh: Simulator, answer: str) -> None:
+    assert offer(fresh, Chooser(answer)) == ["L298N, ESP32-DevKitC: confirmed"]
+    assert run_json("board", "read", fresh.port)["state"] == "STORED"
+    assert offer(fresh, Chooser(answer)) == ["board: L298N, ESP32-DevKitC"]

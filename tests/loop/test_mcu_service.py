@@ -120,7 +120,9 @@ def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path:
     robot = str(config)
     assert run_json("info", robot)["state"] == "IDLE"
     assert run_json("drive", robot, "--linear", "0.2", "--seconds", "0.3")["linear_mps"] == 0.2
-    assert run_json("estop", robot) == {"latched": None}
+    assert run_json("estop", robot) == {"latched": "ESTOPPED"}
+    assert run("drive", robot, "--linear", "0.2", "--seconds", "0.3").returncode != 0
+    assert "ESTOPPED cleared" in run("clear", robot).stdout
     assert "nothing was latched" in run("clear", robot).stdout
     assert run_json("params", "set", robot, "path_gain", "1", "--save")["saved"]
     assert run_json("params", "get", robot, "path_gain") == {"path_gain": 1}

@@ -199,7 +199,9 @@ def write(
         raise UsageError(f"Unexpected argument '{given[2]}'", context)
     # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
     wanted = checked_board(given[-1])
-    with resolve(given[0] if len(given) > 1 else None, as_json=as_json).open(baud) as driver:
+    # Bare: a robot's file may name this board, on which the device is not yet.
+    address = resolve(given[0] if len(given) > 1 else None, as_json=as_json)
+    with address.open(baud, bare=True) as driver:
         _device_board(driver).take_up(wanted)
     if as_json:
         print_json({"board": wanted.name, "written": True})
@@ -267,7 +269,7 @@ def read(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
     from wheelwire.board import board_mapping
     from wheelwire.board_file import to_yaml
 
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         state, found = _device_board(driver).read()
     if as_json:
         print_json({"state": state, "board": board_mapping(found) if found else None})

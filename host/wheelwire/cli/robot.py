@@ -18,7 +18,7 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Contradiction, Fault, RefusalCode, SupervisorState
 
-from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
+from .address import BaudOption, RobotArgument, YesFlag, resolve
 from .output import JsonFlag, console, print_facts, print_json, to_json_value
 
 COMMAND_PERIOD_S = 0.05
@@ -98,7 +98,7 @@ def _warnings(driver: DeviceDriver) -> list[str]:
         return found
     if board.state is BoardState.BUILT_IN:
         found.append(RefusalCode.BOARD_UNCONFIRMED.doc)
-    contact_is_off = not driver.parameters.refresh("estop_input_enabled")
+    contact_is_off = not driver.parameters["estop_input_enabled"]
     if board.has_contact and contact_is_off:
         found.append(
             "The e-stop input is switched off although the board has a contact: set "
@@ -245,10 +245,17 @@ def monitor(
 
 def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
     """Emergency stop: stop the wheels and refuse to drive until `clear`."""
+    # Here: only this command needs all of them, and each of its imports takes time.
+    from wheelwire.drivers.l298n import L298NDriver
+    from wheelwire.drivers.pigpio import PigpioDriver
+    from wheelwire.drivers.serial import SerialDriver
+
     address = resolve(robot, as_json=as_json)
     with address.open(baud, bare=True) as driver:
         driver.estop()
-        lasting = outlives_commands(driver)
+        # A process that this command started ends with it, but its latch stays. A simulated robot
+        # is gone.
+        lasting = isinstance(driver, (SerialDriver, L298NDriver, PigpioDriver))
     if as_json:
         print_json({"latched": SupervisorState.ESTOPPED if lasting else None})
     elif lasting:
@@ -257,9 +264,7 @@ def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFla
         )
     else:
         console.print(
-            "stopped, but not latched: the process that moves this robot's wheels was started by "
-            "this command and ended with it. To keep an e-stop latched, run it as a service "
-            "(`wheelwire mcu`)",
+            "stopped, but not latched: this robot is simulated by this command, and ended with it",
             soft_wrap=True,
         )
 
