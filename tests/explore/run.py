@@ -49,11 +49,14 @@ def main() -> int:
     parser.add_argument("seed", type=int, nargs="?", help="the first; default: one by chance")
     parser.add_argument("--except", action="append", default=[], metavar="CODE", dest="excepted")
     parser.add_argument("--quiet", action="store_true", help="no tables of what was reached")
+    parser.add_argument("--shrink", default="60", metavar="SECONDS", help="for at most so long")
     options = parser.parse_args()
     seed = options.seed if options.seed is not None else secrets.randbits(48)
     CONSOLE.print(f"seeds from {seed}, commit {commit()}")
     excepted = [word for code in options.excepted for word in ("--except", code)]
-    report = exploring.explore(seed, seconds=options.seconds, options=excepted)
+    report = exploring.explore(
+        seed, seconds=options.seconds, options=[*excepted, "--shrink", options.shrink]
+    )
     if not options.quiet:
         wide = Console(markup=False, highlight=False, width=200)
         for name, cells in report.cells.items():

@@ -91,12 +91,14 @@ class Group:
         targets: Of firmware/esp32/sim, built before the tests; empty for Python alone.
         tests: For pytest, the likeliest to notice first. Property tests are left out: what
             notices a mutation must do so in each run.
+        command: A program and its arguments instead of tests, which ends with 1 if it notices.
     """
 
     name: str
     targets: tuple[str, ...]
     tests: tuple[str, ...]
     mutants: tuple[Mutant, ...]
+    command: tuple[str, ...] = ()
 
     def stages(self, mutant: Mutant | None = None) -> list[tuple[str, ...]]:
         """The tests in the order in which they are run, until one fails.
@@ -118,7 +120,9 @@ def load(path: Path) -> Group:
     data: Mapping[str, Any] = tomllib.loads(path.read_text("utf-8"))
     try:
         mutants = tuple(Mutant(**entry) for entry in data.get("mutant", ()))
-        return Group(path.stem, tuple(data["targets"]), tuple(data["tests"]), mutants)
+        command = tuple(data.get("command", ()))
+        tests = () if command else tuple(data["tests"])
+        return Group(path.stem, tuple(data["targets"]), tests, mutants, command)
     except (KeyError, TypeError) as error:
         raise MutantError(f"{path}: {error}") from error
 
@@ -149,11 +153,11 @@ class Verdict:
 
 def judge(return_code: int, output: str) -> Verdict:
     """What pytest's end says."""
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", output, re.MULTILINE)
+    failed = re.search(r"^(?:(?:FAILED|ERROR) (\S+)|BROKEN (.*))", output, re.MULTILINE)
     if return_code == pytest.ExitCode.OK:
         return Verdict(Outcome.LIVES, "every test passes")
     if return_code == pytest.ExitCode.TESTS_FAILED:
-        return Verdict(Outcome.KILLED, failed[1] if failed else "a test failed")
+        return Verdict(Outcome.KILLED, (failed[1] or failed[2]) if failed else "a test failed")
     if return_code < 0:
         return Verdict(Outcome.KILLED, f"the tests crashed: {signal.Signals(-return_code).name}")
     return Verdict(Outcome.BROKEN, output[-2000:])
@@ -242,16 +246,21 @@ class Workspace:
         complaints = self.build(group.targets)
         if complaints:
             return Verdict(Outcome.BROKEN, complaints[-2000:])
-        for tests in group.stages(mutant):
-            verdict = self._run(tests)
+        if group.command:
+            verdict = self._run([sys.executable, *group.command])
+        for tests in [] if group.command else group.stages(mutant):
+            verdict = self._run_tests(tests)
             if verdict.outcome is not Outcome.LIVES:
                 break
         return Verdict(verdict.outcome, verdict.detail, time.monotonic() - begin)
 
-    def _run(self, tests: Sequence[str]) -> Verdict:
+    def _run_tests(self, tests: Sequence[str]) -> Verdict:
         options = ["-x", "-q", "-rfE", "--tb=no", "--no-header", "-p", "no:cacheprovider"]
         command = [sys.executable, "-m", "pytest", *options, f"--timeout={TEST_TIMEOUT_S}"]
         command += ["-m", "not hypothesis", *tests]
+        return self._run(command)
+
+    def _run(self, command: Sequence[str]) -> Verdict:
         with subprocess.Popen(
             command,
             cwd=self.folder,

@@ -34,7 +34,7 @@ def test_each_mutation_applies_and_says_why(group: Group, mutant: Mutant) -> Non
     assert mutant.apply(text) != text
     assert mutant.why.endswith(".")
     assert mutant.lives == "" or mutant.lives.endswith(".")
-    assert group.tests
+    assert group.tests or group.command
 
 
 def test_no_two_mutations_are_one() -> None:
@@ -44,7 +44,8 @@ def test_no_two_mutations_are_one() -> None:
 
 @pytest.mark.parametrize("group", load_all(), ids=lambda group: group.name)
 def test_the_tests_of_a_group_exist(group: Group) -> None:
-    assert [test for test in group.tests if not (ROOT / test).exists()] == []
+    programs = [*group.tests, *group.command[:1]]
+    assert [test for test in programs if not (ROOT / test).exists()] == []
 
 
 @pytest.mark.parametrize(("text", "times"), [("3 * x", 0), ("2 * x + 2 * x", 2)])

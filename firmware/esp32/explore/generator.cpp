@@ -50,6 +50,7 @@ class Generator {
     size_t i = 0;
     for (const double value : values) operation.values[i++] = value;
     scenario_.operations.push_back(operation);
+    if (kind == Kind::kOpen) host_ = operation.values[0];
   }
   void wait() {
     if (chance(60)) {
@@ -116,7 +117,8 @@ class Generator {
 
   // --- driving -----------------------------------------------------------------------------------
 
-  double host() { return chance(85) ? 0.0 : 1.0; }
+  /// The one that has the session, if it has not ended meanwhile; sometimes the other.
+  double host() { return chance(92) ? host_ : 1.0 - host_; }
 
   double speed() {
     if (chance(3))
@@ -148,7 +150,7 @@ class Generator {
     }
   }
 
-  void rest() { add(Kind::kVelocity, {0, 0, 0, 200e3, 1, 0}); }
+  void rest() { add(Kind::kVelocity, {host_, 0, 0, 200e3, 1, 0}); }
 
   /// Something ends, or disturbs, the drive.
   void interrupt() {
@@ -182,8 +184,8 @@ class Generator {
     add(Kind::kContact, {1});
     if (chance(50)) {
       add(Kind::kRun, {std::floor(spread(100, 2e6))});
-      if (chance(40)) add(Kind::kClearEstop, {0, 1});
-      if (chance(30)) setpoint(0);
+      if (chance(40)) add(Kind::kClearEstop, {host_, 1});
+      if (chance(30)) setpoint(host_);
       add(Kind::kContact, {0});
     }
   }
@@ -205,14 +207,14 @@ class Generator {
       moment();
     }
     if (!estop || chance(50)) {
-      add(Kind::kClearFault, {0, 1});
+      add(Kind::kClearFault, {host_, 1});
       moment();
     }
     if (chance(30)) rest();
     if (chance(20)) add(Kind::kRun, {std::floor(spread(100e3, 1.5e6))});
-    if (chance(10)) add(Kind::kRepeat, {0, static_cast<double>(below(4))});
+    if (chance(10)) add(Kind::kRepeat, {host_, static_cast<double>(below(4))});
     if (chance(60)) {
-      setpoint(0);
+      setpoint(host_);
       wait();
     }
     if (chance(60)) {
@@ -267,7 +269,7 @@ class Generator {
   }
 
   void set(ParameterId id, double value) {
-    add(Kind::kSet, {0, static_cast<double>(id), value, 1, 0});
+    add(Kind::kSet, {host_, static_cast<double>(id), value, 1, 0});
     moment();
   }
 
@@ -277,25 +279,25 @@ class Generator {
       moment();
     }
     if (chance(40))
-      add(Kind::kSave, {0, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
-    if (chance(10)) add(Kind::kResetParameters, {0});
+      add(Kind::kSave, {host_, chance(50) ? 0.0 : static_cast<double>(below(kParameterCount + 3))});
+    if (chance(10)) add(Kind::kResetParameters, {host_});
   }
 
   void trial() {
-    add(Kind::kTrial, {0, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
+    add(Kind::kTrial, {host_, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
     moment();
     for (size_t i = 1 + below(3); i > 0; --i) {
       parameter(chance(50));
       moment();
     }
     if (chance(60)) drive(std::floor(spread(50e3, 1e6)));
-    if (chance(20)) add(Kind::kTrial, {0, 2, spread(0.2, 3)});
+    if (chance(20)) add(Kind::kTrial, {host_, 2, spread(0.2, 3)});
     switch (below(7)) {
       case 0:
-        add(Kind::kTrial, {0, 3});
+        add(Kind::kTrial, {host_, 3});
         break;
       case 1:
-        add(Kind::kTrial, {0, 4});
+        add(Kind::kTrial, {host_, 4});
         break;
       case 2:
         add(Kind::kOpen, {side()});
@@ -310,8 +312,46 @@ class Generator {
         interrupt();
     }
     moment();
-    if (chance(50)) add(Kind::kTrial, {0, 4});
+    if (chance(50)) add(Kind::kTrial, {host_, 4});
     drive(std::floor(spread(50e3, 600e3)));
+  }
+
+  /// Values that exclude each other: one by one, on trial, or saved and then met by another board.
+  void contradict() {
+    const bool tries = chance(60);
+    if (tries) add(Kind::kTrial, {host_, 1, 20});
+    moment();
+    switch (below(6)) {
+      case 0:
+        set(ParameterId::kOverrunLimitUs, std::floor(between(2000, 8000)));
+        set(ParameterId::kControlRateHz, std::floor(between(100, 300)));
+        break;
+      case 1:
+        set(ParameterId::kStreamRateHz, std::floor(between(900, 1500)));
+        break;
+      case 2:
+        set(ParameterId::kSupplyDropV, between(5, 8));
+        break;
+      case 3:
+        set(ParameterId::kCountsPerRevolution, 200e3);
+        set(ParameterId::kMaxVelocityMps, between(5, 10));
+        break;
+      case 4:
+        set(ParameterId::kGlitchFilterNs, 12'000);
+        set(ParameterId::kCountsPerRevolution, std::floor(between(20e3, 60e3)));
+        break;
+      default:
+        set(ParameterId::kPwmFrequencyHz, std::floor(between(19e3, 40e3)));
+    }
+    if (tries && chance(40)) add(Kind::kTrial, {host_, 3});
+    moment();
+    drive(std::floor(spread(20e3, 300e3)));
+    if (chance(50)) add(Kind::kStop, {host_, 0, 1});
+    if (chance(50)) add(Kind::kSave, {host_, 0});
+    if (chance(30)) {
+      moment();
+      board();
+    }
   }
 
   // --- boards ------------------------------------------------------------------------------------
@@ -323,17 +363,17 @@ class Generator {
       add(chance(50) ? Kind::kContact : Kind::kEstop, {chance(50) ? 1.0 : 0.0});
       moment();
     }
-    add(Kind::kBoardWrite, {0, which, chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
+    add(Kind::kBoardWrite, {host_, which, chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
     moment();
     if (chance(10)) add(Kind::kOpen, {side()});
-    if (chance(85)) add(Kind::kRestart, {0});
+    if (chance(85)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
     if (chance(20)) reset();
     if (chance(90)) add(Kind::kOpen, {0});
-    if (chance(40)) setpoint(0);
+    if (chance(40)) setpoint(host_);
     if (chance(25)) contact_or_estop();
     if (chance(15)) add(Kind::kRun, {11e6});
-    if (chance(80)) add(Kind::kBoardConfirm, {0, chance(90) ? 0.0 : 1.0});
+    if (chance(80)) add(Kind::kBoardConfirm, {host_, chance(90) ? 0.0 : 1.0});
     moment();
     if (chance(30)) add(Kind::kRun, {130e3});
     if (chance(40)) add(Kind::kOpen, {0});
@@ -347,10 +387,10 @@ class Generator {
   }
 
   void confirm() {
-    setpoint(0);
+    setpoint(host_);
     moment();
-    add(Kind::kBoardConfirm, {0, chance(85) ? 0.0 : 1.0});
-    if (chance(30)) setpoint(0);
+    add(Kind::kBoardConfirm, {host_, chance(85) ? 0.0 : 1.0});
+    if (chance(30)) setpoint(host_);
     add(Kind::kRun, {130e3});
     add(Kind::kOpen, {0});
     drive(std::floor(spread(50e3, 800e3)));
@@ -364,7 +404,7 @@ class Generator {
     switch (below(4)) {
       case 0:
         parameters();
-        add(Kind::kSave, {0, 0});
+        add(Kind::kSave, {host_, 0});
         break;
       case 1:
         board();
@@ -374,12 +414,12 @@ class Generator {
         add(Kind::kRun, {std::floor(spread(100e3, 14e6))});
         if (chance(50)) {
           add(Kind::kContact, {0});
-          add(Kind::kClearEstop, {0, 1});
+          add(Kind::kClearEstop, {host_, 1});
           add(Kind::kRun, {std::floor(spread(1e3, 3e6))});
         }
         break;
       default:
-        add(Kind::kResetParameters, {0});
+        add(Kind::kResetParameters, {host_});
         if (chance(30)) damaged_flash();
     }
     wait();
@@ -392,16 +432,16 @@ class Generator {
     add(Kind::kStoreUnreadable, {one_of({256, 512, 1024}), static_cast<double>(below(3))});
     add(Kind::kRun, {60e3});
     add(Kind::kOpen, {0});
-    add(Kind::kClearEstop, {0, 1});
+    add(Kind::kClearEstop, {host_, 1});
     moment();
-    if (chance(80)) add(Kind::kResetParameters, {0});
+    if (chance(80)) add(Kind::kResetParameters, {host_});
     moment();
-    add(Kind::kClearFault, {0, 1});
-    if (chance(40)) add(Kind::kRestart, {0});
+    add(Kind::kClearFault, {host_, 1});
+    if (chance(40)) add(Kind::kRestart, {host_});
     add(Kind::kRun, {130e3});
     if (chance(30)) reset();
     add(Kind::kOpen, {0});
-    if (chance(70)) add(Kind::kClearFault, {0, 1});
+    if (chance(70)) add(Kind::kClearFault, {host_, 1});
     rest();
     drive(300e3);
   }
@@ -414,13 +454,13 @@ class Generator {
     defect();
     if (chance(80)) add(Kind::kRun, {4e6});
     if (chance(80)) {
-      add(Kind::kClearFault, {0, 1});
+      add(Kind::kClearFault, {host_, 1});
       add(Kind::kRun, {600e3});
     }
     const double velocity = chance(50) ? spread(0.02, 0.1) : spread(0.1, 0.4);
     const double left = chance(50) ? velocity : -velocity;
     const double right = chance(70) ? left : chance(50) ? -left : 0.0;
-    add(Kind::kHold, {0, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
+    add(Kind::kHold, {host_, left, right, std::floor(between(1e6, 4e6)), 100e3, 0});
     if (chance(60)) repair();
   }
 
@@ -443,7 +483,7 @@ class Generator {
     }
     if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     drive(std::floor(spread(200e3, 3e6)));
-    if (chance(50)) add(Kind::kStop, {0, static_cast<double>(below(5)), 1});
+    if (chance(50)) add(Kind::kStop, {host_, static_cast<double>(below(5)), 1});
     add(Kind::kRun, {std::floor(spread(100e3, 6e6))});
   }
 
@@ -538,11 +578,12 @@ class Generator {
       return;
     }
     const size_t kind = below(20);
+    if (kind < 1 && is_about(Subject::kParameters)) return contradict();
     if (kind < 3 && is_about(Subject::kParameters)) return parameters();
     if (kind < 5 && is_about(Subject::kParameters)) return trial();
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();
-    if (kind < 10 && is_about(Subject::kDefects)) return wheels();
+    if (kind < 8 && is_about(Subject::kDefects)) return wheels();
     if (kind < 13 && is_about(Subject::kDefects)) return floor();
     if (kind < 14 && subject_ != Subject::kSound) return bad_line();
     if (kind < 15) return anything();
@@ -556,6 +597,7 @@ class Generator {
   sim::Random random_;
   Scenario scenario_;
   Subject subject_ = Subject::kAnything;
+  double host_ = 0.0;  ///< That opened the last session.
 };
 
 }  // namespace

@@ -1,7 +1,7 @@
 // Explores the whole robot from seeds, or carries out scenarios that are given.
 //
 //   wheelwire-explore --seed N [--every K] (--seconds S | --count C) [--folder F]
-//                     [--except S11]
+//                     [--except S11] [--shrink SECONDS]
 //   wheelwire-explore --exhaustive PART/PARTS [--folder F]
 //   wheelwire-explore --replay FILE...
 //   wheelwire-explore --print N
@@ -29,12 +29,11 @@ namespace wheelwire::explore {
 
 namespace {
 
-constexpr double kShrinkSeconds = 60.0;
-
 struct Options {
   uint64_t seed = 1;
   uint64_t every = 1;
   double seconds = 0.0;
+  double shrink_seconds = 60.0;  ///< At most.
   uint64_t count = UINT64_MAX;
   std::string folder = ".";
   std::vector<std::string> replays;
@@ -62,7 +61,7 @@ void report(const Options& options, const Scenario& scenario, const Outcome& out
   std::printf("broken\t%s\tseed %llu, operation %zu\n", title(outcome.finding).c_str(),
               static_cast<unsigned long long>(scenario.seed), outcome.operations);
   std::fflush(stdout);
-  const Scenario shortest = shrink(scenario, outcome.finding.rule, kShrinkSeconds);
+  const Scenario shortest = shrink(scenario, outcome.finding.rule, options.shrink_seconds);
   Coverage unused;
   const Outcome again = carry_out(shortest, unused);
   const RuleSpec& spec = spec_of(outcome.finding.rule);
@@ -164,6 +163,8 @@ bool read_options(int count, char** words, Options& out) {
       out.every = std::strtoull(value, nullptr, 10);
     } else if (word == "--seconds") {
       out.seconds = std::strtod(value, nullptr);
+    } else if (word == "--shrink") {
+      out.shrink_seconds = std::strtod(value, nullptr);
     } else if (word == "--count") {
       out.count = std::strtoull(value, nullptr, 10);
     } else if (word == "--except") {

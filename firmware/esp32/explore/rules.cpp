@@ -47,7 +47,6 @@ constexpr std::array<Side, 2> kSides = sim::kSides;
 constexpr uint64_t kSlackUs = 10'000;
 /// A wheel that was just pushed or loaded is not what the times of S06 are for.
 constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
-constexpr size_t kSlewSteps = 20;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
 /// A counter is exact up to half of its range.
@@ -318,18 +317,15 @@ void Judge::slew_within_limit() {
     }
   }
   if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
-  // Over some steps: where a limit scales both wheels, one of them may move twice in a step.
   const double acceleration = static_cast<double>(
       std::max(value(kMaxAccelerationMps2), memory_.values[index_of(kMaxAccelerationMps2)]));
-  const auto steps = static_cast<double>(memory_.followed.size());
-  const double most_umps = 1.3 * acceleration * period_s * 1e6 * (steps + 1.0) + 2.0 * steps;
-  if (memory_.followed.size() < kSlewSteps) return;
+  const double step_umps = acceleration * period_s * 1e6;
   for (const Side side : kSides) {
     const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
-                                   memory_.followed.front()[side]);
-    check(Rule::kSlewWithinLimit, change <= most_umps,
-          "a wheel's command changes by " + text_of(change) + " um/s in " + text_of(steps) +
-              " steps of " + text_of(acceleration * period_s * 1e6));
+                                   memory_.commanded_umps[side]);
+    check(Rule::kSlewWithinLimit, change <= 1.3 * step_umps + 2.0,
+          "a wheel's command changes by " + text_of(change) + " um/s in a step of " +
+              text_of(step_umps));
   }
 }
 
@@ -458,8 +454,6 @@ void Judge::rolling_is_reported() {
   }
   const bool rolls = sound && witness_.is_open() && threshold > 0.0 &&
                      simulator_.state() != SupervisorState::kDriving && speed > 1.3 * threshold;
-  // Where it rolls before somebody listens, nobody can be told.
-  if (!witness_.is_open() && speed > 0.4 * threshold) memory_.rolling_told = true;
   if (!rolls || speed < memory_.rolled_mps) {
     memory_.rolling_since_us = 0;
     memory_.rolled_mps = rolls ? speed : 0.0;
@@ -532,10 +526,10 @@ void Judge::on_state(const WheelState& state) {
 
 void Judge::after_message() {
   if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
+  driven_by_right();
+  board_stays_while_estopped();
   message_moves_the_state();
   stop_at_once();
-  board_stays_while_estopped();
-  driven_by_right();
   drive_only_in_driving();
   if (witness_.task()->message.id == Stop::kId || simulator_.state() == SupervisorState::kDriving)
     stops_as_asked(false);
@@ -569,21 +563,13 @@ void Judge::remember() {
   const auto& granted = witness_.granted();
   const bool drives = simulator_.state() == SupervisorState::kDriving && granted;
   memory_.followed_duty = drives && granted->duty;
-  const bool changed =
-      memory_.values[index_of(kMaxAccelerationMps2)] != value(kMaxAccelerationMps2) ||
-      memory_.values[index_of(kControlRateHz)] != value(kControlRateHz);
   memory_.followed_velocity = drives && !granted->duty;
-  if (!memory_.followed_velocity || memory_.restarting_steps > 0 || changed)
-    memory_.followed.clear();
-  if (memory_.followed_velocity) {
-    memory_.followed.push_back(
-        {simulator_.commanded_umps(kLeft), simulator_.commanded_umps(kRight)});
-    if (memory_.followed.size() > kSlewSteps) memory_.followed.pop_front();
-  }
   if (memory_.restarting_steps > 0) --memory_.restarting_steps;
   memory_.state = simulator_.state();
-  for (const Side side : kSides)
+  for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
+    memory_.commanded_umps[side] = simulator_.commanded_umps(side);
+  }
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = witness_.values();

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <deque>
 #include <optional>
 #include <span>
 #include <string>
@@ -31,7 +30,7 @@ struct Memory {
   std::array<double, 2> duty{};
   bool followed_velocity = false;
   int restarting_steps = 0;  ///< It stopped a moment ago, and its slew begins anew.
-  std::deque<std::array<int32_t, 2>> followed;  ///< Commands of the last steps [um/s].
+  std::array<int32_t, 2> commanded_umps{};
   bool followed_duty = false;
   uint32_t faults = 0;
   uint64_t step_us = 0;

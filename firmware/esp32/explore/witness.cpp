@@ -657,8 +657,9 @@ Finding Witness::starts_from(const Flash& flash) {
   board_state_ = start.state;
   board_ = start.board;
   if (simulator_.board_state() != start.state) {
-    return {Rule::kFlashOldOrNew, "the board is " + name_of(simulator_.board_state()) +
-                                      " instead of " + name_of(start.state)};
+    return {start.state == BoardState::kBuiltIn ? Rule::kConfirmedBoardOnly : Rule::kFlashOldOrNew,
+            "the board is " + name_of(simulator_.board_state()) + " instead of " +
+                name_of(start.state)};
   }
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
@@ -676,8 +677,7 @@ Finding Witness::starts_from(const Flash& flash) {
   }
   // A record of flash that cannot be read counts as an e-stop.
   const bool noted = flash.estop || simulator_.board.flash.faults != 0;
-  const bool estop =
-      memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : noted;
+  const bool estop = memory_kept_ ? state_before_reset_ == SupervisorState::kEstopped : noted;
   const uint32_t faults = lasting_ | (memory_kept_ ? faults_before_reset_ & ~fault::kNoBoard : 0U);
   unarmed_ = memory_kept_ && unarmed_before_reset_;
   const SupervisorState state = estop         ? SupervisorState::kEstopped

@@ -179,9 +179,7 @@ class Witness {
   uint32_t contradictions(const Values& values) const;
   uint32_t doubtful_contradictions(const Values& values) const;
   uint32_t contradictions(const Values& values, double margin) const;
-  bool cannot_write_board() const {
-    return simulator_.board.board_store.failing || flash_damaged_;
-  }
+  bool cannot_write_board() const { return simulator_.board.board_store.failing || flash_damaged_; }
   bool estopped() const {
     return simulator_.state() == SupervisorState::kEstopped || contact_open();
   }
