@@ -11,7 +11,9 @@ import pytest
 from support.virtual import VirtualRobot
 from wheelwire.board import BoardDescription, unpacked
 from wheelwire.board_file import load_board, shipped_boards
-from wheelwire.errors import DeviceRefused
+from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
+from wheelwire.link.info import ExpectedBoard
+from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.codes import Board as Chip
@@ -354,3 +356,25 @@ def test_another_board_than_the_wired_one_is_noticed(tmp_path: Path, name: str, 
     brakes = robot.sim.get("left.shorted") == 1.0
     as_told = followed == [True, True] and brakes and not robot.sample.faults
     assert as_told == ((name, wired) in INTERCHANGEABLE)
+
+
+def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path) -> None:
+    robot = VirtualRobot(1, tmp_path / "store", wheels_free=1)
+    board = load_board("l298n")
+    expected = ExpectedBoard(board.name, board.fingerprint())
+    robot.session = Session(lambda: 1, expected_board=expected)
+    robot.open()
+    robot.drive(0.1, 0.1, 0.1)
+    robot.stop()
+    robot.request(written(load_board("tb6612")))
+    robot.request(Restart(0, 0))
+    robot.run_until(lambda: isinstance(robot.session.error, BoardMismatch))
+    for _ in range(20):
+        robot.run(0.1)
+        with pytest.raises(LinkLost):
+            robot.set_velocity(0.1, 0.1)
+    assert "TB6612FNG, which nobody confirmed, not L298N" in str(robot.session.error)
+    # It was on trial alone: the expected one returns, and drives.
+    robot.run_until(lambda: robot.session.phase is Phase.OPEN, timeout_s=15.0)
+    robot.drive(0.1, 0.1, 0.5)
+    assert robot.sample.left_mps == pytest.approx(0.1, abs=0.03)
