@@ -8,11 +8,11 @@
 namespace wheelwire {
 
 #if CONFIG_IDF_TARGET_ESP32
-constexpr const BoardDescription& kImageBoard = kBoardOfEsp32;
+inline constexpr const BoardDescription& kImageBoard = kBoardOfEsp32;
 #elif CONFIG_IDF_TARGET_ESP32S3
-constexpr const BoardDescription& kImageBoard = kBoardOfEsp32s3;
+inline constexpr const BoardDescription& kImageBoard = kBoardOfEsp32s3;
 #elif CONFIG_IDF_TARGET_ESP32C6
-constexpr const BoardDescription& kImageBoard = kBoardOfEsp32c6;
+inline constexpr const BoardDescription& kImageBoard = kBoardOfEsp32c6;
 #else
 #error "Wheelwire runs on ESP32, ESP32-S3 and ESP32-C6: the motors need MCPWM, the encoders PCNT."
 #endif
