@@ -2,6 +2,7 @@
 #include "pins.hpp"
 
 #include "check.hpp"
+#include "image_board.hpp"
 #include "release_pins.hpp"
 #include "stage_boards.hpp"
 #include "wired_robot.hpp"
@@ -65,8 +66,8 @@ BoardDescription with_encoders_on_outputs_of(const BoardDescription& before) {
 TEST(a_chip_without_a_confirmed_board_drives_no_pin) {
   for (const BoardState state : {BoardState::kNone, BoardState::kBuiltIn}) {
     power_on();
-    WiredRobot robot(kBoardOfEsp32);
-    start(robot, state, kBoardOfEsp32);
+    WiredRobot robot(kImageBoard);
+    start(robot, state, kImageBoard);
     robot.left_motor.drive(20'000);
     robot.right_motor.brake();
     CHECK(driven() == 0);
@@ -125,8 +126,8 @@ TEST(the_image_s_board_after_a_confirmed_one_drives_nothing) {
   WiredRobot driver(former);
   start(driver, BoardState::kStored, former);
   driver.left_motor.drive(20'000);
-  WiredRobot robot(kBoardOfEsp32);
-  start(robot, BoardState::kBuiltIn, kBoardOfEsp32);
+  WiredRobot robot(kImageBoard);
+  start(robot, BoardState::kBuiltIn, kImageBoard);
   CHECK(driven() == 0);
   // And once more: nothing of it is left for the bootloader.
   bootloader_before_init();
