@@ -1,5 +1,7 @@
 #include "task_watchdog.hpp"
 
+#include <atomic>
+
 #include "brake_hold.hpp"
 #include "esp_task_wdt.h"
 
@@ -8,6 +10,9 @@ namespace {
 
 constexpr uint32_t kLimitMs = 100;
 constexpr uint32_t kSlowLimitMs = kMaxHoldUs / 1000;
+
+/// How many slow operations are under way: one may be part of another.
+std::atomic<int> slow_operations{0};
 
 constexpr esp_task_wdt_config_t with_limit(uint32_t limit_ms) {
   return {.timeout_ms = limit_ms, .idle_core_mask = 0, .trigger_panic = true};
@@ -29,8 +34,12 @@ bool watch_this_task() { return esp_task_wdt_add(nullptr) == ESP_OK; }
 
 void feed_task_watchdog() { esp_task_wdt_reset(); }
 
-SlowOperation::SlowOperation() { set_limit(kSlowLimitMs); }
+SlowOperation::SlowOperation() {
+  if (slow_operations.fetch_add(1) == 0) set_limit(kSlowLimitMs);
+}
 
-SlowOperation::~SlowOperation() { set_limit(kLimitMs); }
+SlowOperation::~SlowOperation() {
+  if (slow_operations.fetch_sub(1) == 1) set_limit(kLimitMs);
+}
 
 }  // namespace wheelwire

@@ -4,10 +4,10 @@
 #include <algorithm>
 
 #include "check.hpp"
+#include "esp_task_wdt.h"
 #include "memory_store.hpp"
 #include "pins.hpp"
 #include "stage_boards.hpp"
-#include "watchdogs.hpp"
 #include "wired_robot.hpp"
 
 using namespace wheelwire;
@@ -48,10 +48,10 @@ int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
   const int64_t start_us = fake_time_us = 500'000;
   int64_t fed_us = start_us;
   int64_t longest_us = 0;
-  int feeds = task_watchdog_feeds;
+  int feeds = fake_task_watchdog.feeds;
   fake_wait = [&](TickType_t ticks) -> uint32_t {
-    if (feeds != task_watchdog_feeds) {
-      feeds = task_watchdog_feeds;
+    if (feeds != fake_task_watchdog.feeds) {
+      feeds = fake_task_watchdog.feeds;
       fed_us = fake_time_us;
     }
     const int64_t timeout_us = int64_t{1000} * ticks;
