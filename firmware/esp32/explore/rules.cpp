@@ -49,6 +49,7 @@ constexpr uint64_t kSlackUs = 10'000;
 constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
+constexpr uint64_t kMeasuredSlowUs = 300'000;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
@@ -454,10 +455,16 @@ void Judge::rolling_is_reported() {
   }
   const bool rolls = sound && witness_.is_open() && threshold > 0.0 &&
                      simulator_.state() != SupervisorState::kDriving && speed > 1.3 * threshold;
+  // It is reported once until it is slow: for long enough to be measured.
+  if (speed >= 0.4 * threshold)
+    memory_.slow_since_us = 0;
+  else if (memory_.slow_since_us == 0)
+    memory_.slow_since_us = now_us();
+  if (memory_.slow_since_us != 0 && now_us() > memory_.slow_since_us + kMeasuredSlowUs)
+    memory_.rolling_told = false;
   if (!rolls || speed < memory_.rolled_mps) {
     memory_.rolling_since_us = 0;
     memory_.rolled_mps = rolls ? speed : 0.0;
-    if (!rolls && speed < 0.4 * threshold) memory_.rolling_told = false;
     if (!rolls) return;
   }
   memory_.rolled_mps = speed;

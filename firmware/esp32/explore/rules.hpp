@@ -61,6 +61,7 @@ struct Memory {
   uint64_t rolling_since_us = 0;
   double rolled_mps = 0.0;
   bool rolling_told = false;
+  uint64_t slow_since_us = 0;  ///< 0: it is not.
   StopMode stop_mode = StopMode::kConfigured;
   uint64_t stopped_us = 0;
   uint64_t brake_us = 0;
