@@ -137,6 +137,7 @@ reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, c
 	$(BIN)/python bench/endurance.py
 	$(BIN)/python bench/clock.py
 	$(BIN)/python bench/plausibility.py
+	$(BIN)/python bench/duty_limit.py
 	$(BIN)/python bench/wiring.py
 	$(BIN)/python bench/reconnect.py
 	$(BIN)/python bench/interrupts.py

@@ -8,7 +8,8 @@ int32_t Controller::update(int32_t target_umps, int32_t error_umps, int32_t supp
                            const ControllerGains& gains) {
   const int32_t change = saturate32(static_cast<int64_t>(target_umps) - last_target_umps_);
   last_target_umps_ = target_umps;
-  const int32_t limit_q15 = duty_limit(target_umps, change, supply_q12, gains);
+  steady_limit_q15_ = duty_limit(target_umps, supply_q12, gains);
+  const int32_t limit_q15 = while_accelerating(steady_limit_q15_, change, gains);
   const int64_t limit_q32 = static_cast<int64_t>(limit_q15) << 32;
   int64_t sum = sign(target_umps) * gains.static_q15;
   sum += multiply_shift(gains.feedforward_q24, target_umps, 24);

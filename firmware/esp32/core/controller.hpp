@@ -49,6 +49,8 @@ class Controller {
     saturated_ = false;
     obstacle_.reset();
   }
+  /// The limit of the last step's output, without what a change of the target adds to it.
+  int32_t steady_limit_q15() const { return steady_limit_q15_; }
   /// Control steps in which the output was limited. Wraps.
   uint32_t saturated_steps() const { return saturated_steps_; }
   int32_t last_target_umps() const { return last_target_umps_; }
@@ -57,6 +59,7 @@ class Controller {
 
  private:
   int32_t last_target_umps_ = 0;
+  int32_t steady_limit_q15_ = 0;
   uint32_t saturated_steps_ = 0;
   int64_t integral_q32_ = 0;  // duty, q15 with 32 more fractional bits
   bool saturated_ = false;

@@ -120,7 +120,7 @@ WheelPair Drive::command(const ControlConfig& config) {
   direction_ = {sign(slewed_.left), sign(slewed_.right)};
   const bool same = direction_.left == before.left && direction_.right == before.right &&
                     direction_.left != 0 && direction_.right != 0;
-  const WheelPair behind = trim_errors({left_.behind_um(), right_.behind_um()}, same,
+  const WheelPair behind = trim_errors({left_.behind_um(), right_.behind_um()}, slewed_, same,
                                        left_.saturated() || right_.saturated(), config.path);
   if (behind.left != left_.behind_um()) left_.trim_to(behind.left);
   if (behind.right != right_.behind_um()) right_.trim_to(behind.right);

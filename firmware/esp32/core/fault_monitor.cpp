@@ -8,48 +8,87 @@ namespace {
 // An encoder that rests on an edge may toggle by one tick: that is not a turning wheel.
 constexpr int32_t kRestingTicks = 1;
 
+/// Just below the limit: a setpoint that changes moves the limit, and the duty follows it late.
+int32_t near(int32_t limit_q15) { return limit_q15 - limit_q15 / 16; }
+
+/// At a limit below stall_duty a heavy robot takes longer to start, so the time passes slower.
+uint32_t slowed(uint32_t us) { return us * 9 / 16; }
+
+int32_t lower(int32_t a, int32_t b) { return a < b ? a : b; }
+
+/// A stopwatch that runs back while its condition does not hold: a setpoint that varies takes the
+/// duty off the limit for moments.
+uint32_t passed(uint32_t us, bool holds, uint32_t period_us) {
+  if (holds) return us + period_us;
+  return us < period_us ? 0 : us - period_us;
+}
+
 }  // namespace
 
 void FaultMonitor::reset() {
-  driven_hard_ = false;
+  still_us_ = 0;
   against_ = false;
+  against_us_ = 0;
 }
 
-WheelFault FaultMonitor::update(int32_t duty_q15, int32_t ticks, int32_t measured_umps,
-                                uint64_t now_us, const FaultThresholds& thresholds) {
-  if (not_counting(duty_q15, ticks, now_us, thresholds)) return WheelFault::kNotCounting;
-  if (reversed(duty_q15, measured_umps, thresholds)) return WheelFault::kReversed;
+WheelFault FaultMonitor::update(const WheelOutput& output, int32_t ticks, int32_t measured_umps,
+                                uint32_t period_us, const FaultThresholds& thresholds) {
+  const int32_t most_q15 = near(output.limit_q15);
+  const int32_t least_q15 =
+      lower(most_q15, lower(thresholds.stall_duty_q15, thresholds.reversal_duty_q15));
+  if ((still_us_ | against_us_) == 0 && magnitude(output.duty_q15) < least_q15) {
+    // Driven gently, as it mostly is.
+    anchor_ticks_ = ticks;
+    against_ = false;
+    return WheelFault::kNone;
+  }
+  if (not_counting(output.duty_q15, most_q15, ticks, period_us, thresholds))
+    return WheelFault::kNotCounting;
+  if (reversed(output, most_q15, measured_umps, period_us, thresholds))
+    return WheelFault::kReversed;
   return WheelFault::kNone;
 }
 
-bool FaultMonitor::not_counting(int32_t duty_q15, int32_t ticks, uint64_t now_us,
-                                const FaultThresholds& thresholds) {
+bool FaultMonitor::not_counting(int32_t duty_q15, int32_t most_q15, int32_t ticks,
+                                uint32_t period_us, const FaultThresholds& thresholds) {
+  const int32_t duty = magnitude(duty_q15);
+  const bool hard = duty >= thresholds.stall_duty_q15;
+  const bool driven = hard || duty >= most_q15;
   const auto travel =
       static_cast<int32_t>(static_cast<uint32_t>(ticks) - static_cast<uint32_t>(anchor_ticks_));
-  const bool hard = magnitude(duty_q15) >= thresholds.stall_duty_q15;
-  const bool moved = travel > kRestingTicks || travel < -kRestingTicks;
-  if (!hard || !driven_hard_ || moved) {
-    driven_hard_ = hard;
-    hard_since_us_ = now_us;
+  if (travel > kRestingTicks || travel < -kRestingTicks) {
     anchor_ticks_ = ticks;
+    still_us_ = 0;
     return false;
   }
-  return now_us - hard_since_us_ >= thresholds.stall_time_us;
+  still_us_ = passed(still_us_, driven, hard ? period_us : slowed(period_us));
+  return still_us_ >= thresholds.stall_time_us;
 }
 
 /// A decelerating wheel is driven against its motion, too, but its speed falls. With inverted
-/// feedback it grows.
-bool FaultMonitor::reversed(int32_t duty_q15, int32_t measured_umps,
-                            const FaultThresholds& thresholds) {
-  const int32_t speed = magnitude(measured_umps);
-  if (magnitude(duty_q15) < thresholds.reversal_duty_q15 ||
-      sign(duty_q15) * sign(measured_umps) >= 0) {
+/// feedback it grows; or it stays, at a limit at which the wheel turns slowly. A loop that brakes
+/// the wheel downhill drives against its setpoint as well.
+bool FaultMonitor::reversed(const WheelOutput& output, int32_t most_q15, int32_t measured_umps,
+                            uint32_t period_us, const FaultThresholds& thresholds) {
+  const bool opposed = measured_umps != 0 && (output.duty_q15 ^ measured_umps) < 0;
+  if (!opposed || output.duty_q15 == 0 || output.duty_q15 * output.direction < 0) {
     against_ = false;
+    against_us_ = 0;
     return false;
   }
-  lowest_umps_ = against_ && lowest_umps_ < speed ? lowest_umps_ : speed;
-  against_ = true;
-  return speed - lowest_umps_ >= thresholds.reversal_umps;
+  const int32_t speed = magnitude(measured_umps);
+  const int32_t duty_q15 = magnitude(output.duty_q15);
+  const bool hard = duty_q15 >= lower(thresholds.reversal_duty_q15, most_q15);
+  if (!hard || !against_) {
+    lowest_umps_ = speed;
+  } else if (speed < lowest_umps_ - lowest_umps_ / 16) {
+    lowest_umps_ = speed;
+    against_us_ = 0;
+  }
+  against_ = hard;
+  against_us_ = passed(against_us_, duty_q15 >= most_q15, period_us);
+  return against_us_ >= thresholds.stall_time_us ||
+         speed - lowest_umps_ >= thresholds.reversal_umps;
 }
 
 }  // namespace wheelwire

@@ -10,16 +10,26 @@ int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) 
                        : setpoint + clamp(correction, -most, -setpoint);
 }
 
+/// The left wheel's share of the distance that both lose when the robot is late: by the setpoints,
+/// so that a curve stays the same curve. q8.
+int32_t left_share_q8(WheelPair setpoint) {
+  if (sign(setpoint.left) != sign(setpoint.right)) return 128;
+  const auto left = static_cast<uint32_t>(magnitude(setpoint.left));
+  return static_cast<int32_t>((left << 8) /
+                              (left + static_cast<uint32_t>(magnitude(setpoint.right))));
+}
+
 }  // namespace
 
-WheelPair trim_errors(WheelPair behind, bool same_direction, bool saturated,
+WheelPair trim_errors(WheelPair behind, WheelPair setpoint, bool same_direction, bool saturated,
                       const PathGains& gains) {
   if (!same_direction) return {0, 0};
   if (saturated) {
-    // A wheel at its limit cannot catch up, so the lost distance is dropped. The difference is
-    // kept: the other wheel can wait, and the heading is kept.
-    const int32_t common = (behind.left + behind.right) / 2;
-    behind = {behind.left - common, behind.right - common};
+    // A wheel at its limit cannot catch up, so the lost distance is dropped. What leads off the
+    // path is kept: the other wheel can wait, and the heading is kept.
+    const int32_t common = behind.left + behind.right;
+    const int32_t left = scale(common, left_share_q8(setpoint), 8);
+    behind = {behind.left - left, behind.right - (common - left)};
   }
   return {clamp(behind.left, -gains.limit_um, gains.limit_um),
           clamp(behind.right, -gains.limit_um, gains.limit_um)};

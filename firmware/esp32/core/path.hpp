@@ -26,7 +26,7 @@ struct PathGains {
 /// The part of the errors `behind` [um] that is still to be corrected. All of it is dropped when
 /// the setpoint changes direction, the common part when a wheel saturates, and what exceeds the
 /// limit in any case: an error that cannot be corrected soon would only wind up.
-WheelPair trim_errors(WheelPair behind, bool same_direction, bool saturated,
+WheelPair trim_errors(WheelPair behind, WheelPair setpoint, bool same_direction, bool saturated,
                       const PathGains& gains);
 
 /// The setpoint plus what corrects the errors, by cross-coupled control: the wheel that is ahead

@@ -7,11 +7,20 @@ namespace {
 // does not count here: a wheel that is blocked for a moment is not a fault.
 constexpr uint32_t kStandstill_us = 180'000;
 
-// Time constant of the low-pass filter from which the speed's growth is taken.
-constexpr uint32_t kFilter_us = 64'000;
+// The low-pass filter from which the speed's growth is taken has a quarter of ObstacleMemory's
+// time.
+constexpr int32_t kFilter_bits = 2;
 
-// Faster than any wheel, and small enough for the sums below to stay within 32 bits.
-constexpr int32_t kMaxSpeed_umps = 100'000'000;
+// Twice as fast as any wheel, and small enough for the sums below to stay within 32 bits.
+constexpr int32_t kMaxSpeed_umps = 20'000'000;
+
+// A robot may be this much heavier than its feed-forward of acceleration says. Its speed then lags
+// behind its setpoint, too, but it grows for as long as it is driven that hard.
+constexpr int32_t kHeavy = 8;
+
+// A wheel that loses this much speed has met an obstacle or reversed, and begins anew. Less may be
+// the noise of an encoder that loses edges.
+constexpr int32_t kSetback_q4 = 75'000 * 16;
 
 constexpr int32_t kOne_q12 = 4096;
 
@@ -24,18 +33,17 @@ int32_t supply_ratio_q12(uint16_t battery_mv, const Supply& supply) {
   return clamp(supply.nominal_mv * kOne_q12 / behind_mv, kOne_q12 / 4, 4 * kOne_q12);
 }
 
-int32_t duty_for(int32_t speed_umps, int32_t margin_q15, int32_t supply_q12,
-                 const ControllerGains& gains) {
-  const int32_t moving_q15 = scale(gains.feedforward_q24, magnitude(speed_umps), 24);
-  return scale(moving_q15 + gains.static_q15 + margin_q15, supply_q12, 12);
+int32_t duty_limit(int32_t target_umps, int32_t supply_q12, const ControllerGains& gains) {
+  // More than is plausible: else the limit would hide a wheel whose encoder loses edges.
+  const int32_t margin_q15 = gains.margin_q15 + (gains.margin_q15 >> 2);
+  const int32_t limit = duty_for(target_umps, margin_q15, supply_q12, gains);
+  return limit < gains.limit_q15 ? limit : gains.limit_q15;
 }
 
-int32_t duty_limit(int32_t target_umps, int32_t change_umps, int32_t supply_q12,
-                   const ControllerGains& gains) {
-  const int32_t accelerating_q15 = scale(gains.acceleration_q24, magnitude(change_umps), 24);
-  // More than is plausible: else the limit would hide a wheel whose encoder loses edges.
-  const int32_t margin_q15 = gains.margin_q15 + gains.margin_q15 / 4;
-  const int64_t limit = duty_for(target_umps, margin_q15, supply_q12, gains) + accelerating_q15;
+int32_t while_accelerating(int32_t limit_q15, int32_t change_umps, const ControllerGains& gains) {
+  if (change_umps == 0) return limit_q15;
+  const int64_t growing = static_cast<int64_t>(gains.acceleration_q24) * magnitude(change_umps);
+  const int64_t limit = limit_q15 + (growing >> 24);
   return limit < gains.limit_q15 ? static_cast<int32_t>(limit) : gains.limit_q15;
 }
 
@@ -48,23 +56,59 @@ void PlausibilityMonitor::reset() {
 bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool ticked,
                                  int32_t supply_q12, uint32_t period_us, uint32_t time_us,
                                  const ControllerGains& gains) {
-  const int32_t speed_umps = clamp<int32_t>(magnitude(measured_umps), 0, kMaxSpeed_umps);
-  const uint32_t part_q16 = (period_us << 16) / kFilter_us;
-  const int32_t growth_q4 =
-      scale(speed_umps * 16 - slow_umps_q4_, static_cast<int32_t>(part_q16), 16);
-  slow_umps_q4_ += growth_q4;
+  const int32_t speed_umps = clamp(measured_umps, -kMaxSpeed_umps, kMaxSpeed_umps);
+  const int32_t change_q4 =
+      (speed_umps * 16 - slow_umps_q4_) >> (gains.memory_shift - kFilter_bits);
+  slow_umps_q4_ += change_q4;
+  // No wheel turned so fast: once the measurement is right again, it has met no obstacle.
+  if (magnitude(speed_umps) == kMaxSpeed_umps) slow_umps_q4_ = 0;
   silence_us_ = ticked ? 0 : silence_us_ + period_us;
-  int32_t needed_q15 = duty_for(speed_umps, gains.margin_q15, supply_q12, gains);
-  if (growth_q4 > 0) {
-    const int64_t growing_q15 = multiply_shift(gains.acceleration_q24, growth_q4, 28);
-    needed_q15 = saturate32(needed_q15 + growing_q15);
+  int32_t excess_q15 =
+      magnitude(duty_q15) - duty_for(speed_umps, gains.margin_q15, supply_q12, gains);
+  const int32_t gain_q4 = duty_q15 < 0 ? -change_q4 : change_q4;
+  if (excess_q15 > 0 && gain_q4 > 0) {
+    const int64_t growing_q15 = multiply_shift(gains.acceleration_q24, gain_q4, 28);
+    excess_q15 = saturate32(excess_q15 - growing_q15);
   }
-  if (magnitude(duty_q15) <= needed_q15) {
+  if (excess_q15 <= 0) {
     excess_us_ -= excess_us_ < period_us ? excess_us_ : period_us;
-  } else if (silence_us_ < kStandstill_us) {
-    excess_us_ += period_us;
+    return false;
   }
-  return excess_us_ >= time_us;
+  if (silence_us_ >= kStandstill_us) {
+    earlier_q4_ = 0;
+    impulse_q15_ = 0;
+    return false;
+  }
+  if (!gains_speed_like_a_heavy_robot(excess_q15, duty_q15 < 0 ? -speed_umps : speed_umps,
+                                      duty_q15 < 0 ? -slow_umps_q4_ : slow_umps_q4_, supply_q12,
+                                      gains))
+    return (excess_us_ += period_us) >= time_us;
+  // The time stays just short of its end: once the speed grows no more, it is over.
+  if (excess_us_ + period_us < time_us) excess_us_ += period_us;
+  return false;
+}
+
+/// Whether the recent excess is no more than it would take a heavy robot to gain speed as this one
+/// recently did: both are forgotten at the same pace. Speeds are those in the direction of the
+/// drive.
+bool PlausibilityMonitor::gains_speed_like_a_heavy_robot(int32_t excess_q15, int32_t speed_umps,
+                                                         int32_t slow_q4, int32_t supply_q12,
+                                                         const ControllerGains& gains) {
+  const int32_t memory_shift = gains.memory_shift - 1;
+  if (excess_us_ == 0 || slow_q4 < earlier_q4_ - kSetback_q4) {
+    excess_us_ = 0;
+    earlier_q4_ = slow_q4;
+    impulse_q15_ = 0;
+  }
+  impulse_q15_ += excess_q15 - (impulse_q15_ >> memory_shift);
+  earlier_q4_ += (slow_q4 - earlier_q4_) >> memory_shift;
+  // Falling steeply: an obstacle, of which the filtered speed does not know yet.
+  if (speed_umps * 16 < slow_q4 - kSetback_q4) return true;
+  // Of the two the filtered speed lags while it grows, and the measured one falls first.
+  const int32_t present_q4 = speed_umps * 16 > slow_q4 ? speed_umps * 16 : slow_q4;
+  const int32_t light_q15 =
+      multiply_shift(gains.acceleration_q24, (present_q4 - earlier_q4_) / 16, 24);
+  return impulse_q15_ <= (static_cast<int64_t>(light_q15) * supply_q12 * kHeavy >> 12);
 }
 
 }  // namespace wheelwire

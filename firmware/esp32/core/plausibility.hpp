@@ -18,12 +18,17 @@ struct Supply {
 int32_t supply_ratio_q12(uint16_t battery_mv, const Supply& supply);
 
 /// The most that a load can need at constant speed: `margin_q15` beyond the feed-forward.
-int32_t duty_for(int32_t speed_umps, int32_t margin_q15, int32_t supply_q12,
-                 const ControllerGains& gains);
+inline int32_t duty_for(int32_t speed_umps, int32_t margin_q15, int32_t supply_q12,
+                        const ControllerGains& gains) {
+  const int32_t moving_q15 = scale(gains.feedforward_q24, magnitude(speed_umps), 24);
+  return scale(moving_q15 + gains.static_q15 + margin_q15, supply_q12, 12);
+}
 
-/// The output's limit at a setpoint, with what its change needs.
-int32_t duty_limit(int32_t target_umps, int32_t change_umps, int32_t supply_q12,
-                   const ControllerGains& gains);
+/// The output's limit at a constant setpoint.
+int32_t duty_limit(int32_t target_umps, int32_t supply_q12, const ControllerGains& gains);
+
+/// That limit with what a change of the setpoint needs, per control step.
+int32_t while_accelerating(int32_t limit_q15, int32_t change_umps, const ControllerGains& gains);
 
 class PlausibilityMonitor {
  public:
@@ -34,9 +39,16 @@ class PlausibilityMonitor {
   void reset();
 
  private:
+  bool gains_speed_like_a_heavy_robot(int32_t excess_q15, int32_t speed_umps, int32_t slow_q4,
+                                      int32_t supply_q12, const ControllerGains&);
+
   int32_t slow_umps_q4_ = 0;  // The speed, low-pass filtered.
   uint32_t silence_us_ = 0;
   uint32_t excess_us_ = 0;
+  // While there is excess: the speed in the direction of the drive, low-pass filtered once more,
+  // and the sum of the recent excess.
+  int32_t earlier_q4_ = 0;
+  int64_t impulse_q15_ = 0;
 };
 
 }  // namespace wheelwire

@@ -9,22 +9,31 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
   estimator_.update(change, following_.total_q4(), now_us, config.period_us,
                     config.velocity_window_us);
   velocity_umps_ = multiply_shift(estimator_.ticks_per_s_q8(), config.um_per_tick_q10, 18);
-  const WheelFault fault =
-      monitor_.update(duty_q15_, total_.ticks(), velocity_umps_, now_us, config.faults);
-  if (fault != WheelFault::kNone || !closed_loop_) return fault;
-  const bool implausible =
+  const int32_t limit_q15 = closed_loop_ ? controller_.steady_limit_q15() : WheelOutput::kNoLimit;
+  WheelFault fault = monitor_.update({duty_q15_, limit_q15, direction_}, total_.ticks(),
+                                     velocity_umps_, config.period_us, config.faults);
+  if (!closed_loop_) return fault;
+  if (fault == WheelFault::kNone &&
       plausibility_.update(duty_q15_, velocity_umps_, change != 0, supply_q12, config.period_us,
-                           config.plausibility_time_us, config.gains);
-  return implausible ? WheelFault::kImplausible : WheelFault::kNone;
+                           config.plausibility_time_us, config.gains))
+    fault = WheelFault::kImplausible;
+  if (fault == WheelFault::kNone || direction_ != 0) return fault;
+  // Whoever pushes a robot whose setpoint is zero is no fault. Feedback that is inverted would help
+  // the push, though: the wheel is braked instead of driven.
+  yields_ = true;
+  return WheelFault::kNone;
 }
 
 void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
                            int32_t supply_q12, const ControlConfig& config) {
-  if (setpoint_umps == 0 && velocity_umps_ == 0) {
+  direction_ = sign(setpoint_umps);
+  if (setpoint_umps == 0 && (velocity_umps_ == 0 || yields_)) {
+    yields_ = velocity_umps_ != 0;
     // At rest, shorted windings hold the wheel without the hum of an integrator.
     brake();
     return;
   }
+  yields_ = false;
   const int32_t error = error_umps(setpoint_umps, command_umps, config);
   if (config.path.follows()) following_.set_target(setpoint_umps);
   closed_loop_ = true;
@@ -52,6 +61,7 @@ void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
   following_.rest();
   plausibility_.reset();
   closed_loop_ = false;
+  direction_ = 0;
   output(duty_q15, motor_inverted);
 }
 
@@ -82,6 +92,7 @@ void Wheel::rest() {
   following_.rest();
   plausibility_.reset();
   closed_loop_ = false;
+  direction_ = 0;
   duty_q15_ = 0;
 }
 

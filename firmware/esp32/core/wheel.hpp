@@ -58,6 +58,8 @@ class Wheel {
   FollowingError following_;
   PlausibilityMonitor plausibility_;
   bool closed_loop_ = false;
+  bool yields_ = false;    // At a setpoint of zero: to what seems to be a fault, or a push.
+  int32_t direction_ = 0;  // Of the setpoint.
   int32_t velocity_umps_ = 0;
   int32_t duty_q15_ = 0;
 };

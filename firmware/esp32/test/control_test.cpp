@@ -69,13 +69,21 @@ TEST(both_wheels_arrive_together) {
   CHECK(steps == 267);
 }
 
+namespace {
+
+WheelOutput driven(int32_t duty_q15) {
+  return {.duty_q15 = duty_q15, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
+}
+
+}  // namespace
+
 TEST(a_wheel_that_counts_nothing_trips_after_its_time_only) {
   const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
   for (const int32_t duty_q15 : {20'000, -20'000}) {
     FaultMonitor monitor;
-    for (uint64_t t_us = 0; t_us < 500'000; t_us += 1000)
-      CHECK(monitor.update(duty_q15, 0, 0, t_us, thresholds) == WheelFault::kNone);
-    CHECK(monitor.update(duty_q15, 1, 0, 500'000, thresholds) == WheelFault::kNotCounting);
+    for (int step = 1; step < 500; ++step)
+      CHECK(monitor.update(driven(duty_q15), 0, 0, 1000, thresholds) == WheelFault::kNone);
+    CHECK(monitor.update(driven(duty_q15), 1, 0, 1000, thresholds) == WheelFault::kNotCounting);
   }
 }
 
@@ -84,19 +92,20 @@ TEST(a_wheel_that_counts_slowly_does_not_trip) {
   FaultMonitor monitor;
   for (uint64_t t_us = 0; t_us < 5'000'000; t_us += 1000) {
     const auto ticks = static_cast<int32_t>(t_us / 200'000);
-    CHECK(monitor.update(20'000, ticks, 3000, t_us, thresholds) == WheelFault::kNone);
+    CHECK(monitor.update(driven(20'000), ticks, 3000, 1000, thresholds) == WheelFault::kNone);
   }
 }
 
 TEST(speed_that_grows_against_the_drive_trips_and_speed_that_falls_does_not) {
   const FaultThresholds thresholds{16'384, 500'000, 9'830, 150'000};
   FaultMonitor monitor;
+  int32_t ticks = 0;
   for (int32_t speed = 400'000; speed > 0; speed -= 1000)
-    CHECK(monitor.update(-32'767, 0, speed, 0, thresholds) == WheelFault::kNone);
+    CHECK(monitor.update(driven(-32'767), ++ticks, speed, 1000, thresholds) == WheelFault::kNone);
   WheelFault seen = WheelFault::kNone;
   int32_t speed = 0;
   while (seen == WheelFault::kNone && speed < 400'000)
-    seen = monitor.update(-32'767, 0, speed += 1000, 0, thresholds);
+    seen = monitor.update(driven(-32'767), ++ticks, speed += 1000, 1000, thresholds);
   CHECK(seen == WheelFault::kReversed);
   CHECK(speed <= 152'000);
 }

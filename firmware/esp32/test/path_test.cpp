@@ -30,12 +30,27 @@ TEST(no_correction_turns_a_wheel_back) {
 }
 
 TEST(a_reversed_setpoint_forgets_and_a_saturated_wheel_keeps_the_heading_only) {
-  const WheelPair reversed = trim_errors({10'000, 4000}, false, false, kGains);
+  const WheelPair reversed = trim_errors({10'000, 4000}, {1, 1}, false, false, kGains);
   CHECK(reversed.left == 0 && reversed.right == 0);
-  const WheelPair saturated = trim_errors({10'000, 4000}, true, true, kGains);
+  const WheelPair saturated = trim_errors({10'000, 4000}, {1, 1}, true, true, kGains);
   CHECK(saturated.left == 3000 && saturated.right == -3000);
-  const WheelPair bounded = trim_errors({900'000, -900'000}, true, false, kGains);
+  const WheelPair bounded = trim_errors({900'000, -900'000}, {1, 1}, true, false, kGains);
   CHECK(bounded.left == 50'000 && bounded.right == -50'000);
+}
+
+TEST(a_saturated_wheel_makes_the_robot_late_on_the_same_curve) {
+  // The right wheel covers half of its way: the left one, at half of its speed, is right to do so.
+  for (const int direction : {1, -1}) {
+    const WheelPair curve{100'000 * direction, 300'000 * direction};
+    const WheelPair late =
+        trim_errors({5000 * direction, 15'000 * direction}, curve, true, true, kGains);
+    CHECK(magnitude(late.left) <= 100 && magnitude(late.right) <= 100);
+    const WheelPair ahead = trim_errors({0, 15'000 * direction}, curve, true, true, kGains);
+    CHECK(ahead.left * direction < -3000 && ahead.right == -ahead.left);
+  }
+  // A turn on the spot has no way that it could be late on.
+  const WheelPair spin = trim_errors({-10'000, 10'000}, {-300'000, 100'000}, true, true, kGains);
+  CHECK(spin.left == -10'000 && spin.right == 10'000);
 }
 
 TEST(without_gains_nothing_is_made_up) {

@@ -129,9 +129,51 @@ TEST(an_impossible_speed_does_not_blind_the_check) {
 }
 
 TEST(the_duty_of_a_setpoint_is_limited_above_what_is_plausible) {
-  const int32_t limit = duty_limit(100'000, 0, kNominal, kGains);
+  const int32_t limit = duty_limit(100'000, kNominal, kGains);
   CHECK(magnitude(limit - to_q15(0.1365f + 0.055f + 0.475f)) < 10);
-  CHECK(duty_limit(-100'000, 0, kNominal, kGains) == limit);
-  CHECK(duty_limit(100'000, -1500, kNominal, kGains) > limit + 7000);
-  CHECK(duty_limit(400'000, 0, 3 * kNominal, kGains) == 32'767);
+  CHECK(duty_limit(-100'000, kNominal, kGains) == limit);
+  CHECK(while_accelerating(limit, -1500, kGains) > limit + 7000);
+  CHECK(while_accelerating(limit, 0, kGains) == limit);
+  CHECK(duty_limit(400'000, 3 * kNominal, kGains) == 32'767);
+  CHECK(while_accelerating(30'000, INT32_MAX, kGains) == 32'767);
+}
+
+namespace {
+
+/// Steps until it trips while a wheel whose encoder reports this share of its speed is driven at
+/// full duty from rest, by a robot so many times heavier than its feed-forward says; 0: never.
+int steps_to_trip_from_rest(double seen, double heaviness, int direction = 1,
+                            double start_mps = 0) {
+  PlausibilityMonitor monitor;
+  double speed_mps = start_mps;
+  for (int step = 1; step <= 4000; ++step) {
+    const double needed = 1.365 * speed_mps + 0.055;
+    speed_mps += (1.0 - needed) / (0.143 * heaviness) * 1e-3;
+    const auto measured = static_cast<int32_t>(speed_mps * seen * 1e6) * direction;
+    if (monitor.update(32'767 * direction, measured, true, kNominal, kPeriod_us, kTime_us, kGains))
+      return step;
+  }
+  return 0;
+}
+
+}  // namespace
+
+TEST(a_heavy_robot_is_plausible_for_as_long_as_it_gains_speed) {
+  for (const int direction : {1, -1}) {
+    for (const double heaviness : {1.0, 3.0, 6.0, 8.0})
+      CHECK(steps_to_trip_from_rest(1.0, heaviness, direction) == 0);
+    // Through a reversal, too.
+    CHECK(steps_to_trip_from_rest(1.0, 6.0, direction, -0.4) == 0);
+    // But there are bounds.
+    CHECK(steps_to_trip_from_rest(1.0, 30.0, direction) != 0);
+  }
+}
+
+TEST(speed_that_an_encoder_hides_is_not_taken_for_weight) {
+  for (const int direction : {1, -1}) {
+    for (const double seen : {0.01, 0.1, 0.3}) {
+      const int tripped = steps_to_trip_from_rest(seen, 1.0, direction);
+      CHECK(tripped >= 300 && tripped < 500);
+    }
+  }
 }

@@ -1,0 +1,154 @@
+#include "fault_monitor.hpp"
+
+#include "check.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+using test::RobotBench;
+
+namespace {
+
+/// The defaults.
+constexpr FaultThresholds kThresholds{.stall_duty_q15 = 14'745,
+                                      .stall_time_us = 500'000,
+                                      .reversal_duty_q15 = 9830,
+                                      .reversal_umps = 150'000};
+constexpr int32_t kLow_q15 = 4915;  // 0.15, below both thresholds
+
+/// A wheel at 1000 control steps a second.
+struct Bench {
+  FaultMonitor monitor;
+  int32_t ticks = 0;
+
+  WheelFault step(const WheelOutput& output, int32_t umps) {
+    return monitor.update(output, ticks, umps, 1000, kThresholds);
+  }
+  /// Steps until a fault trips; 0: none within 3 s.
+  int steps_to(WheelFault fault, const WheelOutput& output, int32_t umps = 0) {
+    for (int i = 1; i <= 3000; ++i) {
+      if (umps != 0) ticks += i % 2 * sign(umps);
+      const WheelFault found = step(output, umps);
+      if (found != WheelFault::kNone) return found == fault ? i : -1;
+    }
+    return 0;
+  }
+};
+
+constexpr WheelOutput at_limit(int32_t limit_q15, int32_t direction = 1) {
+  return {.duty_q15 = limit_q15 * direction, .limit_q15 = limit_q15, .direction = direction};
+}
+
+}  // namespace
+
+TEST(a_wheel_that_stands_at_its_limit_trips_however_low_that_is) {
+  for (const int32_t direction : {1, -1}) {
+    CHECK(Bench().steps_to(WheelFault::kNotCounting, at_limit(32'767, direction)) == 500);
+    const int low = Bench().steps_to(WheelFault::kNotCounting, at_limit(kLow_q15, direction));
+    CHECK(low > 800 && low < 900);
+  }
+}
+
+TEST(below_its_limit_and_the_threshold_a_wheel_may_stand) {
+  const WheelOutput gentle{.duty_q15 = 4000, .limit_q15 = kLow_q15, .direction = 1};
+  CHECK(Bench().steps_to(WheelFault::kNotCounting, gentle) == 0);
+}
+
+TEST(without_a_loop_there_is_no_limit_to_stand_at) {
+  const WheelOutput open{.duty_q15 = 14'000, .limit_q15 = WheelOutput::kNoLimit, .direction = 0};
+  CHECK(Bench().steps_to(WheelFault::kNotCounting, open) == 0);
+  CHECK(Bench().steps_to(WheelFault::kReversed, open, -100'000) == 0);
+}
+
+TEST(a_setpoint_that_varies_does_not_hide_a_wheel_that_stands) {
+  Bench bench;
+  WheelFault fault = WheelFault::kNone;
+  for (int i = 0; i < 1500 && fault == WheelFault::kNone; ++i) {
+    WheelOutput output = at_limit(kLow_q15);
+    if (i % 100 < 20) output.duty_q15 /= 2;
+    fault = bench.step(output, 0);
+  }
+  CHECK(fault == WheelFault::kNotCounting);
+}
+
+TEST(a_wheel_that_crawls_at_its_limit_counts) {
+  Bench bench;
+  for (int i = 0; i < 5000; ++i) {
+    if (i % 250 == 0) ++bench.ticks;
+    CHECK(bench.step(at_limit(kLow_q15), 2000) == WheelFault::kNone);
+  }
+}
+
+TEST(a_wheel_that_turns_back_steadily_at_its_limit_is_reversed) {
+  for (const int32_t direction : {1, -1}) {
+    const int steps =
+        Bench().steps_to(WheelFault::kReversed, at_limit(kLow_q15, direction), -60'000 * direction);
+    CHECK(steps == 500);
+  }
+}
+
+TEST(and_one_that_gains_speed_is_so_sooner) {
+  Bench bench;
+  int steps = 0;
+  WheelFault fault = WheelFault::kNone;
+  while (steps < 1000 && fault == WheelFault::kNone) {
+    ++steps;
+    bench.ticks -= 1;
+    fault = bench.step(at_limit(kLow_q15), -1000 * steps);
+  }
+  CHECK(fault == WheelFault::kReversed && steps == 151);
+}
+
+TEST(a_heavy_robot_that_rolls_back_ever_slower_is_sound) {
+  Bench bench;
+  // From 0.4 m/s by 0.07 m/s^2.
+  for (int32_t umps = 400'000; umps > 0; umps -= 70) {
+    bench.ticks -= 1;
+    CHECK(bench.step(at_limit(kLow_q15), -umps) == WheelFault::kNone);
+  }
+}
+
+TEST(braking_downhill_for_ever_is_no_reversal) {
+  Bench bench;
+  const WheelOutput braking{.duty_q15 = -kLow_q15, .limit_q15 = kLow_q15, .direction = 1};
+  for (int i = 0; i < 5000; ++i) {
+    bench.ticks += 1;
+    CHECK(bench.step(braking, 100'000 + 100 * i) == WheelFault::kNone);
+  }
+}
+
+// --- in a robot ----------------------------------------------------------------------------------
+
+namespace {
+
+/// Turns the left wheel steadily for some steps, at a setpoint of the left wheel's.
+void turn_for(RobotBench& bench, int steps, int ticks_per_8_steps, float setpoint) {
+  for (int i = 0; i < steps; ++i) {
+    if (i % 100 == 0) bench.send(bench.velocity(setpoint, 0));
+    if (i % 8 == 0) bench.turn(ticks_per_8_steps, 0);
+    bench.step();
+  }
+}
+
+}  // namespace
+
+TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kMaxDuty, 0.2f) == RefusalCode::kNone);
+  turn_for(bench, 2000, 3, 0);
+  CHECK(bench.state() == SupervisorState::kDriving);
+  CHECK(bench.left.brakes());
+  // At rest the loop holds the wheel as before, and drives it when it is told to.
+  turn_for(bench, 1000, 0, 0);
+  turn_for(bench, 200, 0, 0.1f);
+  CHECK(bench.left.duty() > 0);
+}
+
+TEST(the_same_motion_against_a_setpoint_is_a_fault) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kMaxDuty, 0.2f) == RefusalCode::kNone);
+  turn_for(bench, 1500, -1, 0.1f);
+  CHECK(bench.state() == SupervisorState::kFault);
+}
