@@ -12,8 +12,6 @@ from support import exploring
 pytestmark = pytest.mark.skipif(not exploring.PROGRAM.exists(), reason="not built: make cpp-tests")
 SEEDS = 150
 """For each of two processes, from 1: some seconds."""
-NOT_YET = ("--except", "S06")
-"""The core does not hold this rule everywhere yet; see the explorer's findings."""
 
 
 @pytest.mark.parametrize("case", sorted(exploring.CASES.glob("*.txt")), ids=lambda case: case.stem)
@@ -23,12 +21,12 @@ def test_a_case_runs_clean(case: Path) -> None:
 
 
 def test_the_first_seeds_break_no_rule() -> None:
-    report = exploring.explore(1, count=SEEDS, options=NOT_YET)
+    report = exploring.explore(1, count=SEEDS)
     assert report.broken == [], [file.read_text("utf-8") for file in report.files]
 
 
 def test_a_seed_gives_the_same_run_again() -> None:
-    first, again = (exploring.explore(7, count=3, processes=1, options=NOT_YET) for _ in range(2))
+    first, again = (exploring.explore(7, count=3, processes=1) for _ in range(2))
     assert first.cells == again.cells
     assert first.totals["robot seconds"] == again.totals["robot seconds"]
 
