@@ -61,6 +61,7 @@ async def use_every_verb(simulator: Simulator) -> None:
         with pytest.raises(errors.DeviceRefused):
             await sample_that(robot, lambda _: False, forward)
         await robot.clear_estop()
+        robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
         simulator.set("left.encoder_dead", 1)
         with pytest.raises(errors.DeviceRefused):
             await sample_that(robot, lambda _: False, forward)

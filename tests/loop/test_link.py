@@ -160,6 +160,7 @@ def test_estop_latches_until_cleared(simulator: Simulator) -> None:
             robot.set_velocity(0.3, 0.0)
         assert refused.value.code == RefusalCode.ESTOPPED
         robot.clear_estop()
+        robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
         drive_until_driving(robot)
 
 

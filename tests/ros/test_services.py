@@ -63,6 +63,7 @@ def test_a_fault_is_named_and_cleared(rig: Rig) -> None:
         assert rig.ignored("refused") > 0
     rig.simulator.set("left.encoder_dead", 0)
     assert trigger(rig, "clear_fault").success
+    rig.arm()
     with rig.driving():
         rig.truth(lambda state: state.drive_on)
 

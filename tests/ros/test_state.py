@@ -112,6 +112,7 @@ def test_clearing_says_that_a_blocked_wheel_will_trip_again(rig: Rig) -> None:
     assert answer.success
     assert "LEFT_NOT_COUNTING" in answer.message
     assert "returns" in answer.message
+    rig.arm()
     with rig.driving():
         rig.truth(lambda state: state.state is SupervisorState.FAULT)
 

@@ -48,6 +48,8 @@ class Bench:
                 robot.clear_estop()
             if state is SupervisorState.FAULT:
                 robot.clear_fault()
+            if state in (SupervisorState.ESTOPPED, SupervisorState.FAULT):
+                robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
             yield robot
 
     def restart(self) -> None:

@@ -15,6 +15,7 @@ from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from wheelwire.simulation.simulator import Simulator, TrueState
+from wheelwire_protocol.codes import SupervisorState
 
 NODE = "/hardware_robot"
 SPEED_MPS = 0.3
@@ -72,6 +73,11 @@ class Rig:
     def driving(self) -> Repeater:
         """Drive repeatedly during a `with` block."""
         return Repeater(self.commands, lambda: twist(SPEED_MPS))
+
+    def arm(self) -> None:
+        """Ask the robot to stand: after a clear nothing else restarts motion."""
+        with Repeater(self.commands, lambda: twist(0.0)):
+            self.truth(lambda state: state.state is SupervisorState.DRIVING)
 
     def driving_stamped(self) -> Repeater:
         """As `driving`, with stamps."""

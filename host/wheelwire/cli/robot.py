@@ -183,6 +183,8 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     """Drive and stop."""
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
+    # Whoever starts this command means this motion, also just after a clear.
+    robot.set_velocity(0.0, 0.0, ttl=TTL_S)
     end = time.monotonic() + seconds
     valid_until = -math.inf
     late = 0
