@@ -78,6 +78,8 @@ def test_no_stop_waits_for_a_limit(rig: Rig, stop: Callable[[Rig], None]) -> Non
     stop(rig)
     rig.truth(stopped)
     rig.graph.call(SetBool, f"{NODE}/estop", data=False)
+    if stop is stop_by_estop:
+        rig.arm()
     if stop is stop_by_deactivation:
         assert rig.graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
 
@@ -89,6 +91,7 @@ def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
     stop_by_estop(rig)  # from here on the next command starts a motion
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
     rig.truth(stopped)
+    rig.arm()
     obeyed.clear()
 
 
