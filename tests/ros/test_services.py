@@ -41,6 +41,11 @@ def test_the_estop_stops_and_holds_until_it_is_ended(rig: Rig) -> None:
         assert rig.ignored("estopped") > 0
         assert not rig.simulator.get("drive_on")
         assert estop(rig, False).success
+        # A clear restarts nothing, though the publisher goes on.
+        assert rig.ignored("refused") > 0
+        assert not rig.simulator.get("drive_on")
+    rig.arm()
+    with rig.driving():
         rig.truth(lambda state: state.drive_on)
 
 
@@ -52,6 +57,7 @@ def test_an_open_contact_is_an_estop_that_cannot_be_ended(rig: Rig) -> None:
     assert "refused" in answer.message
     rig.simulator.set("estop_open", 0)
     wait(lambda: estop(rig, False).success, "the end of the e-stop")
+    rig.arm()
 
 
 def test_a_fault_is_named_and_cleared(rig: Rig) -> None:
