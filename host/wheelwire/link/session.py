@@ -85,7 +85,7 @@ from .info import (
 )
 from .liveness import Liveness
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
-from .setpoints import SETPOINT_IDS, OpenSession, SetpointSender
+from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
 from .trial import HeldTrial
 
@@ -660,6 +660,7 @@ class Session:
             self._begin_hello(error, now_us)
             return
         if refuse.message_id in SETPOINT_IDS:
+            self.setpoints.refused_us = now_us
             self.setpoints.on_refused(refuse)
         elif not self._requests.on_refuse(refuse, now_us):
             self._foreign += 1
@@ -681,6 +682,8 @@ class Session:
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self.values[answer.parameter] = answer.value
+            if answer.parameter == REARM_GAP.id:
+                self.setpoints.take_rearm_gap(answer.value)
             if answer.parameter in self._watched and self.phase is Phase.OPEN:
                 self._collect_watched()
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, StopMode, SupervisorState
 from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
 from ..errors import NO_FAULT, DeviceRefused, InvalidCommand, WheelwireError
@@ -24,6 +25,7 @@ from .trial import HeldTrial
 
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
+REARM_GAP = PARAMETER_BY_NAME["rearm_gap_s"]
 
 Setpoint: TypeAlias = SetWheelVelocity | SetDuty
 
@@ -63,6 +65,8 @@ class SetpointSender:
         repeated: How many were sent again.
         supervisor: The newest known; None when it is about to change, or no session is open.
         faults: The newest known to be latched.
+        refused_us: When the last refusal came.
+        rearm_gap_us: The pause after which a device that is unarmed drives again, as far as known.
     """
 
     def __init__(
@@ -75,10 +79,14 @@ class SetpointSender:
         self.repeated = 0
         self.supervisor: SupervisorState | None = None
         self.faults = NO_FAULT
+        self.refused_us = 0
+        self.rearm_gap_us = _microseconds(REARM_GAP.default)
         self._send = send
         self._trial = trial
         self._why_closed = why_closed
         self._refusal: int | None = None
+        self._zero_seq = 0
+        """Of the newest setpoint of this session that asked for standstill."""
         self._unseen: _Unseen | None = None
 
     @property
@@ -92,6 +100,12 @@ class SetpointSender:
         # First, so that no other thread begins a frame of this session.
         self.opened = None
         self.clear()
+        self._zero_seq = 0
+        self.take_rearm_gap(REARM_GAP.default)
+
+    def take_rearm_gap(self, gap_s: float) -> None:
+        """What the device says of its parameter `rearm_gap_s`."""
+        self.rearm_gap_us = _microseconds(gap_s)
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
@@ -125,7 +139,7 @@ class SetpointSender:
             InvalidCommand: It expires within the error bound of the device's clock.
             LinkLost: The session is not open.
             DeviceRefused: The last setpoint was refused, an e-stop or a fault is latched, or a
-                trial of parameters was lost.
+                trial of parameters was lost. After UNARMED zero is sent, and does not raise.
         """
         return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
 
@@ -187,6 +201,9 @@ class SetpointSender:
         self._refusal = refuse.code
         # It arrived, so it is not sent again.
         self.on_obeyed(refuse.reference)
+        # The zero that was sent since has armed the device, or is refused as well.
+        if refuse.code == RefusalCode.UNARMED and refuse.reference < self._zero_seq:
+            self._refusal = None
 
     def _frame(
         self, kind: type[Any], left: float, right: float, expiry_us: int, now_us: int
@@ -197,7 +214,9 @@ class SetpointSender:
         self._trial.check("the setpoint")
         # By identity: a look into a dictionary would hash the state, which Python code does.
         state = self.supervisor
+        is_unarmed = False
         if self._refusal is not None or state is _ESTOPPED or state is _FAULT:
+            is_unarmed = self._take_unarmed(is_zero=not (left or right), now_us=now_us)
             self.check()
         # The device's clock is known only within a bound. Subtract the bound from the expiry, or
         # the setpoint could live longer than its ttl.
@@ -212,12 +231,31 @@ class SetpointSender:
         # Two threads never get the same number: next() of a count is atomic in CPython.
         command_seq = next(opened.command_seqs)
         setpoint = kind(opened.id, command_seq, device_expiry_us - bound_us, left, right)
+        if not (left or right):
+            self._zero_seq = command_seq
+        if is_unarmed:
+            # Sent all the same: a device that hears nothing would take the silence for a pause,
+            # after which it drives, although whoever calls this never stopped asking for motion.
+            self._unseen = setpoint, sure_us, now_us
+            raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
         # Before it is written: the state frame that shows it may come at any moment after.
         self._unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
         return opened.encoder.encode(setpoint)
+
+    def _take_unarmed(self, *, is_zero: bool, now_us: int) -> bool:
+        """Whether a setpoint has to raise that the device is unarmed, which is told once."""
+        if self._refusal != RefusalCode.UNARMED:
+            return False
+        self._refusal = None
+        # Zero is what the device waits for, and so is a pause.
+        return not is_zero and now_us - self.refused_us < self.rearm_gap_us
 
     def _forget(self, unseen: _Unseen) -> None:
         # Another thread may have sent the next one meanwhile. In the instant between the two
         # lines that one's repeat can still be lost: it is not needed on a good line.
         if self._unseen is unseen:
             self._unseen = None
+
+
+def _microseconds(seconds: float) -> int:
+    return round(seconds * 1e6)

@@ -1,3 +1,5 @@
+from contextlib import suppress
+
 import pytest
 
 from support.fake_device import FakeDevice
@@ -6,11 +8,14 @@ from wheelwire.errors import DeviceRefused, InvalidCommand
 from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,
     ClearFault,
     Estop,
+    ParameterSet,
+    ParameterValue,
     Refuse,
     SetWheelVelocity,
     Stop,
@@ -261,3 +266,69 @@ def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives() -> Non
     line.drive()
     line.run(0.05)
     assert len(line.device.obeyed) == 2
+
+
+def unarmed_line() -> VirtualLine:
+    """An e-stop was cleared on it."""
+    line = VirtualLine().open()
+    line.session.estop(lambda _: None, line.now_us)
+    line.run(0.05)
+    assert isinstance(line.request(ClearEstop(0, 0)), Ack)
+    return line
+
+
+def refusals(line: VirtualLine, period_s: float, seconds: float) -> list[int]:
+    """Ask for motion again and again; the codes that this raises."""
+    codes = []
+    for _ in range(round(seconds / period_s)):
+        try:
+            line.drive()
+        except DeviceRefused as refused:
+            codes.append(refused.code)
+        line.run(period_s)
+    return codes
+
+
+@pytest.mark.parametrize("period_s", [0.05, 0.1, 0.2, 0.33, 0.45])
+def test_whoever_never_stops_asking_for_motion_after_a_clear_gets_none(period_s: float) -> None:
+    line = unarmed_line()
+    codes = refusals(line, period_s, 5.0)
+    assert not line.device.obeyed
+    # All but the first call, which did not know yet.
+    assert codes == [RefusalCode.UNARMED] * (round(5.0 / period_s) - 1)
+
+
+def test_a_pause_arms_and_the_next_setpoint_neither_raises_nor_is_refused() -> None:
+    line = unarmed_line()
+    assert refusals(line, 0.05, 0.5)
+    line.run(0.5)
+    line.drive()
+    line.run(0.05)
+    assert len(line.device.obeyed) == 1
+
+
+def test_the_pause_is_as_long_as_the_device_says() -> None:
+    line = unarmed_line()
+    gap = PARAMETER_BY_NAME["rearm_gap_s"].id
+    assert isinstance(line.request(ParameterSet(0, 0, gap, 2.0)), ParameterValue)
+    assert refusals(line, 0.9, 4.0) == [RefusalCode.UNARMED] * 3
+    assert not line.device.obeyed
+
+
+@pytest.mark.parametrize("asked_s", [0.15, 0.2])
+@pytest.mark.parametrize("pause_s", [0.0, 0.0003, 0.05])
+def test_zero_after_a_refusal_is_sent_and_the_next_setpoint_drives(
+    asked_s: float, pause_s: float
+) -> None:
+    """Also where the refusal of the setpoint before the zero comes after the zero was sent."""
+    line = unarmed_line()
+    assert refusals(line, 0.05, asked_s)
+    with suppress(DeviceRefused):
+        line.drive()
+    line.run(pause_s)
+    line.drive(0.0, 0.0)
+    line.run(0.05)
+    line.drive()
+    line.run(0.05)
+    assert line.device.obeyed[0].left_mps == 0.0  # type: ignore[union-attr]
+    assert line.device.obeyed[-1].left_mps > 0.0  # type: ignore[union-attr]
