@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -12,7 +13,7 @@ from support.virtual import VirtualRobot
 from wheelwire.board import BoardDescription, unpacked
 from wheelwire.board_file import load_board, shipped_boards
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
-from wheelwire.link.info import ExpectedBoard
+from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE
@@ -374,7 +375,25 @@ def test_a_device_that_comes_back_on_another_board_is_not_driven(tmp_path: Path)
         with pytest.raises(LinkLost):
             robot.set_velocity(0.1, 0.1)
     assert "TB6612FNG, which nobody confirmed, not L298N" in str(robot.session.error)
-    # It was on trial alone: the expected one returns, and drives.
+    # It was only on trial: the expected one returns, and drives.
     robot.run_until(lambda: robot.session.phase is Phase.OPEN, timeout_s=15.0)
     robot.drive(0.1, 0.1, 0.5)
     assert robot.sample.left_mps == pytest.approx(0.1, abs=0.03)
+
+
+def test_the_session_knows_the_board_and_its_confirmation(tmp_path: Path) -> None:
+    robot = VirtualRobot(1, tmp_path / "store").open()
+    robot.run_until(lambda: robot.session.board is not None)
+    assert robot.session.board == ActiveBoard(
+        "L298N, ESP32-DevKitC", BoardState.STORED, load_board("l298n").fingerprint(), True
+    )
+    board = load_board("tb6612")
+    robot.request(written(board))
+    robot.request(Restart(0, 0))
+    robot.run_until(lambda: robot.session.board is None)  # of the session before
+    robot.run_until(lambda: robot.session.board is not None)
+    on_trial = ActiveBoard(board.name, BoardState.TRIAL, board.fingerprint(), True)
+    assert robot.session.board == on_trial
+    robot.run_until(lambda: robot.session.phase is Phase.OPEN)
+    robot.request(BoardConfirm(0, 0, board.fingerprint()))
+    assert robot.session.board == replace(on_trial, state=BoardState.STORED)

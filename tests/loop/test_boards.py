@@ -157,6 +157,25 @@ def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator)
     assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
 
 
+def test_a_board_on_trial_is_confirmed_by_the_command(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.write(load_board("tb6612"))
+        robot.board.restart()
+        assert robot.warnings == (RefusalCode.BOARD_ON_TRIAL.doc,)
+    assert run_json("board", "confirm", simulator.port, "--yes")["board"] == "TB6612FNG"
+    assert run_json("board", "read", simulator.port)["state"] == "STORED"
+
+
+def test_a_board_that_the_device_is_not_on_is_not_confirmed(simulator: Simulator) -> None:
+    """As when its trial ended while somebody compared it with the picture."""
+    with (
+        SerialDriver(simulator.port) as robot,
+        pytest.raises(errors.BoardNotKept, match="is on L298N, ESP32-DevKitC by now"),
+    ):
+        robot.board.accept(load_board("tb6612"))
+    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+
+
 @pytest.mark.parametrize("device_has", ["others", "none"])
 def test_a_device_with_other_messages_about_boards_drives_all_the_same(
     simulator: Simulator, monkeypatch: pytest.MonkeyPatch, device_has: str

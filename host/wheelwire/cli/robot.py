@@ -15,8 +15,7 @@ from wheelwire.link.info import ActiveBoard
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
-from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Contradiction, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, resolve
 from .output import JsonFlag, console, print_facts, print_json, to_json_value
@@ -41,9 +40,11 @@ def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag
                 f"`wheelwire monitor {address.text}` shows the wheels"
             )
         sample = driver.read()
-        link, statistics = driver.info, driver.statistics
         device_counters = driver.device_counters()
         warnings = _warnings(driver)
+        # After the requests above: the device is asked for its board while the session opens, and
+        # has answered before them.
+        link, statistics = driver.info, driver.statistics
     if as_json:
         print_json(
             {
@@ -92,18 +93,11 @@ def _board(board: ActiveBoard | None) -> str:
 
 def _warnings(driver: DeviceDriver) -> list[str]:
     """What keeps the robot from driving, or makes it less safe, without being a fault."""
-    found = [flag.doc for flag in Contradiction if flag in driver.contradictions()]
-    board = driver.info.board
-    if board is None:
-        return found
-    if board.state is BoardState.BUILT_IN:
-        found.append(RefusalCode.BOARD_UNCONFIRMED.doc)
-    contact_is_off = not driver.parameters["estop_input_enabled"]
-    if board.has_contact and contact_is_off:
-        found.append(
-            "The e-stop input is switched off although the board has a contact: set "
-            "estop_input_enabled to 1."
-        )
+    active = driver.contradictions()
+    found = [flag.doc for flag in Contradiction if flag in active]
+    found += driver.warnings
+    if driver.rolling_mps is not None:
+        found.append(f"{EventCode.ROLLING.doc} It did at {driver.rolling_mps:.2f} m/s.")
     return found
 
 

@@ -106,10 +106,16 @@ class DeviceBoard:
             board: What the device is on, as `read` reported it.
 
         Raises:
-            BoardNotKept: The device came back without it.
+            BoardNotKept: The device is on another board by now, or came back without this one.
             DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
         """
-        state, _ = self.read()
+        state, found = self.read()
+        # A trial may have ended while somebody compared the board.
+        if found is None or found.packed() != board.packed():
+            raise BoardNotKept(
+                f"the device is on {found.name if found else 'no board'} by now, not on "
+                f"{board.name}: nothing was confirmed; write the board again"
+            )
         before = self._link.sessions
         self.confirm(board)
         if state is BoardState.BUILT_IN:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..link.base_link import BaseLink, LinkInfo
@@ -22,9 +24,23 @@ GEOMETRY = tuple(
 )
 """Read from the device in each session, so that a robot's dimensions are stored in one place."""
 
+_ESTOP_INPUT = PARAMETER_BY_NAME["estop_input_enabled"].id
+WATCHED = (*GEOMETRY, _ESTOP_INPUT, PARAMETER_BY_NAME["rearm_gap_s"].id)
+"""All that is read in each session. Whoever drives needs to know of the pause after a clear."""
+
+CONTACT_IGNORED = (
+    "The e-stop input is switched off although the board has a contact, which stops nothing: set "
+    "estop_input_enabled to 1."
+)
+
+_DOES_NOT_DRIVE = {
+    BoardState.BUILT_IN: RefusalCode.BOARD_UNCONFIRMED,
+    BoardState.TRIAL: RefusalCode.BOARD_ON_TRIAL,
+}
+
 
 class LinkedRobot(Driving):
-    """A robot behind `_link`, which watches at least the parameters of `GEOMETRY`."""
+    """A robot behind `_link`, which watches at least the parameters of `WATCHED`."""
 
     _link: BaseLink | VirtualLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
@@ -55,6 +71,33 @@ class LinkedRobot(Driving):
     def sessions(self) -> int:
         """Number of sessions opened; cheaper than `statistics`."""
         return self._link.sessions
+
+    @property
+    def rolling_mps(self) -> float | None:
+        """How fast the robot rolled when it reported that it rolls though nothing drives it.
+
+        In m/s. None unless it has, and once it has slowed down or drives. Never waits.
+        """
+        return self._link.rolling_mps
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What keeps the device from driving or makes it less safe, as of its board: sentences.
+
+        A board that nobody confirmed, or one on trial; an e-stop contact whose input is switched
+        off. Never waits. Which parameters contradict each other, `contradictions` asks the device.
+
+        Raises:
+            LinkLost: The robot is out of reach.
+        """
+        values, board = self._link.watched_values, self.info.board
+        found = []
+        if board is not None and board.state in _DOES_NOT_DRIVE:
+            found.append(_DOES_NOT_DRIVE[board.state].doc)
+        # The contact of a board that nobody confirmed counts for nothing either way.
+        elif board is not None and board.has_contact and not values[_ESTOP_INPUT]:
+            found.append(CONTACT_IGNORED)
+        return tuple(found)
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
         self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)

@@ -29,7 +29,7 @@ from ..samples import WheelSample
 from ..simulation.library import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
-from .linked import GEOMETRY
+from .linked import WATCHED
 from .transport_driver import DeviceDriver
 
 COUNTS = "counts_per_revolution"
@@ -120,7 +120,7 @@ class MockDriver(DeviceDriver):
         return super().get_encoder_ticks()
 
     def _open_virtual_link(self, latest_sample: LatestSample) -> VirtualLink:
-        self._virtual = VirtualLink(latest_sample, self._sim, GEOMETRY)
+        self._virtual = VirtualLink(latest_sample, self._sim, WATCHED)
         return self._virtual
 
     def _now_us(self) -> int:
@@ -159,7 +159,7 @@ class MockProcess:
     @property
     def options(self) -> LinkOptions:
         """Of the link to it."""
-        return LinkOptions("mock", watched=GEOMETRY, open_port=self._open_transport)
+        return LinkOptions("mock", watched=WATCHED, open_port=self._open_transport)
 
     def unplug(self) -> None:
         """It is out of reach from now on."""

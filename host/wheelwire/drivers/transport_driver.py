@@ -36,7 +36,7 @@ from ..parameters import Parameters, checked_values
 from .base import BaseDriver
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
-from .linked import GEOMETRY, LinkedRobot
+from .linked import WATCHED, LinkedRobot
 
 if TYPE_CHECKING:
     from ..simulation.virtual_link import VirtualLink
@@ -205,7 +205,7 @@ def link_options(
         baud_rate=baud_rate,
         connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
         stream_rate_hz=stream_rate_hz,
-        watched=GEOMETRY,
+        watched=WATCHED,
         board_id=board_id,
         any_board=any_board,
         settings={

@@ -136,6 +136,11 @@ class BaseLink(ABC):
         return self._session.count
 
     @property
+    def rolling_mps(self) -> float | None:
+        """As `Session.rolling_mps`."""
+        return self._session.rolling_mps
+
+    @property
     def watched_values(self) -> Mapping[int, float]:
         """The newest values of the watched parameters, by id: the same object until one changes."""
         values = self._session.watched_values

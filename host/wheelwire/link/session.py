@@ -19,6 +19,7 @@ import enum
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import count
 
 from wheelwire_protocol.board import BoardState
@@ -39,6 +40,7 @@ from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    BoardConfirm,
     BoardGet,
     BoardValue,
     ClearEstop,
@@ -124,6 +126,8 @@ class Session:
 
     Attributes:
         board: What is known in this session of the device's board; None where it cannot tell.
+        rolling_mps: How fast the robot rolled, by the device's report, although nothing drives it;
+            None before there is one, and once it slowed down or drives.
         phase: Phase of the session.
         error: Why the session is not open; meaningless while it is.
         device: The device of the newest session.
@@ -153,6 +157,7 @@ class Session:
     ) -> None:
         self.phase = Phase.CLOSED
         self.board: ActiveBoard | None = None
+        self.rolling_mps: float | None = None
         self.error: WheelwireError = LinkLost("the port was not opened yet")
         self.device: DeviceInfo | None = None
         self.count = 0
@@ -445,6 +450,7 @@ class Session:
         self.error = error  # first: other threads read it as soon as they see the phase
         self.phase = Phase.CLOSED
         self.watched_values = None
+        self.rolling_mps = None
         self.setpoints.end_session()
         self._id, self._boot_id = 0, None
         self.unanswered_since_us = None
@@ -526,11 +532,8 @@ class Session:
             else:
                 self._board_is_known = True
 
-        def take_board(answer: Answer | WheelwireError) -> None:
-            if isinstance(answer, BoardValue):
-                with suppress(ValueError):
-                    self.board = ActiveBoard.from_value(answer)
-            self._board_is_known = True
+        def take_board(_: Answer | WheelwireError) -> None:
+            self._board_is_known = True  # the answer itself is noted like every other of its kind
 
         self._requests.submit(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
 
@@ -616,6 +619,9 @@ class Session:
         else:
             if newest is not None:
                 found.append(newest)
+                rolling_mps = self.rolling_mps
+                if rolling_mps is not None and not _rolls_on(newest, rolling_mps):
+                    self.rolling_mps = None
                 self.setpoints.supervisor = newest.supervisor
                 self.setpoints.faults = newest.faults
                 self.setpoints.on_obeyed(newest.state.command_seq)
@@ -638,6 +644,7 @@ class Session:
             self._begin_after_trial(now_us)
             return
         if event.code == EventCode.ROLLING:
+            self.rolling_mps = event.speed_mps
             _LOG.warning(
                 "the robot rolls at %.2f m/s although nothing drives it: on a slope, set stop_mode "
                 "to 3 (brake until driven) and block the wheels",
@@ -681,16 +688,30 @@ class Session:
         if isinstance(request, ParameterTrial):
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
-            self.values[answer.parameter] = answer.value
-            if answer.parameter == REARM_GAP.id:
-                self.setpoints.take_rearm_gap(answer.value)
-            if answer.parameter in self._watched and self.phase is Phase.OPEN:
-                self._collect_watched()
+            self._take_value(answer.parameter, answer.value)
+        elif isinstance(answer, BoardValue) or isinstance(request, BoardConfirm):
+            self._take_board(answer)
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
             # Until the next state frame tells, assume that the device is no longer latched: else
             # the first setpoint after a clear would be refused here.
             self.setpoints.clear()
         self._requests.on_answer(answer, now_us)
+
+    def _take_value(self, parameter: int, value: float) -> None:
+        self.values[parameter] = value
+        if parameter == REARM_GAP.id:
+            self.setpoints.take_rearm_gap(value)
+        if parameter in self._watched and self.phase is Phase.OPEN:
+            self._collect_watched()
+
+    def _take_board(self, answer: Answer) -> None:
+        """The device has said which board it is on, or acknowledged that one is confirmed."""
+        if isinstance(answer, BoardValue):
+            with suppress(ValueError):
+                self.board = ActiveBoard.from_value(answer)
+        # The image's own board takes a restart, after which the device is asked anew.
+        elif self.board is not None and self.board.state is BoardState.TRIAL:
+            self.board = replace(self.board, state=BoardState.STORED)
 
     def _begin_after_trial(self, now_us: int) -> None:
         """The device has reverted a trial by itself: all that is known of its values is void."""
@@ -706,3 +727,10 @@ class Session:
     def _ping_due_us(self) -> int:
         synchroniser = self._synchroniser
         return min(synchroniser.due_us, self._liveness.ping_due_us(synchroniser.sent_us))
+
+
+def _rolls_on(newest: Measurement, reported_mps: float) -> bool:
+    """Whether a robot that was reported to roll still does."""
+    fastest_mps = max(abs(newest.state.left_mps), abs(newest.state.right_mps))
+    # Half, as the device does, which reports anew only after it was slower than that.
+    return newest.supervisor is not SupervisorState.DRIVING and fastest_mps >= reported_mps / 2

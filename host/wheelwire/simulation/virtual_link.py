@@ -94,6 +94,11 @@ class VirtualLink:
         return self._session.count
 
     @property
+    def rolling_mps(self) -> float | None:
+        """How fast the robot rolled when it last reported that it does; see `Session`."""
+        return self._session.rolling_mps
+
+    @property
     def watched_values(self) -> Mapping[int, float]:
         """The newest values of the watched parameters, by id: the same object until one changes."""
         self.check()
