@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample
-from .motion import SIDES, BoardReset, fresh
+from .motion import SIDES, BoardReset, arm, fresh
 from .problems import (
     BLOCKED,
     CONTACT_OPEN,
@@ -145,7 +145,7 @@ def clear(robot: BaseDriver) -> None:
         if sample.state is SupervisorState.FAULT:
             robot.clear_fault()
         if was_latched:
-            robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing
+            arm(robot)
     except DeviceRefused as error:
         if error.code != RefusalCode.CAUSE_PRESENT:
             raise

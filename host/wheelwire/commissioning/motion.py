@@ -24,6 +24,8 @@ LONGEST_ROLL_S = 5.0
 RESTING_TICKS = 1
 """An encoder that rests on an edge may toggle by this much."""
 
+_LONGEST_ARMING_S = 3.0
+"""On a bad line."""
 _REOPENED_S = 3.0
 """For a board to start, and a new session with it to open."""
 
@@ -137,6 +139,25 @@ def send(setpoint: Callable[[], None]) -> None:
             raise
         # The refusal is of the setpoint before, and is told once; this one was not sent yet.
         setpoint()
+
+
+def arm(robot: BaseDriver) -> None:
+    """After a clear, which restarts nothing: ask for standstill until the robot has obeyed.
+
+    Raises:
+        DeviceRefused: An e-stop or a fault is latched.
+        CommissioningFailed: No setpoint reaches the robot.
+    """
+    begin = fresh(robot)
+    sample = begin
+    while sample.state is not SupervisorState.DRIVING:
+        if sample.since(begin).dt_s > _LONGEST_ARMING_S:
+            raise CommissioningFailed("no setpoint reaches the robot: check the cable")
+        # Again and again: a setpoint is not acknowledged, and may be lost.
+        send(lambda: robot.set_wheel_velocity(0.0, 0.0, TTL_S))
+        sample = robot.read()
+    # Some parameters change only while nothing is obeyed.
+    robot.stop()
 
 
 def fresh(robot: BaseDriver) -> WheelSample:

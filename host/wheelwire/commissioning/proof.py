@@ -24,6 +24,7 @@ from .motion import (
     TTL_S,
     Pair,
     Record,
+    arm,
     come_to_rest,
     one_session,
     require_ready,
@@ -319,7 +320,7 @@ def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) 
     except _Faulted:
         come_to_rest(robot)
         robot.clear_fault()
-        robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing
+        arm(robot)
         return None
 
 

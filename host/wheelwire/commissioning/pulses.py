@@ -10,7 +10,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample, tick_difference
-from .motion import TTL_S, BoardReset, fresh, one_session, send
+from .motion import TTL_S, BoardReset, arm, fresh, one_session, send
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -201,4 +201,4 @@ def _clear(robot: BaseDriver, sample: WheelSample) -> None:
         texts = " ".join(f.doc for f in Fault if f in sample.faults)
         raise CommissioningFailed(f"a fault stopped the robot: {texts}")
     robot.clear_fault()
-    robot.set_wheel_velocity(0.0, 0.0)  # a clear alone restarts nothing
+    arm(robot)

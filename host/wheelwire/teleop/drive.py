@@ -30,6 +30,8 @@ HELP = """\
   space              stop           q or Ctrl-C     quit: stops, too
   e                  e-stop         c               clear an e-stop or a fault"""
 
+RELEASE_FIRST = "an e-stop or a fault was cleared: release the keys, then drive"
+
 _FASTER, _SLOWER = ("+", "="), ("-", "_")
 
 
@@ -58,6 +60,8 @@ class Teleop:
         self._say = say
         self._presses = Presses()
         self._complaint = ""
+        self._waits_for_release = False
+        """After a clear the robot does not drive before it was asked to stand."""
         self._sent: _Sent | None = None
         """The newest setpoint that the robot may still obey."""
         self.speed = speed
@@ -88,7 +92,7 @@ class Teleop:
             elif action is not Action.RELEASED:
                 self._take_command(key)
         except WheelwireError as error:
-            self._complain(str(error))
+            self._complain(error)
 
     def command(self, now: float) -> None:
         """Send the setpoint that the keys ask for; it lives no longer than they do."""
@@ -105,7 +109,7 @@ class Teleop:
         try:
             self._send(motion, min(TTL_S, life_s), now)
         except WheelwireError as error:
-            self._complain(str(error))
+            self._complain(error)
         else:
             self._complaint = ""
             self._sent = sent
@@ -125,9 +129,13 @@ class Teleop:
         """How long nothing is to be done without a key."""
         return min(PERIOD_S, self._presses.motion(now).until - now)
 
-    def _complain(self, text: str) -> None:
+    def _complain(self, error: WheelwireError) -> None:
         """Let go of all keys; say why once, not at each repeat of a key that is held."""
         self._let_go()
+        text = str(error)
+        if isinstance(error, DeviceRefused) and error.code == RefusalCode.UNARMED:
+            self._waits_for_release = True
+            text = RELEASE_FIRST
         if text != self._complaint:
             self._complaint = text
             self._say(text)
@@ -144,6 +152,10 @@ class Teleop:
             # The stop voids what was sent, whether or not its answer comes.
             self._sent = None
             self._robot.stop()
+        if released and self._waits_for_release:
+            # Where releases are not reported, a pause of half a second does.
+            self._waits_for_release = False
+            self._robot.set_velocity(0.0, 0.0, TTL_S)
 
     def _let_go(self) -> None:
         self._presses.clear()

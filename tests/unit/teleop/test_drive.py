@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from support.hand import LETTING_GO, Hand, stop_after
+from support.hand import LETTING_GO, REPEAT_S, Hand, stop_after
 from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.teleop.drive import DEFAULT_SPEED, PERIOD_S, SPEEDS, TTL_S
+from wheelwire.teleop.drive import DEFAULT_SPEED, PERIOD_S, RELEASE_FIRST, SPEEDS, TTL_S
 from wheelwire.teleop.keys import INTERRUPT, SPACE, Action
 from wheelwire.teleop.presses import FIRST_LIFE_S
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
@@ -155,6 +155,39 @@ def test_e_latches_and_says_once_why_nothing_drives(hand: Hand) -> None:
     hand.key("w")
     hand.wait(0.3)
     assert hand.state() is SupervisorState.DRIVING
+
+
+def cleared_by_others(hand: Hand) -> None:
+    """As by the node, or with the zero setpoint of `c` lost on a bad line."""
+    hand.key("e")
+    hand.robot.clear_estop()
+    hand.said.clear()
+
+
+def test_a_key_that_is_held_over_a_clear_drives_nothing_until_it_is_let_go(hand: Hand) -> None:
+    cleared_by_others(hand)
+    for _ in range(60):
+        hand.key("w", TYPED)
+        hand.wait(REPEAT_S)
+        assert hand.true("drive_on") == 0
+    assert hand.said == [RELEASE_FIRST]
+    hand.wait(0.6)
+    hand.key("w", TYPED)
+    hand.wait(0.1)
+    assert hand.state() is SupervisorState.DRIVING
+
+
+def test_where_a_release_is_reported_the_next_press_drives_at_once(hand: Hand) -> None:
+    cleared_by_others(hand)
+    hand.key("w", PRESSED)
+    for _ in range(10):
+        hand.wait(REPEAT_S)
+        hand.key("w", REPEATED)
+    assert hand.said == [RELEASE_FIRST]
+    hand.key("w", RELEASED)
+    hand.key("w", PRESSED)
+    hand.wait(0.05)
+    assert hand.true("drive_on") == 1
 
 
 def test_keys_that_waited_stop_but_do_not_start(hand: Hand) -> None:
