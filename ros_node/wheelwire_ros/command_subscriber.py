@@ -60,6 +60,8 @@ class CommandSubscriber:
         self._others: list[str] = []
         self._last: Ignored | None = None
         """Why the last command was not obeyed."""
+        self._told_clears = -1
+        """The number of clears when it was last said that the robot waits for a zero command."""
         self._topic = node.resolve_topic_name(TOPIC)
         threads.run_urgently(lambda: self._begin(type_name))
 
@@ -137,12 +139,20 @@ class CommandSubscriber:
     def _log(self, ignored: CommandIgnored) -> None:
         """At once if the reason is another one than the last command's, else now and then."""
         logger = self._node.get_logger()
-        if ignored.reason is not self._last:
+        if ignored.reason is Ignored.UNARMED:
+            self._log_once_per_clear(ignored)
+        elif ignored.reason is not self._last:
             self._last = ignored.reason
             logger.warning(str(ignored))
         else:
             # A call of its own: rclpy throttles by the line of code.
             logger.warning(str(ignored), throttle_duration_sec=LOG_PERIOD_S)
+
+    def _log_once_per_clear(self, ignored: CommandIgnored) -> None:
+        """Some of these commands count as sent, because their refusal is told by the next one."""
+        if self._told_clears != self._connection.clears:
+            self._told_clears = self._connection.clears
+            self._node.get_logger().warning(str(ignored))
 
 
 def _waited_ns(info: dict[str, int]) -> int:

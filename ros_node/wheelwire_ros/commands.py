@@ -21,6 +21,7 @@ class Ignored(enum.Enum):
     BEFORE_RECONNECT = "it is older than the connection to the robot"
     INVALID = "it is not a finite velocity"
     REFUSED = "the robot refused it"
+    UNARMED = "an e-stop or a fault was cleared: waiting for a zero command, or for a pause"
     OUT_OF_REACH = "the robot cannot be reached"
 
 

@@ -9,7 +9,16 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from wheelwire import BaseDriver, DifferentialDrive, InvalidCommand, LinkLost, Twist, WheelwireError
+from wheelwire import (
+    BaseDriver,
+    DeviceRefused,
+    DifferentialDrive,
+    InvalidCommand,
+    LinkLost,
+    RefusalCode,
+    Twist,
+    WheelwireError,
+)
 
 from .commands import CommandGate, CommandIgnored, Ignored
 from .speed_limiter import NO_LIMITS, Limits, SpeedLimiter
@@ -50,9 +59,9 @@ class RobotConnection:
     `command`, `estop` and `stop` may be called by any thread; one thread at a time calls the other
     methods, which wait for the robot. `command` never waits.
 
-    A device that was reset has lost its parameters and its e-stop, and a lost link does not tell
-    what happened meanwhile. So in a new session the e-stop is latched and the parameters are set
-    before anything else is sent, and older commands are dropped.
+    A device that was reset has lost its parameters, and its e-stop if the power failed, and a lost
+    link does not tell what happened meanwhile. So in a new session the e-stop is latched and the
+    parameters are set before anything else is sent, and older commands are dropped.
 
     Args:
         robot: The driver; the connection closes it.
@@ -77,6 +86,8 @@ class RobotConnection:
         """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
+        self.clears = 0
+        """How often an e-stop or a fault was cleared: after each the robot waits for standstill."""
         self._limiter = SpeedLimiter()
         self._given = given
         self._on_session = on_session
@@ -152,6 +163,10 @@ class RobotConnection:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
         except LinkLost as error:
             raise CommandIgnored(Ignored.OUT_OF_REACH, str(error)) from error
+        except DeviceRefused as error:
+            if error.code == RefusalCode.UNARMED:
+                raise CommandIgnored(Ignored.UNARMED) from error
+            raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         except WheelwireError as error:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         self.gate.obeyed += 1
@@ -189,6 +204,7 @@ class RobotConnection:
         # The e-stop and the parameters first: a robot without its faults may be driven again.
         self.follow()
         self.robot.clear_fault()
+        self.clears += 1
         self._limiter.rest()
 
     def save_parameters(self) -> None:
@@ -245,6 +261,7 @@ class RobotConnection:
         """Clear the e-stop; raises `WheelwireError` while its cause is present."""
         estops = self._estops
         self.robot.clear_estop()
+        self.clears += 1
         if estops == self._estops:
             self.estopped = False
             self._limiter.rest()

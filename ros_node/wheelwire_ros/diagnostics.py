@@ -69,7 +69,7 @@ def identity_of(robot: BaseDriver) -> dict[str, str]:
     if info is None:
         return {}
     device = info.device
-    return {
+    identity = {
         "port": info.port,
         "baud_rate": str(info.baud_rate),
         "board": device.board.name,
@@ -77,6 +77,26 @@ def identity_of(robot: BaseDriver) -> dict[str, str]:
         "firmware": device.release.release,
         "reset_reason": device.reset_reason.name,
     }
+    if info.board is not None:
+        identity["wired_to"] = info.board.name
+        identity["wired_to_state"] = info.board.state.name
+        identity["wired_to_fingerprint"] = f"{info.board.fingerprint:08x}"
+    return identity
+
+
+def warnings_of(robot: BaseDriver) -> tuple[str, ...]:
+    """What keeps the device from driving or makes it less safe, as of its board."""
+    try:
+        return tuple(getattr(robot, "warnings", ()))
+    except WheelwireError:  # out of reach, which is another status
+        return ()
+
+
+def _rolling(robot: BaseDriver) -> tuple[str, ...]:
+    rolling_mps = getattr(robot, "rolling_mps", None)
+    if rolling_mps is None:
+        return ()
+    return (f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it.",)
 
 
 def _link(
@@ -110,7 +130,8 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
     }
-    values |= _control_counters(report.connection.robot)
+    robot = report.connection.robot
+    values |= _control_counters(robot)
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
     # Before the silence: an e-stop of this node is in force even if the robot is not heard.
@@ -122,6 +143,9 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         )
     if faults:
         return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
+    warnings = (*_rolling(robot), *warnings_of(robot))
+    if warnings:
+        return _status(subject, WARN, " ".join(warnings), hardware, values)
     level = OK if sample.state.name in NORMAL_STATES else WARN
     return _status(subject, level, sample.state.doc, hardware, values)
 

@@ -58,6 +58,8 @@ class OpenRobot:
         self._newest: WheelSample | None = None
         self._closing = False
         self._estopped_by_us = False
+        self._logged_warnings: dict[str, int] = {}
+        """The session in which each was logged last."""
         self._preparing = False
         """The preparation of a session is under way, or will be."""
         self._time_base = TimeBase(
@@ -121,6 +123,7 @@ class OpenRobot:
     def statuses(self, name: str, driver_type: str) -> list[Any]:
         """The statuses for /diagnostics."""
         self._time_base.measure()
+        self._log_warnings()
         report = diagnostics.Report(
             self.connection,
             self._newest,
@@ -133,6 +136,14 @@ class OpenRobot:
             waiting_for_clock=not self._time_base.runs,
         )
         return diagnostics.open_statuses(name, driver_type, report)
+
+    def _log_warnings(self) -> None:
+        """Log each warning once per session; diagnostics have them as long as they last."""
+        robot = self.connection.robot
+        for text in diagnostics.warnings_of(robot):
+            if self._logged_warnings.get(text) != robot.sessions:
+                self._logged_warnings[text] = robot.sessions
+                self._node.get_logger().warning(text)
 
     def _prepare_robot(self, robot: BaseDriver, *, estopped: bool) -> None:
         get = self._node.setting

@@ -124,6 +124,7 @@ def test_an_estop_outlives_a_reset_of_the_device(rig: Rig) -> None:
         )
     assert not latched.drive_on
     wait(lambda: rig.graph.call(SetBool, f"{NODE}/estop", data=False).success, "the new session")
+    rig.arm()
 
 
 def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path) -> None:

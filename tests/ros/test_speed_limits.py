@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -21,6 +22,8 @@ from support.stop_host import stopped
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, MAX_STEP_S
 
 CMD_VEL_TIMEOUT_S, LONG_S = 0.5, 5.0
+REARMED_S = 0.6
+"""After a clear: longer than rearm_gap_s."""
 HARDLY = 0.001
 """With a deceleration of this, a robot would not stop within the test."""
 LIMITED: dict[str, Any] = {
@@ -91,7 +94,7 @@ def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
     stop_by_estop(rig)  # from here on the next command starts a motion
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
     rig.truth(stopped)
-    rig.arm()
+    time.sleep(REARMED_S)  # a zero command would be the beginning of the motion
     obeyed.clear()
 
 

@@ -175,3 +175,62 @@ def test_everything_answers_while_the_robot_does_not(graph: Graph, tmp_path: Pat
                 "the e-stop that was asked for before there was a robot",
             )
             assert node.process.poll() is None
+
+
+def test_a_clear_waits_for_a_zero_command_and_says_so_once(rig: Rig) -> None:
+    with rig.driving():
+        rig.truth(lambda state: state.drive_on)
+        assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
+        rig.truth(lambda state: not state.drive_on)
+        assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
+        wait(lambda: "waiting for a zero command" in rig.node.errors(), "the line")
+        rig.simulator.take_states()
+        time.sleep(2.0)
+        assert not any(state.drive_on for state in rig.simulator.take_states())
+    assert rig.ignored("unarmed") > 10
+    assert rig.node.errors().count("waiting for a zero command") == 1
+    rig.arm()
+    with rig.driving():
+        rig.truth(lambda state: state.drive_on)
+
+
+def test_an_estop_contact_that_is_ignored_is_said_and_diagnosed(rig: Rig) -> None:
+    assert rig.graph.set_parameter(NODE, "estop_input_enabled", False).successful
+    rig.diagnostics.wait(
+        "robot", lambda s, _: s.level == DiagnosticStatus.WARN and "e-stop input" in s.message
+    )
+    wait(lambda: "The e-stop input is switched off" in rig.node.errors(), "the line")
+    time.sleep(2.0)  # two more reports
+    assert rig.node.errors().count("The e-stop input is switched off") == 1
+    assert rig.graph.set_parameter(NODE, "estop_input_enabled", True).successful
+    rig.diagnostics.wait("robot", lambda s, _: s.level == DiagnosticStatus.OK)
+
+
+def test_a_robot_that_rolls_away_is_said_and_diagnosed(rig: Rig) -> None:
+    rig.simulator.set("slope_rad", 0.25)
+    rig.diagnostics.wait(
+        "robot", lambda s, _: s.level == DiagnosticStatus.WARN and "rolls at" in s.message
+    )
+    wait(lambda: "rolls at" in rig.node.errors(), "the line")
+    assert "[WARN]" in rig.node.errors()
+
+
+def test_a_device_on_another_board_than_the_named_one_is_not_driven(
+    graph: Graph, tmp_path: Path
+) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        state = State(graph)
+        with RobotNode(graph, port=simulator.port, board="tb6612"):
+            told = state.wait(lambda v: "not TB6612FNG" in v["cause"])
+            assert told.level == DiagnosticStatus.ERROR
+        with RobotNode(graph, port=simulator.port, board="l298n"):
+            graph.wait_active()
+
+
+def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: Path) -> None:
+    with (
+        Simulator(link=tmp_path / "port", settings={"board_unwritten": 1}) as simulator,
+        RobotNode(graph, port=simulator.port) as node,
+    ):
+        graph.wait_active()
+        wait(lambda: "wheelwire board confirm" in node.errors(), "the line")

@@ -50,6 +50,7 @@ class Rig:
         self.odometry: deque[Any] = graph.listen(Odometry, "odom")
         self.diagnostics = Diagnostics(graph)
         self.commands = graph.publisher(TwistStamped if stamped else Twist, "cmd_vel")
+        self._is_stamped = stamped
         wait(lambda: self.odometry, "odom")
 
     def stamped(self, linear_mps: float, age_s: float = 0.0) -> Any:
@@ -82,6 +83,12 @@ class Rig:
     def driving_stamped(self) -> Repeater:
         """As `driving`, with stamps."""
         return Repeater(self.commands, lambda: self.stamped(SPEED_MPS))
+
+    def arm(self) -> None:
+        """After a clear: command standstill until the robot obeys. Before that nothing drives."""
+        zero = (lambda: self.stamped(0.0)) if self._is_stamped else (lambda: twist(0.0))
+        with Repeater(self.commands, zero):
+            self.truth(lambda state: state.state is SupervisorState.DRIVING)
 
     def x_m(self) -> float:
         """The robot's x in odom."""

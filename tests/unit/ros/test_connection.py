@@ -156,6 +156,16 @@ def test_a_robot_that_does_not_take_its_parameters_is_not_driven(
     assert connection.problem is None
 
 
+def test_a_robot_that_waits_for_a_zero_command_is_a_reason_of_its_own(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+    assert ignored(connection) is Ignored.UNARMED
+    robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+    assert ignored(connection) is Ignored.REFUSED
+    assert robot.told == []  # no zero of the node's own
+
+
 def test_an_estop_that_did_not_arrive_is_told_later(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:

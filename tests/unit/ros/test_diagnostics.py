@@ -94,6 +94,40 @@ def test_faults_by_name_and_meaning() -> None:
     assert status.message == fault.doc
 
 
+class WarningRobot(Robot):
+    """Its board is not confirmed, and it rolls."""
+
+    warnings = ("Nobody has confirmed it.",)
+    rolling_mps: float | None = 0.5
+
+
+class LostRobot(Robot):
+    """It is out of reach."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        raise LinkLost("unplugged")
+
+
+def of(robot: Robot) -> Report:
+    connection = RobotConnection(
+        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(), lambda: None
+    )
+    return report(connection=connection)
+
+
+def test_what_the_board_and_rolling_warn_of_is_told_as_long_as_it_lasts() -> None:
+    robot = WarningRobot()
+    status = statuses(of(robot))["robot"]
+    assert status.level == WARN
+    assert status.message == (
+        "The robot rolls at 0.50 m/s although nothing drives it. Nobody has confirmed it."
+    )
+    robot.rolling_mps = None
+    assert statuses(of(robot))["robot"].message == "Nobody has confirmed it."
+    assert statuses(of(LostRobot()))["robot"].level == OK  # the link's status tells
+
+
 def test_what_was_ignored_by_reason() -> None:
     one = report()
     one.connection.gate.count(CommandIgnored(Ignored.STALE))
