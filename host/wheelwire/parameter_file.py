@@ -164,16 +164,26 @@ def apply(
     for name, value in wanted.items():
         check_value(definition_of(name), value, bounds[name])
     # The switch of the e-stop contact comes last: an open contact latches an e-stop, in which
-    # the switch itself can no longer be changed back.
-    ordered = sorted(changes, key=lambda change: _changes(change.name) is Changes.RELEASED)
+    # the switch itself can no longer be changed back. It also cannot be on trial.
+    last = [change for change in changes if _changes(change.name) is Changes.RELEASED]
+    others = [change for change in changes if change not in last]
     touched: list[Difference] = []
     saved: list[str] = []
     doing = ""
     try:
-        for change in ordered:
-            wish = f"{number_text(change.file)} {change.unit}".rstrip()
-            doing = f"{change.name} = {wish} was not set"
-            touched.append(change)  # first: an unanswered request may have been carried out
+        if others:
+            # Judged together at its end, so that it does not matter which value comes first. If
+            # this program ends meanwhile, the device has its former values again by itself.
+            with parameters.trial() as trial:
+                for change in others:
+                    doing = _not_set(change)
+                    parameters.set(change.name, change.file)
+                doing = "the values were not set"
+                touched += others  # first: an unanswered request may have been carried out
+                trial.keep()
+        for change in last:
+            doing = _not_set(change)
+            touched.append(change)
             parameters.set(change.name, change.file)
         doing = "the values were not verified"
         _verify(parameters, wanted)
@@ -213,21 +223,35 @@ def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[st
     """Set the former values again, the newest change first; returns those that could not be."""
     # One limit for all values: without a link each one would take the whole of its own.
     end = time.monotonic() + RESTORE_TIMEOUT_S
-    failed = []
-    for change in reversed(list(touched)):
-        while True:
-            try:
-                parameters.set(change.name, change.robot)
-            except (LinkLost, RequestTimeout):
-                # The link may come back, or the next attempt be answered. A refusal is final.
-                if time.monotonic() < end:
-                    time.sleep(_RETRY_PERIOD_S)
-                    continue
-                failed.append(change.name)
-            except WheelwireError:
-                failed.append(change.name)
+    left = list(reversed(list(touched)))
+    while left:
+        failed = [change for change in left if not _set_again(parameters, change, end)]
+        # Some are taken only after others: together with these they would contradict each other.
+        if len(failed) == len(left):
             break
-    return failed
+        left = failed
+    return [change.name for change in left]
+
+
+def _set_again(parameters: Parameters, change: Difference, end: float) -> bool:
+    """Whether a former value is in force again; tries until `end` while the link is lost."""
+    while True:
+        try:
+            parameters.set(change.name, change.robot)
+        except (LinkLost, RequestTimeout):
+            # The link may come back, or the next attempt be answered. A refusal is final.
+            if time.monotonic() >= end:
+                return False
+        except WheelwireError:
+            return False
+        else:
+            return True
+        time.sleep(_RETRY_PERIOD_S)
+
+
+def _not_set(change: Difference) -> str:
+    wish = f"{number_text(change.file)} {change.unit}".rstrip()
+    return f"{change.name} = {wish} was not set"
 
 
 def _outcome(failed: Collection[str], saved: Collection[str]) -> str:

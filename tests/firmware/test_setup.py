@@ -247,3 +247,17 @@ def test_an_estop_ends_it() -> None:
         with pytest.raises(DeviceRefused, match="Emergency stop is latched"):
             set_up(robot, PressesIt(robot), lambda _: None)
         assert not robot.simulator.get("drive_on")
+
+
+def test_contradictions_are_named_before_anything_moves() -> None:
+    said: list[str] = []
+    with raised_robot({}) as robot:
+        # On trial, values are judged at its end, which is later than the set-up.
+        with robot.parameters.trial():
+            robot.parameters.set("control_rate_hz", 200)
+            robot.parameters.set("overrun_limit_us", 2000)
+            findings = set_up(robot, SimulatedPerson(robot), said.append)
+        assert not robot.simulator.get("true.left_turns")
+    assert any("overrun_limit_us is less than 1.5 control periods" in line for line in said)
+    assert not findings.is_complete
+    assert "contradict each other" in findings.problems[0]

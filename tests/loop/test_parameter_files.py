@@ -146,6 +146,37 @@ def test_a_refused_value_leaves_the_robot_as_it_was(second: Simulator, tmp_path:
     assert run("params", "import", second.port, str(path)).returncode == 0
 
 
+FAST = {"control_rate_hz": 1000, "overrun_limit_us": 2000, "stream_rate_hz": 500}
+SLOW = {"control_rate_hz": 100, "overrun_limit_us": 20000, "stream_rate_hz": 50}
+"""From each to the other, some values are taken alone only after others."""
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_order_of_the_lines_does_not_matter(
+    second: Simulator, tmp_path: Path, order: int
+) -> None:
+    path = tmp_path / "some.yaml"
+    for values in (FAST, SLOW, FAST):
+        lines = [f"  {name}: {value}\n" for name, value in values.items()]
+        path.write_text("parameters:\n" + "".join(lines[::order]))
+        result = run("params", "import", second.port, str(path))
+        assert result.returncode == 0, result.stderr
+        assert {name: value(second, name) for name in values} == values
+
+
+def test_values_that_contradict_each_other_are_named_and_not_set(
+    second: Simulator, tmp_path: Path
+) -> None:
+    path = tmp_path / "some.yaml"
+    path.write_text(
+        "parameters: {wheel_radius: 0.05, control_rate_hz: 200, overrun_limit_us: 2000}\n"
+    )
+    line = check_error(run("params", "import", second.port, str(path)), errors.ImportFailed)
+    assert "overrun_limit_us is less than 1.5 control periods (control_rate_hz)" in line
+    assert "The former values are in force again." in line
+    assert value(second, "wheel_radius") == 0.033
+
+
 def test_an_estop_that_the_import_latched_is_said(second: Simulator, tmp_path: Path) -> None:
     run("params", "set", second.port, "estop_input_enabled", "0")
     second.set("estop_open", 1)

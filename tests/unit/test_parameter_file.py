@@ -24,6 +24,27 @@ from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, Parameter
 
 
+class MemoryTrial(Trial):
+    """Of a `Robot`: values are reverted by the robot, without a request for each."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._before = dict(robot.held)
+
+    def keep(self) -> None:
+        self._robot.before_keep()
+        self._before = dict(self._robot.held)
+        self._robot.after_keep()
+
+    def __enter__(self) -> MemoryTrial:
+        self._robot.on_trial = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._robot.on_trial = False
+        self._robot.held = self._before
+
+
 class Robot(Parameters):
     """A robot's parameters in memory. `before_set(name, value)` may raise, or lose an answer."""
 
@@ -35,6 +56,9 @@ class Robot(Parameters):
         self.before_set: Callable[[str, float], None] = lambda _name, _value: None
         self.before_save: Callable[[str | None], None] = lambda _name: None
         self.after_set: Callable[[str, float], None] = lambda _name, _value: None
+        self.before_keep: Callable[[], None] = lambda: None
+        self.after_keep: Callable[[], None] = lambda: None
+        self.on_trial = False
 
     def set(self, name: str, value: float) -> float:
         self.before_set(name, value)
@@ -60,8 +84,8 @@ class Robot(Parameters):
     def refresh(self, name: str | None = None) -> None:
         raise NotImplementedError
 
-    def trial(self, timeout_s: float = 2.0) -> Trial:
-        raise NotImplementedError
+    def trial(self, timeout_s: float = 2.0) -> Trial:  # noqa: ARG002 - as the base class has it
+        return MemoryTrial(self)
 
     def reset(self) -> None:
         raise NotImplementedError
@@ -231,7 +255,7 @@ def test_restoring_waits_for_the_link() -> None:
     failures = iter(range(4))
 
     def unplugged(name: str, _value: float) -> None:
-        if name == "path_gain" and next(failures, None) is not None:
+        if name == "estop_input_enabled" and next(failures, None) is not None:
             raise errors.LinkLost("unplugged")
 
     robot.before_set = unplugged
@@ -245,13 +269,52 @@ def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) ->
     robot = Robot()
 
     def unplugged(_name: str, _value: float) -> None:
-        if robot.order:
+        if not robot.on_trial:
             raise errors.LinkLost("unplugged")
 
     robot.before_set = unplugged
     with pytest.raises(errors.ImportFailed) as raised:
         apply(robot, WANTED)
-    assert "could not be restored: path_gain, wheel_radius. Reset the robot" in str(raised.value)
+    assert (
+        "could not be restored: estop_input_enabled, path_gain, wheel_radius. Reset the robot"
+    ) in str(raised.value)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_values_that_contradict_each_other_change_nothing(*, kept: bool) -> None:
+    """Also where the answer was lost, and the device has kept them after all."""
+    robot = Robot()
+    before = dict(robot.held)
+
+    def fail() -> None:
+        raise errors.DeviceRefused(RefusalCode.CONTRADICTION, "the request")
+
+    if kept:
+        robot.after_keep = fail
+    else:
+        robot.before_keep = fail
+    with pytest.raises(errors.ImportFailed, match=r"^the values were not set: .*in force again"):
+        apply(robot, WANTED)
+    assert robot.held == before
+
+
+def test_what_is_taken_only_after_others_is_restored_too() -> None:
+    robot = Robot()
+    before = dict(robot.held)
+
+    def judge(name: str, value: float) -> None:
+        if robot.on_trial or name != "path_gain" or value != before[name]:
+            return
+        if robot.held["wheel_radius"] != before["wheel_radius"]:
+            raise errors.DeviceRefused(RefusalCode.CONTRADICTION, "the request")
+
+    def fail(_name: str | None) -> None:
+        raise errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
+
+    robot.before_set, robot.before_save = judge, fail
+    with pytest.raises(errors.ImportFailed, match="in force again"):
+        apply(robot, WANTED, save=True)
+    assert robot.held == before
 
 
 def test_a_robot_that_was_reset_meanwhile_is_noticed() -> None:

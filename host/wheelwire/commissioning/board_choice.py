@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Board
+from wheelwire_protocol.codes import Board, Contradiction
 
 from ..board import BoardDescription
 from ..board_file import load_board, shipped_boards
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import GroupUnavailable
+from ..errors import CommissioningFailed, GroupUnavailable
 from .inspection import Say
 from .questions import KEEP, Person, Question
 
@@ -58,6 +58,25 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     else:
         robot.board.take_up(chosen)
         say(f"{chosen.name}: written, tried and confirmed")
+
+
+def tell_contradictions(robot: BaseDriver, say: Say) -> None:
+    """Name the parameters that contradict each other, or the board.
+
+    Raises:
+        CommissioningFailed: There are some: nothing would drive.
+    """
+    if not isinstance(robot, DeviceDriver):
+        return
+    active = robot.contradictions()
+    for flag in Contradiction:
+        if flag in active:
+            say(f"contradiction: {flag.doc}")
+    if active:
+        raise CommissioningFailed(
+            "parameters contradict each other, and nothing drives: correct them with "
+            "`wheelwire params set`, then begin again"
+        )
 
 
 def _boards_for(chip: Board) -> dict[str, BoardDescription]:

@@ -13,7 +13,7 @@ from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, OutputFailed
 from ..parameter_file import ParameterFile, number_text
 from ..parameters import Trial, definition_of
-from .board_choice import choose_board
+from .board_choice import choose_board, tell_contradictions
 from .counts import COUNTS, ask_counts
 from .gains import tuned
 from .identification import identify
@@ -142,6 +142,7 @@ class _SetUp:
         if not self.options.on_the_floor:
             choose_board(self.robot, self.person, self.say)
         try:
+            tell_contradictions(self.robot, self.say)  # with the board that was chosen
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
