@@ -219,8 +219,8 @@ class Fault(DocumentedFlag):
     STORE_FULL = (
         256,
         "The flash of the saved parameters has no free page, so they could not be read and "
-        "defaults are in force: reset the parameters, which erases them and the board, then clear "
-        "the fault, restart, and write the board again.",
+        "defaults are in force: reset the parameters, which erases them and the board, clear the "
+        "fault and restart. Afterwards nothing drives until `wheelwire board write`.",
     )
     STORE_NEWER = (
         512,
@@ -231,7 +231,7 @@ class Fault(DocumentedFlag):
         1024,
         "The saved parameters could not be read from flash, and defaults are in force: "
         "reset the parameters, clear the fault and restart. If the whole flash partition is "
-        "damaged, this erases the board, too: write it again.",
+        "damaged, this erases the board, too, and nothing drives until `wheelwire board write`.",
     )
     NO_BOARD = (
         2048,

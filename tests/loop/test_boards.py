@@ -20,7 +20,7 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Group, RefusalCode
+from wheelwire_protocol.codes import Fault, Group, RefusalCode
 from wheelwire_protocol.types import GROUP_HASHES, GroupGet
 
 
@@ -174,6 +174,27 @@ def test_a_board_that_the_device_is_not_on_is_not_confirmed(simulator: Simulator
     ):
         robot.board.accept(load_board("tb6612"))
     assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+
+
+def test_a_reset_that_erases_the_board_too_is_asked_for(simulator: Simulator) -> None:
+    simulator.set("board_unwritten", 1)  # as a chip: with an empty flash it is on the image's board
+    simulator.set("flash_unreadable", Fault.STORE_UNREADABLE)
+    simulator.reset()
+    run("clear", simulator.port)  # nor can it be read whether an e-stop was latched
+    asked = run("params", "reset", simulator.port)
+    assert asked.returncode == errors.InvalidArgument.exit_code
+    assert "nothing drives until `wheelwire board write`" in asked.stderr
+    assert run_json("info", simulator.port)["faults"] == ["STORE_UNREADABLE", "NO_BOARD"]
+    assert run_json("params", "reset", simulator.port, "--yes") == {"reset": True}
+    run("clear", simulator.port)
+    simulator.reset()
+    refused = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
+    assert refused.returncode == errors.DeviceRefused.exit_code
+    assert run("board", "write", simulator.port, "l298n").returncode == 0
+    # Where the flash can be opened there is nothing to ask.
+    assert run_json("params", "reset", simulator.port) == {"reset": True}
+    drive = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
+    assert drive.returncode == 0, drive.stderr
 
 
 @pytest.mark.parametrize("device_has", ["others", "none"])

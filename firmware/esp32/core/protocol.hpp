@@ -140,15 +140,15 @@ constexpr uint32_t kLeftEncoderImplausible = 64;
 /// the load is heavier than plausibility_margin allows.
 constexpr uint32_t kRightEncoderImplausible = 128;
 /// The flash of the saved parameters has no free page, so they could not be read and defaults are
-/// in force: reset the parameters, which erases them and the board, then clear the fault, restart,
-/// and write the board again.
+/// in force: reset the parameters, which erases them and the board, clear the fault and restart.
+/// Afterwards nothing drives until `wheelwire board write`.
 constexpr uint32_t kStoreFull = 256;
 /// The saved parameters have the format of a newer firmware, and defaults are in force: install
 /// that firmware, or reset the parameters and clear the fault.
 constexpr uint32_t kStoreNewer = 512;
 /// The saved parameters could not be read from flash, and defaults are in force: reset the
 /// parameters, clear the fault and restart. If the whole flash partition is damaged, this erases
-/// the board, too: write it again.
+/// the board, too, and nothing drives until `wheelwire board write`.
 constexpr uint32_t kStoreUnreadable = 1024;
 /// No board is stored that this device can use, so it drives no pin: write one with `wheelwire
 /// board write`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, cast
 
@@ -9,7 +10,9 @@ import typer
 import typer.core
 from rich.padding import Padding
 
+from wheelwire.errors import InvalidArgument
 from wheelwire.parameters import ParameterInfo
+from wheelwire_protocol.codes import Fault
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .address import (
@@ -23,6 +26,7 @@ from .address import (
 )
 from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
 
+_FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 TABLE_COLUMNS = 100
 """Narrower terminals get a list in place of a table."""
 
@@ -203,12 +207,37 @@ def save_values(
 
 @app.command("reset")
 def reset_all(
-    robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
+    robot: RobotArgument = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Do not ask before the board is erased, too.")
+    ] = False,
+    baud: BaudOption = None,
+    as_json: JsonFlag = False,
 ) -> None:
-    """Reset all parameters to their defaults, the saved ones included."""
+    """Reset all parameters to their defaults, the saved ones included.
+
+    Where the flash cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then
+    nothing drives until `wheelwire board write`. It asks before that.
+    """
     with resolve(robot, as_json=as_json).open(baud) as driver:
+        damaged = driver.read().faults & _FLASH_FAULTS
+        if damaged and not yes:
+            _ask_to_erase(damaged)
         driver.parameters.reset()
     if as_json:
         print_json({"reset": True})
     else:
         console.print("all parameters reset to their defaults")
+
+
+def _ask_to_erase(damaged: Fault) -> None:
+    names = " and ".join(str(fault.name) for fault in Fault if fault in damaged)
+    text = (
+        f"{names}: where the flash cannot be opened, resetting the parameters erases the board, "
+        "too; afterwards nothing drives until `wheelwire board write`"
+    )
+    # The question goes to standard error; standard output may be a file or a pipe.
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise InvalidArgument(f"{text}. There is no terminal to ask on: add --yes to go on")
+    if not typer.confirm(f"{text}. Go on?", err=True):
+        raise InvalidArgument("nothing was reset")
