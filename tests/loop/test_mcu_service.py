@@ -41,8 +41,7 @@ def daemon() -> Iterator[PigpioProcess]:
         yield daemon
 
 
-@contextmanager
-def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def start(daemon: PigpioProcess, tmp_path: Path) -> tuple[subprocess.Popen[str], str]:
     """A service on the daemon's pins, in a process group of its own, and its address."""
     config = tmp_path / "robot.yaml"
     config.write_text(CONFIG.format(port=daemon.port, store=tmp_path / "saved"))
@@ -53,6 +52,14 @@ def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.
     )
     assert process.stdout
     assert process.stdout.readline() == f"wheelwire: ready at {address}\n"
+    return process, address
+
+
+@contextmanager
+def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """As `start`; ends it afterwards."""
+    process, address = start(daemon, tmp_path)
+    assert process.stdout
     try:
         yield process, address
     finally:
@@ -112,6 +119,22 @@ def test_an_estop_stays_latched_where_the_service_is_the_address(address: str) -
     assert run_json("info", address)["state"] == "ESTOPPED"
     assert run_json("clear", address)["ended"] == "ESTOPPED"
     assert run_json("drive", address, "--linear", "0.2", "--seconds", "0.3")["linear_mps"] == 0.2
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_what_is_latched_outlives_the_service_until_it_is_cleared(
+    daemon: PigpioProcess, tmp_path: Path, end: signal.Signals
+) -> None:
+    for command, state in (("estop", "ESTOPPED"), ("clear", "IDLE")):
+        process, address = start(daemon, tmp_path)
+        assert process.stdout
+        assert run(command, address).returncode == 0
+        process.send_signal(end)
+        process.wait(TIMEOUT_S)
+        process.stdout.close()
+        with service(daemon, tmp_path) as (_, address):
+            assert run_json("info", address)["state"] == state
+            assert not daemon.truth()["driven"]
 
 
 def test_a_file_of_a_pis_own_pins_is_an_address(daemon: PigpioProcess, tmp_path: Path) -> None:
