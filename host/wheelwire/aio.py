@@ -20,7 +20,7 @@ from importlib import import_module
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
-from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.codes import Contradiction, RefusalCode
 from wheelwire_protocol.parameters import PARAMETERS, Parameter
 from wheelwire_protocol.types import (
     ClearEstop,
@@ -187,6 +187,11 @@ class Driver(LinkedRobot):
     async def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
         return cast("LinkCounters", await self._link.request(LinkCountersGet(0, 0)))
+
+    async def contradictions(self) -> Contradiction:
+        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
+        answer = cast("Contradictions", await self._link.request(ContradictionsGet(0, 0)))
+        return Contradiction(answer.active)
 
     async def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""

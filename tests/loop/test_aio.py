@@ -72,6 +72,7 @@ async def use_every_verb(simulator: Simulator) -> None:
 
         assert (await robot.device_counters()).frames_received > 0
         assert (await robot.control_counters()).left_illegal >= 0
+        assert not await robot.contradictions()
         await robot.parameters.set("integral_gain", 7.5)
         await robot.parameters.save("integral_gain")
         simulator.reset()

@@ -48,6 +48,7 @@ CALLS: dict[str, Call] = {
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
     "device_counters": lambda robot: robot.device_counters(),
     "control_counters": lambda robot: robot.control_counters(),
+    "contradictions": lambda robot: robot.contradictions(),
     "set": lambda robot: robot.parameters.set("integral_gain", 7.5),
     "refresh": lambda robot: robot.parameters.refresh(),
     "list": lambda robot: robot.parameters.list(),
