@@ -132,7 +132,7 @@ bench: $(VENV)/installed  ## All benchmarks, compared with the peers, to build/b
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
 	@$(BIN)/python bench/report.py
 
-reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 9 min
+reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 15 min
 	$(BIN)/python bench/stop_times.py
 	$(BIN)/python bench/endurance.py
 	$(BIN)/python bench/clock.py
@@ -140,6 +140,7 @@ reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, c
 	$(BIN)/python bench/duty_limit.py
 	$(BIN)/python bench/wiring.py
 	$(BIN)/python bench/reconnect.py
+	$(BIN)/python bench/unplugs.py
 	$(BIN)/python bench/interrupts.py
 	$(BIN)/python bench/commissioning.py
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
-from .base_link import PORT_TIMEOUT_S, BaseLink, LinkOptions
+from .base_link import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .requests import Answer, RequestMessage
@@ -134,7 +134,7 @@ class AsyncPort(ServedPort):
         """Wait until the port is closed. Cancelling this leaves the closing under way."""
         if self._task is not None:
             # To await the task itself would cancel it along with the caller.
-            await asyncio.wait([self._task])
+            await asyncio.wait([self._task], timeout=CLOSE_TIMEOUT_S)
 
     def give_up(self, error: LinkLost) -> None:
         """Close the port, and open it again."""
@@ -144,6 +144,8 @@ class AsyncPort(ServedPort):
         self._detach()
         self._transport = None
         self._lose(error)
+        # They came in the turn that found the loss. There is no other turn before the port is back.
+        self._do_calls(host_clock_us())
         self._over.set_result(True)
 
     def abandon(self) -> None:
@@ -486,12 +488,18 @@ class AsyncLink(BaseLink):
 
         # `done` may be called in here, before anybody waits.
         self._port.call(task, done)
+        overdue = self._call_takes_too_long()
+        timer = answered.get_loop().call_later(CALL_TIMEOUT_S, _resolve, answered, overdue)
         try:
             result = await answered
         except asyncio.CancelledError:
             # A late copy would be carried out after whatever the program does next.
             self._session.withdraw(done)
             raise
+        finally:
+            timer.cancel()
+        if result is overdue:
+            self._session.withdraw(done)
         # The same error may end many calls: tracebacks must not pile up in it.
         if isinstance(result, WheelwireError):
             raise result.with_traceback(None)

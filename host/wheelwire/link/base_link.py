@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 PORT_TIMEOUT_S = 60.0
 """A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
+CALL_TIMEOUT_S = 5.0
+"""A request times out after about one second, and others may be queued before it."""
+CLOSE_TIMEOUT_S = 10.0
+"""Longer than a port needs to close: a process at the other end brakes for up to 5 s."""
 
 
 @dataclass(frozen=True)
@@ -187,6 +191,13 @@ class BaseLink(ABC):
         # Every call from here on raises the same error: tracebacks must not pile up in it.
         if self._served.end is not None:
             raise self._served.end.with_traceback(None)
+
+    @staticmethod
+    def _call_takes_too_long() -> RequestTimeout:
+        return RequestTimeout(
+            f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
+            "look at the port, and at what keeps this computer busy"
+        )
 
     # --- while it is being opened --------------------------------------------------------------
 

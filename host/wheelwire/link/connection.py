@@ -17,8 +17,8 @@ from typing import TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
 
-from ..errors import LinkLost, RequestTimeout, WheelwireError
-from .base_link import PORT_TIMEOUT_S, BaseLink, LinkOptions
+from ..errors import LinkLost, WheelwireError
+from .base_link import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .port_loop import PortLoop
@@ -27,12 +27,6 @@ from .served_port import Task
 from .waiting import Notifier
 
 Heard: TypeAlias = Callable[[Answer | WheelwireError], None]
-
-JOIN_S = 10.0
-"""Longer than the port's thread needs to end: a process at the other end brakes for up to 5 s. The
-thread is a daemon in any case."""
-CALL_TIMEOUT_S = 5.0
-"""A request times out after about one second, and others may be queued before it."""
 
 
 class Link(BaseLink):
@@ -128,9 +122,9 @@ class Link(BaseLink):
             return  # called by the garbage collector; the thread ends when it returns to its loop
         # Not join() alone: when a signal handler's exception interrupts it, it may consider the
         # thread ended, so that a second close() would not wait.
-        ended = self._changed.wait_for(lambda: self._loop.end is not None, JOIN_S)
+        ended = self._changed.wait_for(lambda: self._loop.end is not None, CLOSE_TIMEOUT_S)
         if ended and self._thread.is_alive():  # it may also have ended without a thread
-            self._thread.join(JOIN_S)
+            self._thread.join(CLOSE_TIMEOUT_S)  # it is a daemon in any case
 
     def _write(self, frame: bytes, now_us: int) -> None:
         try:
@@ -156,6 +150,7 @@ class Link(BaseLink):
 
         When an exception out of a signal handler ends the wait, that thread calls `interrupted`
         with what `task` was given. Without it the task goes on: a stop is to arrive in any case.
+        A task whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
         """
         self._check_alive()
         self._session.check_connected()
@@ -163,14 +158,19 @@ class Link(BaseLink):
         results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
         # For the call and for its withdrawal, which finds the request by it.
         done = results.put
+        overdue = False
+
+        def begin(done: Done, now_us: int) -> None:
+            if not overdue:
+                task(done, now_us)
+
         try:
-            self._loop.call(task, done)
+            self._loop.call(begin, done)
             result = results.get(timeout=CALL_TIMEOUT_S)
         except Empty:
-            raise RequestTimeout(
-                f"the link's thread did not answer for {CALL_TIMEOUT_S:g} s: whether it was done "
-                "is not known; look at the port, and at what keeps this computer busy"
-            ) from None
+            overdue = True  # for a thread that has not begun it; the call below if it has
+            self._loop.call(lambda _done, _now_us: self._session.withdraw(done), lambda _: None)
+            raise self._call_takes_too_long() from None
         except BaseException:
             if interrupted is not None:
                 self._loop.call(lambda _done, _now_us: interrupted(done), lambda _: None)

@@ -182,8 +182,13 @@ class VirtualLink:
     def _answer(self, submit: Callable[[Done], None]) -> Answer:
         self._check_open()
         replies: list[Answer | WheelwireError] = []
-        submit(replies.append)
-        self._pass_until(lambda: bool(replies), OPEN_S)
+        done = replies.append
+        submit(done)
+        try:
+            self._pass_until(lambda: bool(replies), OPEN_S)
+        except RequestTimeout:
+            self._session.withdraw(done)
+            raise
         reply = replies[0]
         if isinstance(reply, WheelwireError):
             raise reply.with_traceback(None)

@@ -136,7 +136,7 @@ def test_a_port_whose_opening_never_ends(monkeypatch: pytest.MonkeyPatch) -> Non
         return SocketTransport(ours)
 
     monkeypatch.setattr(link, "PORT_TIMEOUT_S", 0.05)
-    monkeypatch.setattr(link, "JOIN_S", 0.05)
+    monkeypatch.setattr(link, "CLOSE_TIMEOUT_S", 0.05)
     with theirs:
         with pytest.raises(errors.PortUnavailable, match="takes longer than"):
             TransportDriver("robot", open_port)

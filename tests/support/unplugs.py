@@ -1,0 +1,206 @@
+"""A robot that is unplugged at a random moment of a call, again and again, with either API."""
+
+from __future__ import annotations
+
+import asyncio
+import select
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from random import Random
+from typing import Any
+
+from support.answering_port import Port
+from support.fake_device import FakeDevice
+from wheelwire import aio
+from wheelwire.drivers.linked import GEOMETRY
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import LinkLost, WheelwireError
+from wheelwire.link.base_link import LinkOptions
+from wheelwire.link.clock import host_clock_us
+from wheelwire.link.connection import Link
+
+BOUND_S = 8.0
+"""A call takes 5 s at most; the rest is for a computer that has other things to do."""
+ROBOTS = 10
+LONGEST_DELAY_S = 0.004
+"""After the call begins: most calls are answered within a millisecond."""
+
+CALLS: dict[str, Callable[[Any], Any]] = {
+    "stop": lambda robot: robot.stop(),
+    "estop": lambda robot: robot.estop(),
+    "clear_estop": lambda robot: robot.clear_estop(),
+    "clear_fault": lambda robot: robot.clear_fault(),
+    "device_counters": lambda robot: robot.device_counters(),
+    "control_counters": lambda robot: robot.control_counters(),
+    "set": lambda robot: robot.parameters.set("integral_gain", 7.5),
+    "refresh": lambda robot: robot.parameters.refresh("integral_gain"),
+    "list": lambda robot: robot.parameters.list(),
+    "save": lambda robot: robot.parameters.save("integral_gain"),
+    "reset": lambda robot: robot.parameters.reset(),
+    "read": lambda robot: robot.read(0.05),
+    "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
+}
+
+
+@dataclass
+class Outcome:
+    """How the calls ended."""
+
+    ends: Counter[str] = field(default_factory=Counter)
+    """"returned", or the name of the error."""
+    longest_s: float = 0.0
+    unbounded: list[str] = field(default_factory=list)
+    """What did not end in time, or with another error than a WheelwireError; nothing follows it."""
+
+    def add(self, name: str, error: BaseException | None, begin_s: float) -> None:
+        """A call that began at `begin_s` has ended."""
+        duration_s = time.monotonic() - begin_s
+        self.longest_s = max(self.longest_s, duration_s)
+        self.ends["returned" if error is None else type(error).__name__] += 1
+        if duration_s > BOUND_S or not (error is None or isinstance(error, WheelwireError)):
+            self.unbounded.append(f"{name}: {error!r} after {duration_s:.1f} s")
+
+
+class _Pluggable(Port):
+    """A port whose far end can be pulled out, by any thread."""
+
+    longest_pause_s = 0.002
+
+    def write(self, data: bytes) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:  # its device cannot answer any more
+            raise self.lost(error) from error
+
+    def read(self) -> bytes:
+        if not (data := super().read()):
+            raise self.lost()
+        return data
+
+
+class Socket:
+    """What the robot is plugged into. It answers some calls at once, and some only later."""
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+        self._device = FakeDevice(clock_offset_us=0)
+        self._port: _Pluggable | None = None
+        self._plugged = True
+
+    def open(self, _baud_rate: int) -> Port:
+        """Opens the port, as long as the robot is there."""
+        if not self._plugged:
+            raise LinkLost("unplugged")
+        self._port = _Pluggable(self._device, self._accepts)
+        return self._port
+
+    def unplug(self) -> None:
+        self._plugged = False
+        if self._port is not None:
+            self._port.theirs.close()
+
+    def plug(self) -> None:
+        # Anew: a latched e-stop or a fault would have every later call refused.
+        self._device = FakeDevice(clock_offset_us=0)
+        self._plugged = True
+
+    def _accepts(self) -> bool:
+        # A full buffer now and then: the frame then waits for a later turn.
+        return self._plugged and self._random.random() > 0.1
+
+
+def in_parallel(run: Callable[[int, int], Outcome], count: int, seed: int) -> Outcome:
+    """`count` in all, by several robots at once: most of an unplug is waiting for its end."""
+    total = Outcome()
+    with ThreadPoolExecutor(ROBOTS) as executor:
+        for outcome in executor.map(run, [count // ROBOTS] * ROBOTS, range(seed, seed + ROBOTS)):
+            total.ends += outcome.ends
+            total.longest_s = max(total.longest_s, outcome.longest_s)
+            total.unbounded += outcome.unbounded
+    return total
+
+
+def options(socket: Socket) -> LinkOptions:
+    """A link to whatever is in the socket."""
+    return LinkOptions("socket", watched=GEOMETRY, open_port=socket.open)
+
+
+def with_threads(count: int, seed: int) -> Outcome:
+    """`count` unplugs during calls of `wheelwire.BaseDriver`."""
+    random, outcome = Random(seed), Outcome()
+    socket = Socket(random)
+    with DeviceDriver(partial(Link, options(socket))) as robot:
+        for _ in range(count):
+            name = random.choice(list(CALLS))
+            delay_s = random.uniform(0, LONGEST_DELAY_S)
+            thread = threading.Thread(target=_unplug_after, args=(socket, delay_s))
+            thread.start()
+            begin_s, error = time.monotonic(), None
+            try:
+                CALLS[name](robot)
+            except BaseException as caught:
+                error = caught
+            outcome.add(name, error, begin_s)
+            thread.join()
+            if outcome.unbounded:
+                break
+            socket.plug()
+            _wait_until_open(robot)
+    return outcome
+
+
+def with_asyncio(count: int, seed: int) -> Outcome:
+    """`count` unplugs during calls of `wheelwire.aio.Driver`."""
+    return asyncio.run(_with_asyncio(count, seed))
+
+
+async def _with_asyncio(count: int, seed: int) -> Outcome:
+    random, outcome = Random(seed), Outcome()
+    socket = Socket(random)
+    async with aio.Opening(lambda: aio.Driver(options(socket))) as robot:
+        loop = asyncio.get_running_loop()
+        for _ in range(count):
+            name = random.choice(list(CALLS))
+            if random.random() < 0.5:  # the loss is found by the call itself
+                socket.unplug()
+            else:
+                loop.call_later(random.uniform(0, LONGEST_DELAY_S), socket.unplug)
+            begin_s, error = time.monotonic(), None
+            try:
+                await asyncio.wait_for(CALLS[name](robot), BOUND_S)
+            except BaseException as caught:
+                error = caught
+            outcome.add(name, error, begin_s)
+            if outcome.unbounded:
+                break
+            await asyncio.sleep(LONGEST_DELAY_S)  # until it is unplugged for certain
+            socket.plug()
+            while not _is_open(robot):
+                await asyncio.sleep(0.001)
+    return outcome
+
+
+def _unplug_after(socket: Socket, delay_s: float) -> None:
+    # Not `sleep`, whose shortest time is longer than many calls.
+    end_us = host_clock_us() + round(delay_s * 1e6)
+    while host_clock_us() < end_us:
+        select.select([], [], [], 0)
+    socket.unplug()
+
+
+def _wait_until_open(robot: DeviceDriver) -> None:
+    while not _is_open(robot):
+        time.sleep(0.001)
+
+
+def _is_open(robot: Any) -> bool:
+    with suppress(LinkLost):
+        robot._check_link()
+        return True
+    return False
