@@ -41,7 +41,9 @@ if TYPE_CHECKING:
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
+    from .link.info import Health as Health
     from .link.info import LinkStatistics as LinkStatistics
+    from .link.latest_sample import Latest as Latest
     from .link.sample_iterator import SampleIterator as SampleIterator
     from .linux_mcu.pins import Pins as Pins
     from .motion.covariance import PoseCovariance as PoseCovariance
@@ -86,7 +88,8 @@ _MODULES = {
     "samples": ("WheelTravel", "WheelSample"),
     "link.sample_iterator": ("SampleIterator",),
     "simulation.simulator": ("Simulator",),
-    "link.info": ("LinkStatistics",),
+    "link.info": ("Health", "LinkStatistics"),
+    "link.latest_sample": ("Latest",),
 }
 _CODES = ("Fault", "RefusalCode", "SupervisorState")
 _MODULE_OF = {

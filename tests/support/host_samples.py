@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from wheelwire.link.clock import ClockEstimator, Exchange
+from wheelwire.link.clock import ClockEstimator, Exchange, host_clock_us
 from wheelwire.link.session import Session
 from wheelwire.link.state_stream import Measurement
 from wheelwire.samples import WheelSample
@@ -36,11 +36,11 @@ def sample(**fields: Any) -> WheelSample:
 
 
 def measurement(**fields: Any) -> Measurement:
-    """What was measured of a standing robot, with `fields` of the state frame changed."""
+    """What was measured of a standing robot just now, with `fields` of the state frame changed."""
     state = WheelState(**{**dict.fromkeys(WheelState._fields, 0), "boot_id": 1, **fields})
     clock = ClockEstimator()
     clock.add(Exchange(0, 0, 0, 0))
-    return Measurement(state, state.t_us, clock.conversion, state.t_us)
+    return Measurement(state, state.t_us, clock.conversion, host_clock_us())
 
 
 def remeasured(sample: WheelSample) -> Measurement:

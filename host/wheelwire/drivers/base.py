@@ -8,7 +8,6 @@ from typing import TypeVar
 
 from ..arguments import timeout_s
 from ..errors import RequestTimeout
-from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..parameters import Parameters
@@ -67,7 +66,9 @@ class BaseDriver(Driving):
     def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
 
-        Waits through a reconnection if `timeout` [s], at most an hour, is long enough.
+        One that was left unread for 0.1 s, or for two periods of a slower stream, is not returned:
+        the next one is waited for. Waits through a reconnection if `timeout` [s], at most an hour,
+        is long enough.
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
@@ -112,11 +113,6 @@ class BaseDriver(Driving):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The robot's parameters, by name."""
-
-    @property
-    @abstractmethod
-    def statistics(self) -> LinkStatistics:
-        """Counters and timing of the link to the robot."""
 
     @property
     def sessions(self) -> int:

@@ -5,12 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from math import isfinite
 
+from wheelwire_protocol.codes import SupervisorState
+
 from ..arguments import LONGEST_WAIT_S, is_number
-from ..errors import InvalidCommand, WheelwireError, shown
+from ..errors import NO_FAULT, InvalidCommand, WheelwireError, shown
 from ..link.clock import host_clock_us
+from ..link.info import Health, LinkStatistics
+from ..link.latest_sample import Latest, LatestSample
 from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
 
 DEFAULT_TTL_S = 0.5
+
+_LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
 class Driving(ABC):
@@ -87,7 +93,51 @@ class Driving(ABC):
     def geometry(self) -> DifferentialDrive:
         """The robot's current dimensions and limits."""
 
+    # --- what is known without waiting ---------------------------------------------------------
+
+    @property
+    def latest(self) -> Latest | None:
+        """The newest sample and its age, whether it was read or not; None before the first.
+
+        Never waits, and takes nothing from `read`. While the robot is out of reach it is the last
+        sample before: look at `age_s`.
+        """
+        return self._latest_sample.latest
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the robot is in reach at this moment. Never waits."""
+        try:
+            self._check_link()
+        except WheelwireError:
+            return False
+        return True
+
+    @property
+    @abstractmethod
+    def statistics(self) -> LinkStatistics:
+        """Counters and timing of the link to the robot."""
+
+    @property
+    def health(self) -> Health:
+        """Whether the robot is in reach and fit to drive, in one look. Never waits."""
+        counted, latest = self.statistics, self._latest_sample.latest
+        state = latest.sample.state if latest else SupervisorState.BOOT
+        return Health(
+            is_open=self.is_open,
+            age_s=self._latest_sample.age_s,
+            rate_hz=counted.state_rate_hz,
+            loss=counted.recent_loss,
+            clock_error_s=counted.clock_error_us / 1e6,
+            latched=state if state in _LATCHED else None,
+            faults=latest.sample.faults if latest else NO_FAULT,
+            setpoints_expired=counted.setpoints_expired,
+            ttl_max_s=None,
+        )
+
     # --- for drivers ---------------------------------------------------------------------------
+
+    _latest_sample: LatestSample
 
     @abstractmethod
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:

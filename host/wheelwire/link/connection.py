@@ -23,6 +23,7 @@ from .clock import host_clock_us
 from .latest_sample import LatestSample
 from .port_loop import PortLoop
 from .requests import Answer, Done, RequestMessage
+from .served_port import Done as Told
 from .served_port import Task
 from .waiting import Notifier
 
@@ -160,7 +161,7 @@ class Link(BaseLink):
         done = results.put
         overdue = False
 
-        def begin(done: Done, now_us: int) -> None:
+        def begin(done: Told, now_us: int) -> None:
             if not overdue:
                 task(done, now_us)
 

@@ -9,7 +9,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codes import Board, Capability, RefusalCode, ResetReason
+from wheelwire_protocol.codes import (
+    Board,
+    Capability,
+    Fault,
+    RefusalCode,
+    ResetReason,
+    SupervisorState,
+)
 from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import BoardValue, DeviceHello
 
@@ -190,6 +197,8 @@ class LinkStatistics:
     """Requests and setpoints that the device refused."""
     requests_repeated: int = 0
     setpoints_repeated: int = 0
+    setpoints_expired: int = 0
+    """Setpoints that the device refused because they came after their expiry."""
     sessions: int = 0
     device_resets: int = 0
     reconnects: int = 0
@@ -198,11 +207,83 @@ class LinkStatistics:
     round_trip_p99_us: float = math.nan
     clock_error_us: float = math.nan
     """Bound of the error of the device's clock as the host knows it."""
+    state_rate_hz: float = 0.0
+    """New state frames in the last second."""
+    recent_loss: float = 0.0
+    """The part of the frames to the host that was lost in the last second, 0..1."""
 
     @property
     def bad(self) -> int:
         """Chunks that did not decode to a valid, known message; as in the decoder's counters."""
         return self.bad_crc + self.bad_cobs + self.unknown_id + self.wrong_length
+
+
+@dataclass(frozen=True)
+class Health:
+    """Whether a robot is in reach and fit to drive, at one moment.
+
+    Attributes:
+        is_open: The robot is in reach.
+        age_s: Since its newest sample arrived; None before the first.
+        rate_hz: Samples that it sent in the last second.
+        loss: The part of its frames that was lost in the last second, 0..1.
+        clock_error_s: Bound of the error of its clock as the host knows it; NaN before it does.
+        latched: ESTOPPED or FAULT if its newest sample says so; None if it may drive.
+        faults: Its latched faults.
+        setpoints_expired: Setpoints that arrived too late, since it was opened.
+        ttl_max_s: The longest time to live that it takes; None while that is not known.
+    """
+
+    is_open: bool
+    age_s: float | None
+    rate_hz: float
+    loss: float
+    clock_error_s: float
+    latched: SupervisorState | None
+    faults: Fault
+    setpoints_expired: int
+    ttl_max_s: float | None
+
+
+RECENT_US = 1_000_000
+_NOTE_US = 100_000
+
+
+class RecentCounts:
+    """What came in the last second. One thread notes; any may ask.
+
+    Attributes:
+        due_us: When to note next.
+    """
+
+    def __init__(self) -> None:
+        self.due_us = 0
+        self._notes: tuple[tuple[int, int, int, int], ...] = ()
+        """Time, state frames, good frames and lost frames. Replaced as a whole."""
+
+    def note(self, now_us: int, states: int, received: int, lost: int) -> None:
+        """Counts since the start, right before what comes at `now_us` is counted."""
+        self.due_us = now_us + _NOTE_US
+        kept = RECENT_US // _NOTE_US
+        self._notes = (*self._notes[-kept:], (now_us, states, received, lost))
+
+    def rate_and_loss(
+        self, now_us: int, states: int, received: int, lost: int
+    ) -> tuple[float, float]:
+        """State frames a second, and the part of the frames that was lost."""
+        recent = [note for note in self._notes if note[0] >= now_us - RECENT_US]
+        if not recent:
+            return 0.0, 0.0
+        begin_us, states_before, received_before, lost_before = recent[0]
+        # One that comes late is taken off the lost ones again, so these may go back.
+        missing = max(0, lost - lost_before)
+        came = received - received_before
+        return (
+            # The counts just after an opening are no rate yet: a second is the least to divide by
+            # a tenth of.
+            (states - states_before) / max(now_us - begin_us, _NOTE_US) * 1e6,
+            missing / (missing + came) if missing else 0.0,
+        )
 
 
 ROUND_TRIPS = 1024

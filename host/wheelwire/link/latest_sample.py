@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from typing import NamedTuple
 from weakref import ref
 
 from wheelwire_protocol.types import WheelState
@@ -21,17 +21,34 @@ from .waiting import Notifier
 
 ATTENTION_US = 200_000
 """Whoever asked for a sample within this time is about to ask for the next."""
+FRESH_US = 100_000
+"""A sample that was not read within this time, or within two periods of a slower stream, is not
+handed out any more: it says nothing about a device that has fallen silent since."""
+SLOWEST_US = 2_000_000
+"""No stream is so slow that a sample this old could be news: the link is lost by then."""
 ITERATOR_WAIT_S = 1.0
 """Longest single wait of an iterator, which waits again for as long as the driver is open."""
+
+
+class Latest(NamedTuple):
+    """The newest sample, whether it was read or not."""
+
+    sample: WheelSample
+    age_s: float
+    """Since the device measured it. [s]"""
 
 
 class LatestSample:
     """One slot: the newest sample wins, and each is returned once.
 
     One thread at a time puts; any thread may take, even in a signal handler: nothing is locked.
+
+    Attributes:
+        now_us: The clock that samples are stamped with.
     """
 
     def __init__(self) -> None:
+        self.now_us = host_clock_us
         self._changed = Notifier()
         self.notify_all = self._changed.notify_all
         """Wakes who waits for what was put."""
@@ -39,6 +56,9 @@ class LatestSample:
         # Filled and emptied by one call into C each, so that no lock is needed.
         self._unread: deque[Measurement] = deque(maxlen=1)
         self._current = False
+        self._newest: Measurement | None = None
+        # Between the last three samples, on the device's clock.
+        self._periods_us = (0, 0)
         self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
         self._closed = False
@@ -59,7 +79,11 @@ class LatestSample:
                 left + tick_difference(state.left_ticks, last.left_ticks),
                 right + tick_difference(state.right_ticks, last.right_ticks),
             )
+        newest = self._newest
+        if newest is not None:
+            self._periods_us = self._periods_us[1], measurement.t_us - newest.t_us
         self._last = state
+        self._newest = measurement
         self._unread.append(measurement)
         # After the ticks, which another thread reads as soon as it sees this.
         self._current = True
@@ -76,8 +100,9 @@ class LatestSample:
                 iterator.put(measurement)
 
     def interrupt(self) -> None:
-        """The link is interrupted: the sample measured last is no longer current."""
+        """The link is interrupted: the last sample is no longer current, nor handed out."""
         self._current = False
+        self._unread.clear()
 
     def fail(self, error: WheelwireError) -> None:
         """No further sample will come: raise `error` to everyone who asks from now on."""
@@ -114,9 +139,8 @@ class LatestSample:
         taken: list[Measurement] = []
 
         def take() -> bool:
-            with suppress(IndexError):  # there is none, or another thread took it
-                if not taken:  # asked again after the wait: it must not take a second one
-                    taken.append(self._unread.popleft())
+            if not taken:  # asked again after the wait: it must not take a second one
+                taken.extend(self._take_fresh())
             return bool(taken)
 
         self._wait(timeout_s, take)
@@ -127,11 +151,26 @@ class LatestSample:
     def poll(self) -> WheelSample | None:
         """As `take`, without waiting: None when there is none yet."""
         self._asked_us = host_clock_us()
-        with suppress(IndexError):
-            return self._unread.popleft().sample()
+        for measurement in self._take_fresh():
+            return measurement.sample()
         if self._failure is not None:
             raise self._failure.with_traceback(None)
         return None
+
+    @property
+    def latest(self) -> Latest | None:
+        """The newest sample, also when it was read or the link is lost; None before the first."""
+        newest = self._newest
+        if newest is None:
+            return None
+        sample = newest.sample()
+        return Latest(sample, max(0.0, self.now_us() / 1e6 - sample.stamp))
+
+    @property
+    def age_s(self) -> float | None:
+        """Seconds since the newest sample arrived; None before the first."""
+        newest = self._newest
+        return None if newest is None else max(0, self.now_us() - newest.arrived_us) / 1e6
 
     def ticks(self, timeout_s: float) -> tuple[int, int]:
         """The unbounded tick counts of the newest sample, waiting for a current one.
@@ -160,6 +199,16 @@ class LatestSample:
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then the next sample is wanted without delay."""
         return now_us < self._asked_us + ATTENTION_US or bool(self._iterators)
+
+    def _take_fresh(self) -> tuple[Measurement, ...]:
+        """The unread sample, unless there is none or it is too old."""
+        try:
+            measurement = self._unread.popleft()  # another thread may have taken it
+        except IndexError:
+            return ()
+        # By the shorter one: a sample that was lost makes no stream slow.
+        limit_us = max(FRESH_US, min(SLOWEST_US, 2 * min(self._periods_us)))
+        return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
         self._changed.wait_for(ready, ITERATOR_WAIT_S)

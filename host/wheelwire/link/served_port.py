@@ -326,6 +326,8 @@ class ServedPort(ABC):
                 kept.__traceback__ = None
         if self.policy.note_lost(error):
             _link_log.warning("%s: %s", self.port, error)
+        # First: whoever sees that the link is lost must get no sample from before.
+        self._latest_sample.interrupt()
         self._session.disconnect(error)
         self._tell_changes()
         self._output = b""

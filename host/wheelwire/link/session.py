@@ -82,6 +82,7 @@ from .info import (
     DeviceInfo,
     ExpectedBoard,
     LinkStatistics,
+    RecentCounts,
     RoundTrips,
     device_of_session,
 )
@@ -187,6 +188,7 @@ class Session:
         self._foreign = 0
         self._refused = 0
         self._round_trips = RoundTrips()
+        self._recent = RecentCounts()
 
         self._nonce = 0
         self._hello_due_us = 0
@@ -226,6 +228,9 @@ class Session:
     def statistics(self, now_us: int) -> LinkStatistics:
         """A snapshot of all counters."""
         counters, clock = self._decoder.counters, self._synchroniser.clock
+        rate_hz, loss = self._recent.rate_and_loss(
+            now_us, self._state_stream.new, self.frames_received, counters.seq_lost
+        )
         return LinkStatistics(
             frames_sent=self._frames_sent_before + self._encoder.encoded,
             frames_received=self.frames_received,
@@ -241,11 +246,14 @@ class Session:
             refused=self._refused,
             requests_repeated=self._requests.repeated,
             setpoints_repeated=self.setpoints.repeated,
+            setpoints_expired=self.setpoints.expired,
             sessions=self.count,
             device_resets=self._boots.resets,
             round_trip_p50_us=self._round_trips.quantile_us(0.50),
             round_trip_p99_us=self._round_trips.quantile_us(0.99),
             clock_error_us=clock.error_us(now_us) if clock.synchronised else float("nan"),
+            state_rate_hz=rate_hz,
+            recent_loss=loss,
         )
 
     # --- the port ------------------------------------------------------------------------------
@@ -274,6 +282,9 @@ class Session:
         """Process bytes, whatever they are; returns what was measured anew, see `every_state`."""
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
+        if now_us >= self._recent.due_us:
+            lost = self._decoder.counters.seq_lost
+            self._recent.note(now_us, self._state_stream.new, self.frames_received, lost)
         messages = self._decoder.feed(data)
         self.frames_received += len(messages)
         found: list[Measurement] = []

@@ -63,6 +63,7 @@ class SetpointSender:
     Attributes:
         opened: The open session; None while there is none. Replaced as a whole.
         repeated: How many were sent again.
+        expired: How many the device refused because they came too late.
         supervisor: The newest known; None when it is about to change, or no session is open.
         faults: The newest known to be latched.
         refused_us: When the last refusal came.
@@ -77,6 +78,7 @@ class SetpointSender:
     ) -> None:
         self.opened: OpenSession | None = None
         self.repeated = 0
+        self.expired = 0
         self.supervisor: SupervisorState | None = None
         self.faults = NO_FAULT
         self.refused_us = 0
@@ -198,6 +200,7 @@ class SetpointSender:
 
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
+        self.expired += refuse.code == RefusalCode.EXPIRED
         self._refusal = refuse.code
         # It arrived, so it is not sent again.
         self.on_obeyed(refuse.reference)

@@ -78,6 +78,8 @@ class StateStream:
     def __init__(self) -> None:
         self.stale = 0
         """Frames that were repeated, or older than the newest."""
+        self.new = 0
+        """Frames that were new."""
         self._boot_id: int | None = None
         self._t_us = 0
         self._arrived_us = 0
@@ -106,6 +108,7 @@ class StateStream:
                 self.stale += 1
             else:
                 self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, now_us
+                self.new += 1
                 newest = state
         if newest is None:
             return None

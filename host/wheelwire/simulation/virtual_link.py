@@ -38,6 +38,7 @@ class VirtualLink:
     ) -> None:
         self.now_us = 0
         self._latest_sample = latest_sample
+        latest_sample.now_us = lambda: self.now_us
         self._sim = sim
         self._session = Session(lambda: int.from_bytes(os.urandom(4), "little"), None, watched)
         self._plugged = False
@@ -177,6 +178,8 @@ class VirtualLink:
         if self._plugged:
             for measurement in self._session.receive(arrived, self.now_us):
                 self._latest_sample.put(measurement)
+            if self._session.phase is not Phase.OPEN:
+                self._latest_sample.interrupt()  # the device was reset, or has fallen silent
             self._latest_sample.notify_all()
 
     def _answer(self, submit: Callable[[Done], None]) -> Answer:

@@ -5,7 +5,7 @@ import pytest
 from support.host_samples import measurement
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.latest_sample import ATTENTION_US, LatestSample
+from wheelwire.link.latest_sample import ATTENTION_US, FRESH_US, LatestSample
 
 
 def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
@@ -19,7 +19,12 @@ def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
 
 def test_a_waiting_thread_gets_the_sample() -> None:
     latest_sample = LatestSample()
-    threading.Timer(0.02, latest_sample.put, [measurement(t_us=5)]).start()
+
+    def put() -> None:
+        latest_sample.put(measurement(t_us=5))
+        latest_sample.notify_all()
+
+    threading.Timer(0.02, put).start()
     assert latest_sample.take(10).t_us == 5
 
 
@@ -71,3 +76,48 @@ def test_ticks_go_on_across_a_reset_of_the_device() -> None:
     for boot_id, left, right in ((1, 5, 7), (1, 8, 9), (2, 0, 0), (2, 2, 3)):
         latest_sample.put(measurement(boot_id=boot_id, left_ticks=left, right_ticks=right))
     assert latest_sample.ticks(0) == (10, 12)
+
+
+def test_a_sample_that_nobody_has_read_in_time_is_not_handed_out() -> None:
+    latest_sample = LatestSample()
+    latest_sample.put(measurement(t_us=1))
+    later_us = host_clock_us() + FRESH_US + 1
+    latest_sample.now_us = lambda: later_us
+    assert latest_sample.poll() is None
+    latest_sample.put(measurement(t_us=2))
+    latest_sample.now_us = lambda: later_us + FRESH_US
+    with pytest.raises(RequestTimeout):
+        latest_sample.take(0)
+
+
+def test_a_sample_of_a_slow_stream_lasts_for_two_periods() -> None:
+    latest_sample = LatestSample()
+    for t_us in (0, 500_000, 1_000_000):
+        latest_sample.put(measurement(t_us=t_us))
+    now_us = host_clock_us()
+    latest_sample.now_us = lambda: now_us + 900_000
+    assert latest_sample.take(0).t_us == 1_000_000
+    latest_sample.put(measurement(t_us=1_500_000))
+    latest_sample.now_us = lambda: now_us + 2_000_000
+    with pytest.raises(RequestTimeout):
+        latest_sample.take(0)
+
+
+def test_a_sample_from_before_an_interruption_is_not_handed_out() -> None:
+    latest_sample = LatestSample()
+    latest_sample.put(measurement(t_us=1))
+    latest_sample.interrupt()
+    assert latest_sample.poll() is None
+
+
+def test_the_latest_is_there_read_or_not_with_its_age() -> None:
+    latest_sample = LatestSample()
+    assert latest_sample.latest is None
+    latest_sample.put(measurement(t_us=2_000_000))
+    latest_sample.now_us = lambda: 2_300_000
+    latest_sample.interrupt()
+    for _ in range(2):
+        latest = latest_sample.latest
+        assert latest is not None
+        assert latest.sample.t_us == 2_000_000
+        assert latest.age_s == pytest.approx(0.3)

@@ -1,0 +1,151 @@
+"""No sample of a robot that is out of reach, or has fallen silent, in real and virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from wheelwire import aio, errors
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire_protocol.codes import SupervisorState
+
+pytestmark = pytest.mark.timeout(60)
+
+
+def wait_until_lost(driver: SerialDriver | MockDriver) -> None:
+    end = time.monotonic() + 10
+    while driver.is_open:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def test_nothing_is_read_while_unplugged_nor_from_before_the_plug(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
+        driver.read()
+        time.sleep(0.05)  # one is left unread
+        device.unplug()
+        wait_until_lost(driver)
+        for _ in range(3):
+            with pytest.raises(errors.LinkLost):
+                driver.read(0.05)
+        device.plug()
+        plugged_s = time.monotonic()
+        assert driver.read(10).stamp > plugged_s
+
+
+def test_a_device_that_falls_silent_is_not_taken_for_alive(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
+        driver.read()
+        time.sleep(0.05)
+        device.device.mute = True
+        time.sleep(0.3)
+        with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
+            driver.read(0)
+
+
+def test_the_same_with_asyncio(tmp_path: Path) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with aio.open_driver("serial", port=str(device.path)) as robot:
+            await robot.read()
+            await asyncio.sleep(0.05)
+            device.device.mute = True
+            await asyncio.sleep(0.3)
+            with pytest.raises((errors.RequestTimeout, errors.LinkLost)):
+                await robot.read(0)
+            device.device.mute = False
+            await robot.read()
+            await asyncio.sleep(0.05)
+            device.unplug()
+            while robot.is_open:
+                await asyncio.sleep(0.005)
+            with pytest.raises(errors.LinkLost):
+                await robot.read(0.05)
+            device.plug()
+            plugged_s = time.monotonic()
+            assert (await robot.read(10)).stamp > plugged_s
+
+    with PtyDevice(tmp_path / "port") as device:
+        asyncio.run(use(device))
+
+
+def test_the_same_in_virtual_time() -> None:
+    with MockDriver(realtime=False) as robot:
+        robot.read()
+        robot.advance(0.2)  # some are left unread
+        robot.unplug()
+        with pytest.raises(errors.LinkLost):
+            robot.read(0.5)
+        robot.advance(1.0)
+        robot.plug()
+        latest = robot.latest
+        assert latest is not None
+        assert latest.age_s > 1.4
+        assert robot.read(5).stamp > latest.sample.stamp + 1.4
+
+
+def test_a_reset_in_virtual_time_leaves_nothing_to_read() -> None:
+    with MockDriver(realtime=False) as robot:
+        boot_id = robot.read().boot_id
+        robot.advance(0.05)
+        robot.simulator.reset()
+        while robot.is_open:
+            robot.advance(0.001)
+        with pytest.raises(errors.LinkLost):
+            robot.read(0)
+        assert robot.read(5).boot_id != boot_id
+
+
+def test_the_latest_sample_takes_nothing_from_a_reader(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
+        driver.read()
+        device.device.rate_hz = 0
+        time.sleep(0.05)
+        first, second = driver.latest, driver.latest
+        assert first is not None
+        assert second is not None
+        assert first.sample == second.sample
+        assert 0 <= first.age_s <= second.age_s < 10
+
+
+def test_health(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
+        end = time.monotonic() + 1.2
+        while time.monotonic() < end:
+            driver.read()
+        health = driver.health
+        assert health.is_open
+        assert health.age_s is not None
+        assert health.age_s < 1
+        assert 20 < health.rate_hz <= 130
+        assert 0 <= health.loss < 0.1
+        assert 0 < health.clock_error_s < 0.1
+        assert health.latched is None
+        driver.estop()
+        while driver.read().state is not SupervisorState.ESTOPPED:
+            pass
+        assert driver.health.latched is SupervisorState.ESTOPPED
+        device.unplug()
+        wait_until_lost(driver)
+        time.sleep(0.3)
+        health = driver.health
+        assert not health.is_open
+        assert health.age_s is not None
+        assert health.age_s > 0.25
+
+
+def test_the_rate_is_that_of_the_last_second() -> None:
+    with MockDriver(realtime=False) as robot:
+        robot.advance(2)
+        health = robot.health
+        assert health.rate_hz == pytest.approx(100, abs=12)
+        assert health.loss == 0
+        assert not math.isnan(health.clock_error_s)
+        robot.unplug()
+        robot.advance(1.5)
+        assert robot.health.rate_hz == 0
