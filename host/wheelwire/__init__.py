@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .errors import DeviceRefused as DeviceRefused
     from .errors import DeviceSilent as DeviceSilent
     from .errors import DriverUnavailable as DriverUnavailable
+    from .errors import Expired as Expired
     from .errors import ForeignDevice as ForeignDevice
     from .errors import InvalidArgument as InvalidArgument
     from .errors import InvalidCommand as InvalidCommand
@@ -67,6 +68,7 @@ _MODULES = {
         "DeviceRefused",
         "DeviceSilent",
         "DriverUnavailable",
+        "Expired",
         "ForeignDevice",
         "InvalidArgument",
         "InvalidCommand",

@@ -153,9 +153,15 @@ class InvalidArgument(WheelwireError, ValueError):  # noqa: N818
 
 
 class InvalidCommand(InvalidArgument):
-    """An invalid command: NaN, infinity, or already expired. Nothing was sent."""
+    """An invalid command: NaN, infinity, or a time to live out of bounds. Nothing was sent."""
 
     exit_code = 10
+
+
+class Expired(InvalidCommand):
+    """The command's time to live had run out when it was to be sent. Nothing was sent."""
+
+    exit_code = 28
 
 
 class UnknownParameter(WheelwireError, KeyError):  # noqa: N818

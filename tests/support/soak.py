@@ -13,10 +13,9 @@ from typing import NamedTuple, TypeVar
 
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout
+from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import GroundTruth, Impairment, LineProfile
-from wheelwire_protocol.codes import RefusalCode
 
 T = TypeVar("T")
 STATE_HZ = 1000
@@ -83,7 +82,6 @@ class Soak:
         self._simulator = simulator
         self._robot = robot
         self._laps = 0
-        self._expired = 0
         self._tick_base = self._ticks_against_plant()
 
     def lap(self, seconds: float = LAP_S) -> Lap:
@@ -117,7 +115,7 @@ class Soak:
             ),
             ticks_wrong=ticks_wrong,
             recovery_s=recovery_s,
-            expired=self._expired,
+            expired=self._robot.statistics.setpoints_expired,
             sessions=sessions,
             resident_kib=(resident_kib(os.getpid()), resident_kib(self._simulator.pid)),
             threads=len(list(Path("/proc/self/task").iterdir())),
@@ -138,13 +136,7 @@ class Soak:
             time.sleep(COMMAND_PERIOD_S)
 
     def _command(self, turn: float) -> None:
-        try:
-            self._robot.set_velocity(0.2, turn, ttl=TTL_S)
-        except DeviceRefused as refused:
-            # The computer was busy elsewhere for longer than the setpoint lived: the robot stood.
-            if refused.code != RefusalCode.EXPIRED:
-                raise
-            self._expired += 1
+        self._robot.set_velocity(0.2, turn, ttl=TTL_S)
 
     def _stand(self) -> None:
         retry(self._robot.stop)

@@ -9,7 +9,7 @@ from pathlib import Path
 from wheelwire.demo.report import Report
 
 ROOT = Path(__file__).parents[2]
-REPORT = Report(0.0, 0.0, 0.0, 0, 0, 0, 0, 0.0, 0.0, 0, 0, 0, 0.0, "", None)
+REPORT = Report(0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0.0, 0.0, 0, 0, 0, 0.0, "", None)
 
 
 def test_it_says_what_the_demonstration_prints() -> None:

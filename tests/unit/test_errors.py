@@ -21,6 +21,7 @@ WITH_ARGUMENTS: dict[type[errors.WheelwireError], errors.WheelwireError] = {
         errors.DeviceRefused(RefusalCode.FAULT, "the setpoint", Fault.CONTROL_OVERRUN),
         errors.DeviceRefused(RefusalCode.ESTOPPED, "the setpoint"),
         errors.WrongBoard("240ac4123456", "240ac4abcdef"),
+        errors.BoardMismatch("devkit", "other", confirmed=False),
         errors.GroupUnavailable("board", 0x1234, 0x5678),
         errors.UnknownParameter("wheel_radios", ["wheel_radius"]),
         errors.ParameterOutOfRange("wheel_radius", 7.0, "at most 1"),

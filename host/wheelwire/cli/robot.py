@@ -181,19 +181,13 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     robot.set_velocity(0.0, 0.0, ttl=TTL_S)
     end = time.monotonic() + seconds
     valid_until = -math.inf
-    late = 0
+    late_before = robot.statistics.setpoints_expired
     # The last setpoint lasts to the end, so that none has to arrive within the little that is left.
     while (now := time.monotonic()) < end:
         if valid_until < end:
             # The stop below ends a first one that is longer than the drive.
             ttl = min(TTL_S, max(end - now, COMMAND_PERIOD_S))
-            try:
-                robot.set_velocity(*twist, ttl=ttl)
-            except DeviceRefused as error:
-                if error.code != RefusalCode.EXPIRED:
-                    raise
-                late += 1  # this computer was busy; the wheels have stopped, and go on
-                continue
+            robot.set_velocity(*twist, ttl=ttl)
             valid_until = end if now + TTL_S >= end else now + ttl
         # Ticks are cumulative, so no travel is lost with the samples that are skipped.
         odometry.update(robot.read())
@@ -201,6 +195,7 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     robot.stop()
     stopped = odometry.update(robot.read()).pose
     odometry.update(_standstill(robot))
+    late = robot.statistics.setpoints_expired - late_before
     return _Driven(stopped, odometry.pose, late)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import NamedTuple, TypeVar
 
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
@@ -124,21 +124,10 @@ def follow_duty(
     """
     record = Record(robot.read())
     while True:
-        send(lambda: robot.set_duty(*duty(record), TTL_S))
+        robot.set_duty(*duty(record), TTL_S)
         record.add(robot.read())
         if any(condition(record) for condition in until):
             return record
-
-
-def send(setpoint: Callable[[], None]) -> None:
-    """Send a setpoint, also if the one before came too late because the computer was busy."""
-    try:
-        setpoint()
-    except DeviceRefused as error:
-        if error.code != RefusalCode.EXPIRED:
-            raise
-        # The refusal is of the setpoint before, and is told once; this one was not sent yet.
-        setpoint()
 
 
 def arm(robot: BaseDriver) -> None:
@@ -154,7 +143,7 @@ def arm(robot: BaseDriver) -> None:
         if sample.since(begin).dt_s > _LONGEST_ARMING_S:
             raise CommissioningFailed("no setpoint reaches the robot: check the cable")
         # Again and again: a setpoint is not acknowledged, and may be lost.
-        send(lambda: robot.set_wheel_velocity(0.0, 0.0, TTL_S))
+        robot.set_wheel_velocity(0.0, 0.0, TTL_S)
         sample = robot.read()
     # Some parameters change only while nothing is obeyed.
     robot.stop()

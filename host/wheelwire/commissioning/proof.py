@@ -28,7 +28,6 @@ from .motion import (
     come_to_rest,
     one_session,
     require_ready,
-    send,
     uninterrupted,
 )
 
@@ -341,7 +340,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
         # Along the course by the robot's clock, so that a late sample does not stretch it.
         left, right = course.at(record.seconds + ahead_s)
         try:
-            send(partial(robot.set_wheel_velocity, left, right, TTL_S))
+            robot.set_wheel_velocity(left, right, TTL_S)
         except DeviceRefused as error:
             if error.faults:
                 raise _Faulted from error

@@ -10,7 +10,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample, tick_difference
-from .motion import TTL_S, BoardReset, arm, fresh, one_session, send
+from .motion import TTL_S, BoardReset, arm, fresh, one_session
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -179,7 +179,7 @@ def _seconds(samples: list[WheelSample]) -> float:
 
 def _set_duty(robot: BaseDriver, duties: tuple[float, float], seconds: float) -> None:
     try:
-        send(lambda: robot.set_duty(*duties, ttl=seconds))
+        robot.set_duty(*duties, ttl=seconds)
     except DeviceRefused as error:
         if error.code != RefusalCode.FAULT:  # the next sample has a fault
             raise

@@ -18,6 +18,8 @@ class Report:
     frames_received: int
     frames_lost: int
     crc_errors: int
+    setpoints_expired: int
+    """Setpoints that came too late: the wheels stopped meanwhile, for this computer was busy."""
     round_trip_p50_us: float
     round_trip_p99_us: float
     command_age_us: int

@@ -116,6 +116,7 @@ class _Demonstration:
             frames_received=statistics.frames_received,
             frames_lost=statistics.frames_lost,
             crc_errors=statistics.bad_crc,
+            setpoints_expired=statistics.setpoints_expired,
             round_trip_p50_us=statistics.round_trip_p50_us,
             round_trip_p99_us=statistics.round_trip_p99_us,
             # The deadline is TTL_S after the setpoint was made, less the clock's error bound.

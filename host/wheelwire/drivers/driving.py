@@ -8,7 +8,7 @@ from math import isfinite
 from wheelwire_protocol.codes import SupervisorState
 
 from ..arguments import LONGEST_WAIT_S, is_number
-from ..errors import NO_FAULT, InvalidCommand, WheelwireError, shown
+from ..errors import NO_FAULT, Expired, InvalidCommand, WheelwireError, shown
 from ..link.clock import host_clock_us
 from ..link.info import Health, LinkStatistics
 from ..link.latest_sample import Latest, LatestSample
@@ -42,10 +42,13 @@ class Driving(ABC):
             stamp: When the command was made, on `time.monotonic()`. [s] None: now.
 
         Raises:
-            InvalidCommand: NaN, infinity; a ttl that is not above zero, has run out since `stamp`
-                or is below the error bound of the robot's clock; a stamp in the future. Nothing
-                was sent.
-            DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused.
+            InvalidCommand: NaN, infinity; a ttl that is not above zero; a stamp in the future.
+                Nothing was sent.
+            Expired: The ttl has run out since `stamp`, or what is left of it is below the error
+                bound of the robot's clock. Nothing was sent. One that runs out on the line is
+                counted in `statistics` and `health`, and raises nothing.
+            DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused for
+                another reason than its age.
             LinkLost: The robot is out of reach.
         """
         expiry_us = self._expiry_us(ttl, stamp)
@@ -175,7 +178,7 @@ class Driving(ABC):
                 "give the time.monotonic() at which the command was made"
             )
         if age_us >= life_us:
-            raise InvalidCommand(
+            raise Expired(
                 f"the command is {age_us / 1e6:.3g} s old and its ttl is {life_us / 1e6:g} s: "
                 "send it sooner after its stamp, or give it a longer ttl"
             )

@@ -17,7 +17,7 @@ from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import AnyMessage, Estop, Refuse, SetDuty, SetWheelVelocity, Stop
 
-from ..errors import NO_FAULT, DeviceRefused, InvalidCommand, WheelwireError
+from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError
 from .clock import ClockEstimator
 from .requests import COPY_ID
 from .state_stream import DUTY_SCALE
@@ -138,10 +138,11 @@ class SetpointSender:
             Its frame, to be written at once.
 
         Raises:
-            InvalidCommand: It expires within the error bound of the device's clock.
+            Expired: It expires within the error bound of the device's clock.
             LinkLost: The session is not open.
-            DeviceRefused: The last setpoint was refused, an e-stop or a fault is latched, or a
-                trial of parameters was lost. After UNARMED zero is sent, and does not raise.
+            DeviceRefused: The last setpoint was refused for another reason than its age, an e-stop
+                or a fault is latched, or a trial of parameters was lost. After UNARMED zero is
+                sent, and does not raise.
         """
         return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
 
@@ -170,7 +171,7 @@ class SetpointSender:
         Raises:
             DeviceRefused: The last setpoint was refused (told once), or the device is latched.
         """
-        # Told once, or one setpoint that came late would keep back all that follow.
+        # Told once, or one setpoint that was refused would keep back all that follow.
         refusal, self._refusal = self._refusal, None
         if refusal is None and self.supervisor is not None:
             refusal = _LATCHED.get(self.supervisor)
@@ -185,7 +186,7 @@ class SetpointSender:
         if unseen is None or now_us < unseen[2]:
             return
         setpoint, expiry_host_us, _ = unseen
-        # An expired one would be refused, and `check` would then refuse the next for it.
+        # An expired one would only be refused.
         if now_us < expiry_host_us:
             self.repeated += 1
             self._send(setpoint)
@@ -200,8 +201,10 @@ class SetpointSender:
 
     def on_refused(self, refuse: Refuse) -> None:
         """The device refused one."""
-        self.expired += refuse.code == RefusalCode.EXPIRED
-        self._refusal = refuse.code
+        if refuse.code == RefusalCode.EXPIRED:
+            self.expired += 1  # no reason to keep back the next one, which may be in time
+        else:
+            self._refusal = refuse.code
         # It arrived, so it is not sent again.
         self.on_obeyed(refuse.reference)
         # The zero that was sent since has armed the device, or is refused as well.
@@ -227,7 +230,7 @@ class SetpointSender:
         bound_us = math.ceil(error_us)
         sure_us = expiry_us - bound_us
         if sure_us <= now_us:
-            raise InvalidCommand(
+            raise Expired(
                 f"{(expiry_us - now_us) / 1e3:g} ms are left of the setpoint's ttl, and the "
                 f"device's clock is known to {bound_us / 1e3:g} ms: give it a longer ttl"
             )

@@ -1,10 +1,12 @@
 import itertools
+import time
 
 import pytest
 
-from wheelwire import DeviceRefused, RefusalCode, open_driver
+from wheelwire import open_driver
 from wheelwire.cli import robot as commands
 from wheelwire.drivers.mock import MockDriver
+from wheelwire.link.clock import host_clock_us
 from wheelwire.motion.kinematics import Twist
 
 SECONDS = 0.22
@@ -42,16 +44,22 @@ def test_the_last_setpoint_lasts_to_the_end(lives: list[float]) -> None:
 def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A busy computer: the device refuses it, which the next call is told."""
+    """A busy computer: the device refuses it, and the drive says so at its end."""
     with open_driver("mock") as robot:
         send, calls = robot.set_velocity, itertools.count()
 
-        def refused_once(linear: float, angular: float, ttl: float) -> None:
-            if next(calls) == 1:
-                raise DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+        def late_once(linear: float, angular: float, ttl: float) -> None:
             send(linear, angular, ttl)
+            if next(calls) == 1:
+                # Expired on the device's clock, though not on this one's.
+                now_us = host_clock_us()
+                setpoints = robot._link._session.setpoints
+                frame = setpoints.velocity_frame(0.1, 0.1, now_us + 50_000, now_us)
+                setpoints.void()  # or its repeat would be in time
+                time.sleep(0.1)
+                robot._link._write(frame, host_clock_us())  # type: ignore[union-attr]
 
-        monkeypatch.setattr(robot, "set_velocity", refused_once)
+        monkeypatch.setattr(robot, "set_velocity", late_once)
         driven = commands._drive(robot, Twist(0.1, 0.0), 0.5)
     assert driven.late == 1
     assert driven.pose.x_m > 0.02

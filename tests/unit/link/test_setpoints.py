@@ -4,7 +4,7 @@ import pytest
 
 from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
-from wheelwire.errors import DeviceRefused, InvalidCommand
+from wheelwire.errors import DeviceRefused, Expired
 from wheelwire.simulation.impairment import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
@@ -182,7 +182,7 @@ def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
 def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
     slow = Impairment(delay_us=20_000)
     line = VirtualLine(to_device=slow, to_host=slow).open()
-    with pytest.raises(InvalidCommand, match=r"10 ms are left .*ttl.* known to 20\.\d+ ms"):
+    with pytest.raises(Expired, match=r"10 ms are left .*ttl.* known to 20\.\d+ ms"):
         line.drive(ttl_s=0.010)
     assert line.sent_of(SetWheelVelocity) == []
     line.drive(ttl_s=0.1)
@@ -190,16 +190,30 @@ def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
     assert len(line.device.obeyed) == 1
 
 
-def test_a_refused_setpoint_is_told_once_at_the_next_one() -> None:
+def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other() -> None:
     line = VirtualLine().open()
     line.to_device.impairment.delay_us = 30_000
     line.drive(ttl_s=0.01)
     line.run(0.2)
+    line.to_device.impairment.delay_us = 200
+    line.drive()
+    line.run(0.1)
+    assert len(line.device.obeyed) == 1
+    statistics = line.session.statistics(line.now_us)
+    assert statistics.refused == 1
+    assert statistics.setpoints_expired == 1
+
+
+def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one() -> None:
+    line = VirtualLine().open()
+    ids = line.device.session_id, message_id(SetWheelVelocity)
+    line.device.send(Refuse(*ids, RefusalCode.UNARMED, 1))
+    line.run(0.05)
     with pytest.raises(DeviceRefused) as told:
         line.drive()
-    assert told.value.code == RefusalCode.EXPIRED
+    assert told.value.code == RefusalCode.UNARMED
     line.drive()
-    assert line.session.statistics(line.now_us).refused == 1
+    assert line.session.statistics(line.now_us).setpoints_expired == 0
 
 
 @pytest.mark.parametrize(

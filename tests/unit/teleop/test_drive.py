@@ -14,7 +14,7 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.teleop.drive import DEFAULT_SPEED, PERIOD_S, RELEASE_FIRST, SPEEDS, TTL_S
 from wheelwire.teleop.keys import INTERRUPT, SPACE, Action
 from wheelwire.teleop.presses import FIRST_LIFE_S
-from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 
 TYPED, PRESSED, REPEATED, RELEASED = (
     Action.TYPED,
@@ -89,24 +89,6 @@ def test_a_new_direction_or_speed_is_sent_at_once(hand: Hand, lives: list[float]
     assert len(lives) == before + 1
     hand.key("s")
     assert len(lives) == before + 2
-
-
-def test_a_setpoint_that_came_too_late_costs_no_press(
-    hand: Hand, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    send, late = hand.robot.set_velocity, [True]
-
-    def refused(*arguments: float, **stamp: float) -> None:
-        if late:
-            late.clear()
-            raise errors.DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
-        send(*arguments, **stamp)
-
-    monkeypatch.setattr(hand.robot, "set_velocity", refused)
-    hand.key("w")
-    hand.wait(0.2)
-    assert hand.state() is SupervisorState.DRIVING
-    assert hand.said == []
 
 
 def test_a_release_stops_at_once(hand: Hand) -> None:
