@@ -187,9 +187,11 @@ class RobotConnection:
         limited = self._limiter.limit(twist, self.tuning.limits, now_s)
         wheels = drive.saturate(drive.wheel_velocities(limited))
         self.gate.check(born_s, time.monotonic())
+        # The robot refuses a longer life than its ttl_max_s, which may be below cmd_vel_timeout.
+        ttl_s = min(self.gate.timeout_s, self.robot.ttl_max_s or self.gate.timeout_s)
         try:
             # By its stamp, the command gains no life if this process is suspended meanwhile.
-            self.robot.set_wheel_velocity(*wheels, self.gate.timeout_s, stamp=born_s)
+            self.robot.set_wheel_velocity(*wheels, ttl_s, stamp=born_s)
         except InvalidCommand:
             # It may have expired since the check above: then it is stale, not invalid.
             self.gate.check(born_s, time.monotonic())

@@ -21,7 +21,7 @@ import wheelwire
 from wheelwire_protocol.decoder import Decoder
 with wheelwire.open_driver({driver!r}, {options}) as robot:
     for _ in range(10):
-        robot.set_velocity(0.1, 0.0, ttl=2.0)
+        robot.set_velocity(0.1, 0.0, ttl=0.9)
         sample = robot.read()
 print(Decoder.__name__, sample.state.name)
 """

@@ -96,6 +96,7 @@ class FakeDevice:
     board: Board = Board.SIMULATED
     wheel_mps: float = 0.1
     board_id: int = 0x240AC4123456
+    ttl_max_s: float = float(PARAMETER_BY_NAME["ttl_max_s"].default)
 
     def __post_init__(self) -> None:
         self.received: list[AnyMessage] = []
@@ -105,6 +106,7 @@ class FakeDevice:
         """Number of requests to carry out without sending the answer."""
         self.supervisor = SupervisorState.IDLE
         self.parameters = {p.id: float(p.default) for p in PARAMETERS}
+        self.parameters[PARAMETER_BY_NAME["ttl_max_s"].id] = self.ttl_max_s
         self._next_state_us = 0
         self._start()
 

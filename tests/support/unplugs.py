@@ -18,7 +18,7 @@ from typing import Any
 from support.answering_port import Port
 from support.fake_device import FakeDevice
 from wheelwire import aio
-from wheelwire.drivers.linked import GEOMETRY
+from wheelwire.drivers.linked import WATCHED
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.base_link import LinkOptions
@@ -128,7 +128,7 @@ def in_parallel(run: Callable[[int, int], Outcome], count: int, seed: int) -> Ou
 
 def options(socket: Socket) -> LinkOptions:
     """A link to whatever is in the socket."""
-    return LinkOptions("socket", watched=GEOMETRY, open_port=socket.open)
+    return LinkOptions("socket", watched=WATCHED, open_port=socket.open)
 
 
 def with_threads(count: int, seed: int) -> Outcome:

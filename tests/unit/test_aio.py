@@ -68,7 +68,7 @@ class Place:
     """Where a device is: opens ports to it."""
 
     def __init__(self) -> None:
-        self.device = FakeDevice(clock_offset_us=0)
+        self.device = FakeDevice(clock_offset_us=0, ttl_max_s=60.0)
         self.ports: list[Port] = []
         self.accepts = True
 

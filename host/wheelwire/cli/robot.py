@@ -181,14 +181,15 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     robot.set_velocity(0.0, 0.0, ttl=TTL_S)
     end = time.monotonic() + seconds
     valid_until = -math.inf
+    longest_s = min(TTL_S, robot.ttl_max_s or TTL_S)
     late_before = robot.statistics.setpoints_expired
     # The last setpoint lasts to the end, so that none has to arrive within the little that is left.
     while (now := time.monotonic()) < end:
         if valid_until < end:
             # The stop below ends a first one that is longer than the drive.
-            ttl = min(TTL_S, max(end - now, COMMAND_PERIOD_S))
+            ttl = min(longest_s, max(end - now, COMMAND_PERIOD_S))
             robot.set_velocity(*twist, ttl=ttl)
-            valid_until = end if now + TTL_S >= end else now + ttl
+            valid_until = end if now + longest_s >= end else now + ttl
         # Ticks are cumulative, so no travel is lost with the samples that are skipped.
         odometry.update(robot.read())
         time.sleep(min(COMMAND_PERIOD_S, max(0.0, end - time.monotonic())))

@@ -124,7 +124,7 @@ def follow_duty(
     """
     record = Record(robot.read())
     while True:
-        robot.set_duty(*duty(record), TTL_S)
+        robot.set_duty(*duty(record), life_s(robot))
         record.add(robot.read())
         if any(condition(record) for condition in until):
             return record
@@ -143,10 +143,15 @@ def arm(robot: BaseDriver) -> None:
         if sample.since(begin).dt_s > _LONGEST_ARMING_S:
             raise CommissioningFailed("no setpoint reaches the robot: check the cable")
         # Again and again: a setpoint is not acknowledged, and may be lost.
-        robot.set_wheel_velocity(0.0, 0.0, TTL_S)
+        robot.set_wheel_velocity(0.0, 0.0, life_s(robot))
         sample = robot.read()
     # Some parameters change only while nothing is obeyed.
     robot.stop()
+
+
+def life_s(robot: BaseDriver) -> float:
+    """For how long a setpoint lives."""
+    return min(TTL_S, robot.ttl_max_s or TTL_S)
 
 
 def fresh(robot: BaseDriver) -> WheelSample:

@@ -21,11 +21,11 @@ from ..drivers.base import BaseDriver
 from ..errors import DeviceRefused
 from .motion import (
     SIDES,
-    TTL_S,
     Pair,
     Record,
     arm,
     come_to_rest,
+    life_s,
     one_session,
     require_ready,
     uninterrupted,
@@ -340,7 +340,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
         # Along the course by the robot's clock, so that a late sample does not stretch it.
         left, right = course.at(record.seconds + ahead_s)
         try:
-            robot.set_wheel_velocity(left, right, TTL_S)
+            robot.set_wheel_velocity(left, right, life_s(robot))
         except DeviceRefused as error:
             if error.faults:
                 raise _Faulted from error

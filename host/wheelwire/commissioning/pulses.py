@@ -10,7 +10,7 @@ from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample, tick_difference
-from .motion import TTL_S, BoardReset, arm, fresh, one_session
+from .motion import BoardReset, arm, fresh, life_s, one_session
 
 COUNTED_TICKS = 4
 """A whole period of A and B: an encoder with one dead channel never gets there."""
@@ -140,8 +140,8 @@ def _drive(
     set_until_s = 0.0
     while (now_s := _seconds(samples)) < seconds:
         # Renewed at half of its life, so that a late sample does not interrupt the drive.
-        if set_until_s < seconds and set_until_s - now_s < TTL_S / 2:
-            ttl = min(TTL_S, seconds - now_s)
+        if set_until_s < seconds and set_until_s - now_s < life_s(robot) / 2:
+            ttl = min(life_s(robot), seconds - now_s)
             _set_duty(robot, duties, ttl)
             set_until_s = now_s + ttl
         samples.append(_next(robot, samples))

@@ -42,8 +42,9 @@ class Driving(ABC):
             stamp: When the command was made, on `time.monotonic()`. [s] None: now.
 
         Raises:
-            InvalidCommand: NaN, infinity; a ttl that is not above zero; a stamp in the future.
-                Nothing was sent.
+            InvalidCommand: NaN, infinity; a stamp in the future; a ttl that is not above zero, or
+                above the robot's parameter `ttl_max_s`. Nothing was sent. While that limit is not
+                known, the robot shortens a ttl above it.
             Expired: The ttl has run out since `stamp`, or what is left of it is below the error
                 bound of the robot's clock. Nothing was sent. One that runs out on the line is
                 counted in `statistics` and `health`, and raises nothing.
@@ -117,6 +118,11 @@ class Driving(ABC):
         return True
 
     @property
+    def ttl_max_s(self) -> float | None:
+        """The longest time to live that the robot takes, in seconds; None while not known."""
+        return None
+
+    @property
     @abstractmethod
     def statistics(self) -> LinkStatistics:
         """Counters and timing of the link to the robot."""
@@ -135,7 +141,7 @@ class Driving(ABC):
             latched=state if state in _LATCHED else None,
             faults=latest.sample.faults if latest else NO_FAULT,
             setpoints_expired=counted.setpoints_expired,
-            ttl_max_s=None,
+            ttl_max_s=self.ttl_max_s,
         )
 
     # --- for drivers ---------------------------------------------------------------------------
@@ -167,6 +173,12 @@ class Driving(ABC):
         # Nearly every ttl is a plain float within the bounds, and needs no further check.
         if type(ttl) is not float or not 0.0 < ttl <= LONGEST_WAIT_S:
             ttl = _checked_ttl(ttl)
+        limit_s = self.ttl_max_s
+        if limit_s is not None and ttl > limit_s:
+            raise InvalidCommand(
+                f"ttl = {ttl:g} s: the robot's ttl_max_s is {limit_s:g} s; give at most that, or "
+                "set that parameter"
+            )
         life_us = round(ttl * 1e6)
         if stamp is None:
             return now_us + life_us
@@ -211,5 +223,5 @@ def _finite(name: str, value: float) -> float:
 def _checked_ttl(ttl: float) -> float:
     if not (is_number(ttl) and ttl > 0):
         raise InvalidCommand(f"ttl = {shown(ttl)}: give the setpoint a time to live above 0 s")
-    # Shortened and not refused: the device shortens a life that long in any case.
+    # Shortened and not refused: where its limit is not known the device shortens it in any case.
     return min(float(ttl), LONGEST_WAIT_S)

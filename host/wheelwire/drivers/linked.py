@@ -23,9 +23,10 @@ GEOMETRY = tuple(
     for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
 )
 """Read from the device in each session, so that a robot's dimensions are stored in one place."""
+TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"].id
 
 _ESTOP_INPUT = PARAMETER_BY_NAME["estop_input_enabled"].id
-WATCHED = (*GEOMETRY, _ESTOP_INPUT, PARAMETER_BY_NAME["rearm_gap_s"].id)
+WATCHED = (*GEOMETRY, TTL_MAX, _ESTOP_INPUT, PARAMETER_BY_NAME["rearm_gap_s"].id)
 """All that is read in each session. Whoever drives needs to know of the pause after a clear."""
 
 CONTACT_IGNORED = (
@@ -44,6 +45,7 @@ class LinkedRobot(Driving):
 
     _link: BaseLink | VirtualLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
+    _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
 
     @property
     def info(self) -> LinkInfo:
@@ -61,6 +63,19 @@ class LinkedRobot(Driving):
             # Both in one assignment: no thread finds new values beside the old geometry.
             self._geometry = values, geometry
         return geometry
+
+    @property
+    def ttl_max_s(self) -> float | None:
+        """The longest time to live that the robot takes, in seconds; None while out of reach.
+
+        Its parameter of this name, read whenever a session is opened. Never waits.
+        """
+        values = self._link.watched_if_open
+        known, limit_s = self._ttl_max_s  # every setpoint asks
+        if values is not known:
+            limit_s = None if values is None else decimal_of_float32(values[TTL_MAX])
+            self._ttl_max_s = values or {}, limit_s
+        return limit_s
 
     @property
     def statistics(self) -> LinkStatistics:

@@ -154,6 +154,11 @@ class BaseLink(ABC):
             raise self._session.error.with_traceback(None)
         return values
 
+    @property
+    def watched_if_open(self) -> Mapping[int, float] | None:
+        """As `watched_values`; None while no session is open."""
+        return self._session.watched_values
+
     def known(self, parameter: int) -> float | None:
         """The newest value of a parameter that was reported in this session, if there is one."""
         self.check()

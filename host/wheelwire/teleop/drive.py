@@ -98,7 +98,8 @@ class Teleop:
         """Send the setpoint that the keys ask for; it lives no longer than they do."""
         motion = self._presses.motion(now)
         life_s = motion.until - now
-        until = motion.until if life_s <= TTL_S else now + TTL_S
+        longest_s = self._longest_s
+        until = motion.until if life_s <= longest_s else now + longest_s
         sent = _Sent(motion.forward, motion.left, self.speed, until)
         # The last setpoint lasts to the end of the press, so that none has to arrive within the
         # little that is left.
@@ -107,7 +108,7 @@ class Teleop:
         if motion is STILL or life_s < PERIOD_S:
             return
         try:
-            self._send(motion, min(TTL_S, life_s), now)
+            self._send(motion, min(longest_s, life_s), now)
         except WheelwireError as error:
             self._complain(error)
         else:
@@ -118,6 +119,11 @@ class Teleop:
         linear, angular = self.velocity
         asked = motion.forward * linear, motion.left * angular
         self._robot.set_velocity(*asked, ttl_s, stamp=now)
+
+    @property
+    def _longest_s(self) -> float:
+        """For how long a setpoint may live."""
+        return min(TTL_S, self._robot.ttl_max_s or TTL_S)
 
     def wait_s(self, now: float) -> float:
         """How long nothing is to be done without a key."""
@@ -190,7 +196,7 @@ class Teleop:
             self._say("nothing is latched")
             return
         # A clear alone restarts nothing. All keys were let go above: a motion needs a new press.
-        self._robot.set_velocity(0.0, 0.0, TTL_S)
+        self._robot.set_velocity(0.0, 0.0, self._longest_s)
         self._say(f"{state.name} cleared")
 
 

@@ -52,10 +52,10 @@ class StoppingTests:
 
         def command_with_an_old_stamp() -> None:
             made = harness.next().stamp
-            harness.drive(SPEED_MPS, 0.0, 0.8)
-            harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1.4, stamp=made)
+            harness.drive(SPEED_MPS, 0.0, 0.4)
+            harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1.0, stamp=made)
 
-        # 0.8 of the 1.4 s have passed when it is sent.
+        # 0.4 of the 1 s have passed when it is sent.
         sample = harness.time_to(command_with_an_old_stamp, not_driving, 0.6 + WATCHDOG_MARGIN_S)
         assert sample.state is SupervisorState.TIMED_OUT
 
@@ -69,8 +69,10 @@ class StoppingTests:
 
     def test_a_time_to_live_is_limited(self, harness: DriveHarness) -> None:
         longest_s = harness.driver.parameters["ttl_max_s"]
+        with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
+            harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1e9)
         sample = harness.time_to(
-            lambda: harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=1e9),
+            lambda: harness.driver.set_velocity(SPEED_MPS, 0.0, ttl=longest_s),
             not_driving,
             longest_s + WATCHDOG_MARGIN_S,
         )

@@ -21,6 +21,7 @@ from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
 from wheelwire import errors
+from wheelwire.drivers.linked import TTL_MAX
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
 from wheelwire.testing.refusing import commands_with
@@ -108,7 +109,9 @@ def test_a_duty_beyond_one_is_no_command(driver: SerialDriver) -> None:
 
 
 def test_an_endless_time_to_live_fits_the_wire(robot: PtyDevice, driver: SerialDriver) -> None:
-    driver.set_velocity(0.1, 0.0, ttl=1e300)
+    robot.device.parameters[TTL_MAX] = 3e38
+    driver.parameters.refresh("ttl_max_s")
+    driver.set_velocity(0.1, 0.0, ttl=1e38)
     wait_until(lambda: bool(robot.device.obeyed))
 
 
@@ -179,6 +182,7 @@ def test_a_forgotten_driver_stops_the_robot(robot: PtyDevice) -> None:
 
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
 def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> None:
+    robot.device.parameters[TTL_MAX] = 60.0
     program = (
         "import sys, time, wheelwire\n"
         "robot = wheelwire.open_driver('serial', port=sys.argv[1])\n"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -15,7 +16,7 @@ from wheelwire.link.transports import SerialTransport
 
 @pytest.fixture
 def device(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "port") as device:
+    with PtyDevice(tmp_path / "port", FakeDevice(ttl_max_s=60.0)) as device:
         yield device
 
 

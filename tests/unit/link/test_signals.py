@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from support.bytecodes import interrupted
+from support.fake_device import FakeDevice
 from support.interrupted_host import LONGEST_S
 from support.interrupts import interrupt_program
 from support.pty_device import PtyDevice
@@ -46,7 +47,8 @@ STRIDE = 7
 
 @pytest.fixture
 def driver(tmp_path: Path) -> Iterator[SerialDriver]:
-    with PtyDevice(tmp_path / "robot") as device, SerialDriver(str(device.path)) as driver:
+    fake = FakeDevice(ttl_max_s=60.0)
+    with PtyDevice(tmp_path / "robot", fake) as device, SerialDriver(str(device.path)) as driver:
         yield driver
 
 

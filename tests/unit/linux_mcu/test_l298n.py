@@ -109,7 +109,7 @@ def test_no_pins_at_all_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_program_that_has_the_pins_keeps_them(chip: GpioChip) -> None:
     with open_on(chip) as driver:
-        driver.set_velocity(0.2, 0.0, ttl=60)
+        driver.set_velocity(0.2, 0.0, ttl=1.0)
         with pytest.raises(DriverUnavailable, match="another program uses one of the pins"):
             open_on(chip)
         driver.set_velocity(0.2, 0.0)

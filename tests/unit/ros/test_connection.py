@@ -34,6 +34,7 @@ class RecordingRobot:
         self.values = {"proportional_gain": 1.0, "integral_gain": 16.0, "wheel_radius": 0.033}
         self.geometry = DifferentialDrive(0.2, 0.033, 360)
         self.sessions = 1
+        self.ttl_max_s: float | None = None
         self.error: Exception | None = None
         self.parameters = self
 
@@ -100,6 +101,16 @@ def ignored(connection: RobotConnection, born_s: float | None = None) -> Ignored
     with pytest.raises(CommandIgnored) as error:
         connection.command(Twist(0.2, 0), time.monotonic() if born_s is None else born_s)
     return error.value.reason
+
+
+def test_a_command_lives_no_longer_than_the_robot_takes(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.gate.connected_s = 0
+    robot.ttl_max_s = 0.3
+    born_s = time.monotonic()
+    connection.command(Twist(0.2, 0.0), born_s)
+    assert robot.told[-1][-1] == born_s + 0.3
 
 
 def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(

@@ -1,0 +1,82 @@
+"""A time to live above the device's limit is refused before it is sent, not cut."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from wheelwire import aio, errors
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import ParameterGet
+
+pytestmark = pytest.mark.timeout(60)
+
+ID = PARAMETER_BY_NAME["ttl_max_s"].id
+
+
+def test_milliseconds_for_seconds_are_refused_by_name(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        for command in (robot.set_velocity, robot.set_wheel_velocity, robot.set_duty):
+            with pytest.raises(errors.InvalidCommand, match=r"ttl = 300 s.* ttl_max_s is 1 s"):
+                command(0.1, 0.1, ttl=300)
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        assert robot.health.ttl_max_s == robot.ttl_max_s == 1.0
+
+
+def test_the_limit_is_the_devices_and_follows_it(tmp_path: Path) -> None:
+    """A value that no 32-bit float is exactly has to be accepted as it was set."""
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        robot.parameters.set("ttl_max_s", 0.7)
+        robot.set_duty(0.1, 0.1, ttl=0.7)
+        with pytest.raises(errors.InvalidCommand, match=r"0\.7 s"):
+            robot.set_duty(0.1, 0.1, ttl=0.71)
+        robot.stop()  # it changes only then
+        robot.parameters.set("ttl_max_s", 4.0)
+        robot.set_duty(0.1, 0.1, ttl=4.0)
+        # Another program has changed it: whoever opens the next session reads it.
+        device.device.parameters[ID] = 0.5
+        device.device.reset()
+        while robot.sessions < 2 or not robot.is_open:
+            robot.read(10)
+        assert robot.ttl_max_s == 0.5
+        with pytest.raises(errors.InvalidCommand, match=r"0\.5 s"):
+            robot.set_velocity(0.1, 0.0, ttl=0.6)
+
+
+def test_asking_for_it_sends_nothing_and_waits_for_nothing(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        asked = sum(isinstance(m, ParameterGet) for m in device.device.received)
+        for _ in range(5):
+            assert robot.ttl_max_s == 1.0
+        assert sum(isinstance(m, ParameterGet) for m in device.device.received) == asked
+        device.unplug()
+        while robot.is_open:
+            pass
+        assert robot.ttl_max_s is None
+        with pytest.raises(errors.LinkLost):
+            robot.set_velocity(0.1, 0.0, ttl=300)
+
+
+def test_with_asyncio(tmp_path: Path) -> None:
+    async def use(path: Path) -> None:
+        async with aio.open_driver("serial", port=str(path)) as robot:
+            with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
+                robot.set_velocity(0.1, 0.0, ttl=300)
+            await robot.parameters.set("ttl_max_s", 2.0)
+            assert robot.ttl_max_s == 2.0
+            robot.set_velocity(0.1, 0.0, ttl=2.0)
+
+    with PtyDevice(tmp_path / "port") as device:
+        asyncio.run(use(device.path))
+
+
+def test_in_virtual_time() -> None:
+    with MockDriver(realtime=False, parameters={"ttl_max_s": 0.4}) as robot:
+        robot.set_velocity(0.1, 0.0, ttl=0.4)
+        with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
+            robot.set_velocity(0.1, 0.0)
