@@ -92,7 +92,8 @@ class Driver(LinkedRobot):
     What was sent before may have been carried out. Used as an asynchronous context manager, it
     stops the robot at the exit.
 
-    All methods that reach the robot raise `LinkLost` while it is out of reach.
+    All methods that reach the robot raise `LinkLost` while it is out of reach, and `LinkClosed`
+    once the driver is closed.
     """
 
     def __init__(self, options: LinkOptions) -> None:
@@ -134,7 +135,8 @@ class Driver(LinkedRobot):
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
-            LinkLost: The robot was still out of reach after `timeout`, or the link is closed.
+            LinkLost: The robot was still out of reach after `timeout`.
+            LinkClosed: The driver was closed, or its link has failed.
             RequestTimeout: The robot is in reach, but sent no new sample.
         """
         timeout = timeout_s("timeout", timeout)

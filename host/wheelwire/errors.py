@@ -1,6 +1,10 @@
 """All errors of the library. Each message is one line: what happened and what to do.
 
 `exit_code` is what the command line exits with; 2 is reserved for wrong usage.
+
+Where Python has an error of the same meaning, ours is one of those, too: `PortUnavailable`,
+`LinkLost` and `RequestTimeout` are OSErrors. So code that handles an OSError of a file must not
+have a robot's calls within the same `try`.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ class WheelwireError(Exception):
         return _unpickle, (type(self), self.args, self.__dict__)
 
 
-class PortUnavailable(WheelwireError):  # noqa: N818 - the design's names say the state, not "Error"
+class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's names say the state
     """The port cannot be opened: it does not exist, is in use, or access is denied."""
 
     exit_code = 3
@@ -114,13 +118,13 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         super().__init__(" ".join(filter(None, sentences)))
 
 
-class LinkLost(WheelwireError):  # noqa: N818
+class LinkLost(WheelwireError, ConnectionError):  # noqa: N818
     """The link is down. It reconnects by itself; wait, or check the cable."""
 
     exit_code = 8
 
 
-class LinkClosed(LinkLost):
+class LinkClosed(WheelwireError):  # noqa: N818
     """The link is closed for good: by `close`, a failed thread, or a fork of the process."""
 
     exit_code = 17
@@ -140,7 +144,7 @@ class WrongBoard(LinkLost):
         self.found = found
 
 
-class RequestTimeout(WheelwireError):  # noqa: N818
+class RequestTimeout(WheelwireError, TimeoutError):  # noqa: N818
     """No answer to a repeated request; it is unknown whether it was carried out."""
 
     exit_code = 9
@@ -282,6 +286,8 @@ def _unpickle(
 ) -> WheelwireError:
     # The arguments are those of Exception. `__init__`, which takes others, is not called.
     error = kind.__new__(kind, *arguments)
+    # An OSError leaves that to `__init__`.
+    error.args = arguments
     error.__dict__.update(state)
     return error
 

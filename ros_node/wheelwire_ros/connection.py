@@ -14,6 +14,7 @@ from wheelwire import (
     DeviceRefused,
     DifferentialDrive,
     InvalidCommand,
+    LinkClosed,
     LinkLost,
     RefusalCode,
     Twist,
@@ -161,7 +162,7 @@ class RobotConnection:
                 obeyed = self._command(twist, born_s)
         except InvalidCommand as error:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
-        except LinkLost as error:
+        except (LinkClosed, LinkLost) as error:
             raise CommandIgnored(Ignored.OUT_OF_REACH, str(error)) from error
         except DeviceRefused as error:
             if error.code == RefusalCode.UNARMED:

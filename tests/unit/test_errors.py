@@ -48,3 +48,24 @@ def test_every_error_comes_back_as_it_was(kind: type[errors.WheelwireError]) -> 
 def test_exit_codes_are_distinct() -> None:
     codes = [kind.exit_code for kind in all_errors(errors.WheelwireError)]
     assert len(set(codes)) == len(codes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [
+        (errors.RequestTimeout, TimeoutError),
+        (errors.LinkLost, ConnectionError),
+        (errors.WrongBoard, ConnectionError),
+        (errors.PortUnavailable, OSError),
+        (errors.Expired, errors.InvalidCommand),
+    ],
+)
+def test_an_error_is_pythons_of_the_same_meaning_too(
+    kind: type[errors.WheelwireError], base: type[Exception]
+) -> None:
+    assert issubclass(kind, base)
+
+
+def test_a_closed_link_is_no_lost_one() -> None:
+    """A loop that waits for a reconnection has to end on a closed driver."""
+    assert not issubclass(errors.LinkClosed, (errors.LinkLost, OSError))

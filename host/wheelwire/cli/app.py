@@ -86,6 +86,8 @@ def _run_app(arguments: list[str]) -> int:
     except BrokenPipeError:
         _discard_output()
         return 0  # `wheelwire monitor | head` is not an error
+    except WheelwireError:
+        raise  # some are OSErrors, too: of a robot, not of the output
     except OSError as error:
         if error.errno not in _FULL:
             raise

@@ -27,7 +27,8 @@ class BaseDriver(Driving):
     timeout, or raises an error of `wheelwire.errors`. Used as a context manager, a driver stops the
     robot at the exit.
 
-    All methods that reach the robot raise `LinkLost` while it is out of reach.
+    All methods that reach the robot raise `LinkLost` while it is out of reach, and `LinkClosed`
+    once the driver is closed.
     """
 
     def __init__(self) -> None:
@@ -72,7 +73,8 @@ class BaseDriver(Driving):
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
-            LinkLost: The robot was still out of reach after `timeout`, or the link is closed.
+            LinkLost: The robot was still out of reach after `timeout`.
+            LinkClosed: The driver was closed, or its link has failed.
             RequestTimeout: The robot is in reach, but sent no new sample.
         """
         timeout = timeout_s("timeout", timeout)

@@ -51,6 +51,7 @@ class Driving(ABC):
             DeviceRefused: An e-stop or a fault is latched, or the setpoint before was refused for
                 another reason than its age.
             LinkLost: The robot is out of reach.
+            LinkClosed: The driver is closed.
         """
         expiry_us = self._expiry_us(ttl, stamp)
         linear, angular = _finite("linear", linear), _finite("angular", angular)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from importlib import import_module
-from inspect import signature
+from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from ..errors import DriverUnavailable, InvalidArgument, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from ..board import BoardDescription
@@ -121,11 +121,25 @@ def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
         expected = signature(make)
     except ValueError:  # it is not written in Python, and checks them itself
         return
+    taken = expected.parameters
+    takes_any = any(parameter.kind is Parameter.VAR_KEYWORD for parameter in taken.values())
+    for option in [] if takes_any else options:
+        if option not in taken:
+            raise InvalidArgument(
+                f"driver {name!r} has no option {option!r}: {_suggestion(option, taken)}"
+            )
     try:
         expected.bind(**options)
     except TypeError as error:
-        known = ", ".join(expected.parameters)
+        known = ", ".join(taken)
         raise InvalidArgument(f"driver {name!r}: {error}; its options are: {known}") from None
+
+
+def _suggestion(option: str, known: Iterable[str]) -> str:
+    from difflib import get_close_matches  # here, for it is slow to import
+
+    near = get_close_matches(option, list(known), n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else f"its options are: {', '.join(known)}"
 
 
 def _plug_ins() -> dict[str, str]:

@@ -25,7 +25,7 @@ from wheelwire_protocol.types import (
 
 from ..arguments import timeout_s, whole
 from ..board import BoardDescription
-from ..errors import LinkLost, WheelwireError
+from ..errors import LinkClosed, LinkLost, WheelwireError
 from ..link.base_link import LinkOptions
 from ..link.connection import Link
 from ..link.info import ExpectedBoard
@@ -96,7 +96,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
             if isinstance(answer, ControlCounters):
                 newest.append(answer)
 
-        with suppress(LinkLost):
+        with suppress(LinkLost, LinkClosed):
             # Only a link in virtual time raises here; any other tells `keep` that it is lost.
             self._link.post(ControlCountersGet(0, 0), keep)
         return known

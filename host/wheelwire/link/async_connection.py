@@ -125,6 +125,7 @@ class AsyncPort(ServedPort):
 
     def finish(self) -> None:
         """Stop the robot, close the port and end; from any thread, even from a finaliser."""
+        self._note_closing()
         # First: the loop's thread may run `_begin_end` before the call below has returned.
         self._finishing = True
         with suppress(RuntimeError):  # the loop is closed
@@ -174,6 +175,7 @@ class AsyncPort(ServedPort):
             end = LinkClosed(f"the link's task failed ({error!r}); open it again")
             end.__cause__ = error
         finally:
+            self._warn_of_motion()
             self._terminate(end)
 
     def _end_if_never_begun(self, _task: asyncio.Task[None]) -> None:

@@ -26,6 +26,7 @@ FRESH_US = 100_000
 handed out any more: it says nothing about a device that has fallen silent since."""
 SLOWEST_US = 2_000_000
 """No stream is so slow that a sample this old could be news: the link is lost by then."""
+_PERIODS = 7
 ITERATOR_WAIT_S = 1.0
 """Longest single wait of an iterator, which waits again for as long as the driver is open."""
 
@@ -57,8 +58,8 @@ class LatestSample:
         self._unread: deque[Measurement] = deque(maxlen=1)
         self._current = False
         self._newest: Measurement | None = None
-        # Between the last three samples, on the device's clock.
-        self._periods_us = (0, 0)
+        self._periods_us: tuple[int, ...] = ()
+        """Between the last samples, on the device's clock. Replaced as a whole."""
         self._ticks = (0, 0)
         self._failure: WheelwireError | None = None
         self._closed = False
@@ -80,8 +81,8 @@ class LatestSample:
                 right + tick_difference(state.right_ticks, last.right_ticks),
             )
         newest = self._newest
-        if newest is not None:
-            self._periods_us = self._periods_us[1], measurement.t_us - newest.t_us
+        if newest is not None and newest.t_us < measurement.t_us:  # not across a reset
+            self._periods_us = (*self._periods_us[-_PERIODS:], measurement.t_us - newest.t_us)
         self._last = state
         self._newest = measurement
         self._unread.append(measurement)
@@ -206,8 +207,9 @@ class LatestSample:
             measurement = self._unread.popleft()  # another thread may have taken it
         except IndexError:
             return ()
-        # By the shorter one: a sample that was lost makes no stream slow.
-        limit_us = max(FRESH_US, min(SLOWEST_US, 2 * min(self._periods_us)))
+        # By the shortest one: a sample that was lost makes no stream slow.
+        period_us = min(self._periods_us, default=0)
+        limit_us = max(FRESH_US, min(SLOWEST_US, 2 * period_us))
         return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:

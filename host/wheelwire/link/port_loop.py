@@ -84,6 +84,7 @@ class PortLoop(ServedPort):
 
         A loop that has not started yet ends here, and `run` then returns at once.
         """
+        self._note_closing()
         # First: the loop looks at it as soon as it is woken.
         self._finishing = True
         self.wake()
@@ -108,6 +109,7 @@ class PortLoop(ServedPort):
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
         finally:
+            self._warn_of_motion()
             self._terminate(end)
 
     def fail(self, error: Exception) -> None:

@@ -113,6 +113,8 @@ class ServedPort(ABC):
         """The session may have work: somebody called `wake`, or an answer is pending."""
         self._finishing = False
         self._last_stop = LastStop()
+        self._closing_us: int | None = None
+        """When the closing began."""
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
@@ -361,11 +363,28 @@ class ServedPort(ABC):
     def _last_stop_over(self) -> bool:
         """Stop the robot before the port is closed; True once acknowledged or timed out."""
         now_us = host_clock_us()
+        self._note_closing()
         if not self._last_stop.begun:
             self._last_stop.begin(self._session, now_us)
             self.wake()  # one more turn, to write it
             return False
         return self._last_stop.is_over(now_us, all_written=not self._output)
+
+    def _note_closing(self) -> None:
+        """The link is about to be closed: whether the robot moves is a question of this moment."""
+        if self._closing_us is None:
+            self._closing_us = host_clock_us()
+
+    def _warn_of_motion(self) -> None:
+        """Say so if the robot drove when the closing began, and has acknowledged no stop."""
+        left_us = self._session.setpoints.moves_until_us - (self._closing_us or host_clock_us())
+        if left_us > 0:
+            _link_log.warning(
+                "%s: closed while the robot drives and cannot be reached: it stops by itself when "
+                "its last setpoint expires, within %.1f s",
+                self.port,
+                left_us / 1e6,
+            )
 
     def _terminate(self, end: WheelwireError) -> None:
         # First: a later call is refused because of it, and whoever is told below looks for it.

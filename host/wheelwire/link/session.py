@@ -512,6 +512,7 @@ class Session:
         # Again: a thread that was making a frame when the former session ended may have noted it
         # for a repeat since.
         self.setpoints.clear()
+        self.setpoints.moves_until_us = 0  # a new session voids the setpoint of the one before
         self._command_seqs = count(1)
         # Requests and pings go out together: whichever takes longer decides when it is open.
         self._synchroniser = Synchroniser(self._id, self._send, now_us)
@@ -702,6 +703,8 @@ class Session:
             self._take_value(answer.parameter, answer.value)
         elif isinstance(answer, BoardValue) or isinstance(request, BoardConfirm):
             self._take_board(answer)
+        elif isinstance(request, (Stop, Estop)):
+            self.setpoints.moves_until_us = 0
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
             # Until the next state frame tells, assume that the device is no longer latched: else
             # the first setpoint after a clear would be refused here.

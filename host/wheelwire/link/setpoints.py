@@ -68,6 +68,7 @@ class SetpointSender:
         faults: The newest known to be latched.
         refused_us: When the last refusal came.
         rearm_gap_us: The pause after which a device that is unarmed drives again, as far as known.
+        moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
     """
 
     def __init__(
@@ -83,6 +84,7 @@ class SetpointSender:
         self.faults = NO_FAULT
         self.refused_us = 0
         self.rearm_gap_us = _microseconds(REARM_GAP.default)
+        self.moves_until_us = 0
         self._send = send
         self._trial = trial
         self._why_closed = why_closed
@@ -244,6 +246,7 @@ class SetpointSender:
             # after which it drives, although whoever calls this never stopped asking for motion.
             self._unseen = setpoint, sure_us, now_us
             raise DeviceRefused(RefusalCode.UNARMED, "the setpoint")
+        self.moves_until_us = sure_us if left or right else 0
         # Before it is written: the state frame that shows it may come at any moment after.
         self._unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
         return opened.encoder.encode(setpoint)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +17,8 @@ from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, Done, RequestMessage
 from ..link.session import Phase, Session
 from .library import FwSim
+
+_log = logging.getLogger("wheelwire.link")
 
 STEP_US = 1000
 OPEN_S = 5.0
@@ -162,6 +165,8 @@ class VirtualLink:
             # One step takes the stop to the device, whose answer nobody waits for.
             self._session.stop(StopMode.CONFIGURED, lambda _: None, self.now_us)
             self._step()
+        elif self._session.setpoints.moves_until_us > self.now_us:
+            _log.warning("mock: closed while the robot drives and cannot be reached")
         self._end = LinkClosed("the link is closed; open it again")
         self._session.disconnect(self._end)
         self._latest_sample.fail(self._end)

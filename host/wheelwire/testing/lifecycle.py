@@ -63,7 +63,7 @@ class LifecycleTests:
             driver.get_encoder_ticks,
         ]
         for call in calls:
-            with pytest.raises(errors.LinkLost, match="closed"):
+            with pytest.raises(errors.LinkClosed, match="closed"):
                 call()
         assert not bench.is_driven()
 

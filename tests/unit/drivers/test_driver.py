@@ -134,7 +134,7 @@ def test_no_new_sample_is_a_timeout_and_no_old_one(robot: PtyDevice, driver: Ser
 def measures(driver: SerialDriver) -> bool:
     try:
         driver.read(timeout=0.2)
-    except (errors.RequestTimeout, errors.LinkLost):
+    except (errors.RequestTimeout, errors.LinkLost, errors.LinkClosed):
         return False
     return True
 
@@ -405,7 +405,7 @@ def test_unplugged_and_plugged_in_again_the_same_driver_goes_on(
 def is_lost(driver: SerialDriver) -> bool:
     try:
         driver.set_velocity(0.0, 0.0)
-    except errors.LinkLost:
+    except (errors.LinkLost, errors.LinkClosed):
         return True
     return False
 
@@ -425,12 +425,12 @@ def test_the_death_of_the_links_thread_is_told(
 
     monkeypatch.setattr(SerialTransport, "read", fail)
     wait_until(lambda: is_lost(driver))
-    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
         driver.set_velocity(0.1, 0.0)
     wait_until(lambda: not measures(driver))
-    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
         driver.read()
-    with pytest.raises(errors.LinkLost, match="ZeroDivisionError"):
+    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
         driver.stop()
 
 

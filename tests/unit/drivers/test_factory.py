@@ -6,8 +6,9 @@ import sys
 import pytest
 
 import wheelwire
+from wheelwire import aio
 from wheelwire.drivers import factory
-from wheelwire.errors import DriverUnavailable
+from wheelwire.errors import DriverUnavailable, InvalidArgument
 
 
 def test_an_unknown_driver_is_told_with_those_there_are() -> None:
@@ -58,3 +59,19 @@ def test_a_type_checker_knows_the_options_of_every_driver(name: str) -> None:
         if isinstance(node, ast.FunctionDef) and f"Literal['{name}']" in ast.unparse(node)
     ]
     assert options == set(inspect.signature(factory._driver_class(name)).parameters)
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("baudrate", "no option 'baudrate': did you mean 'baud_rate'?"),
+        ("strem_rate_hz", "did you mean 'stream_rate_hz'?"),
+        ("zzz", "its options are: port, baud_rate"),
+    ],
+)
+def test_a_misspelt_option_is_named_with_the_one_that_is_meant(option: str, said: str) -> None:
+    options: dict[str, object] = {"port": "/dev/x", option: 1}
+    for open_driver in (wheelwire.open_driver, aio.open_driver):
+        with pytest.raises(InvalidArgument) as error:
+            open_driver("serial", **options)
+        assert said in str(error.value)

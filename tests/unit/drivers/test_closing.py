@@ -1,0 +1,99 @@
+"""A driver that is closed says so if its robot drives and could not be told to stop."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import aio, errors
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+
+pytestmark = pytest.mark.timeout(60)
+
+SAID = "closed while the robot drives"
+
+
+def warnings(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+
+
+def test_a_driving_robot_that_is_unplugged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with PtyDevice(tmp_path / "port") as device:
+        robot = SerialDriver(str(device.path))
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        device.unplug()
+        wait_until(lambda: not robot.is_open)
+        robot.close()
+    assert any(SAID in text for text in warnings(caplog))
+
+
+def test_a_driving_robot_that_does_not_answer(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with PtyDevice(tmp_path / "port") as device:
+        robot = SerialDriver(str(device.path))
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        device.device.mute = True
+        robot.close()
+    assert any(SAID in text for text in warnings(caplog))
+
+
+def test_the_same_with_asyncio(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with aio.open_driver("serial", port=str(device.path)) as robot:
+            robot.set_velocity(0.1, 0.0, ttl=1.0)
+            device.unplug()
+            while robot.is_open:
+                await asyncio.sleep(0.002)
+
+    with PtyDevice(tmp_path / "port") as device:
+        asyncio.run(use(device))
+    assert any(SAID in text for text in warnings(caplog))
+
+
+def test_the_same_in_virtual_time(caplog: pytest.LogCaptureFixture) -> None:
+    with MockDriver(realtime=False) as robot:
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        robot.unplug()
+    assert any(SAID in text for text in warnings(caplog))
+
+
+@pytest.mark.parametrize("before", ["stopped", "standing", "driving"])
+def test_nothing_is_said_of_a_robot_that_stands_or_is_stopped(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, before: str
+) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        if before != "standing":
+            robot.set_velocity(0.1, 0.0, ttl=1.0)
+        if before == "stopped":
+            robot.stop()
+        if before != "driving":  # a driving one is stopped by the closing itself
+            device.unplug()
+            wait_until(lambda: not robot.is_open)
+        robot.close()
+    assert not any(SAID in text for text in warnings(caplog))
+
+
+def test_a_loop_that_waits_for_a_reconnection_ends_on_a_closed_driver(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device:
+        robot = SerialDriver(str(device.path))
+        robot.close()
+
+        def drive() -> None:
+            with suppress(errors.LinkLost):
+                robot.set_velocity(0.1, 0.0)
+
+        with pytest.raises(errors.LinkClosed):
+            drive()
+        with pytest.raises(errors.LinkClosed):
+            robot.read()
+        assert robot.latest_control_counters() is None
