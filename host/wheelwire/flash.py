@@ -196,7 +196,7 @@ def _esptool(*arguments: str) -> Iterator[str]:
         stdout=subprocess.PIPE,
         # In one stream: a reason may be printed on either.
         stderr=subprocess.STDOUT,
-        text=True,
+        encoding="utf-8",
         errors="replace",
     )
     lines: list[str] = []

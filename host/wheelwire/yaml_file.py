@@ -17,7 +17,7 @@ def load_yaml(source: Path) -> object:
         ConfigurationError: It cannot be read, or is not YAML.
     """
     try:
-        return yaml.load(source.read_text(), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
+        return yaml.load(source.read_text("utf-8"), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
     except FileNotFoundError as error:
         raise ConfigurationError(f"{source}: there is no such file") from error
     except OSError as error:

@@ -176,6 +176,22 @@ def test_a_bad_command_is_refused_with_a_reason(line: str) -> None:
         assert simulator.get("mass_kg") == mass
 
 
+def test_a_numbered_command_has_its_number_in_its_answer() -> None:
+    lines = "#7 get drive_on\n#8 get nonsense\nget drive_on\n#x get drive_on\n#9\nquit\n"
+    process = subprocess.run(
+        [str(find_simulator())], input=lines, capture_output=True, encoding="utf-8", check=True
+    )
+    answers = [json.loads(line) for line in process.stdout.splitlines()][1:]
+    assert [(answer.get("number"), answer["ok"]) for answer in answers] == [
+        (7, True),
+        (8, False),
+        (None, True),
+        (None, False),
+        (9, False),
+        (None, True),
+    ]
+
+
 def test_settings_hold_from_power_on() -> None:
     with Simulator(settings={"mass_kg": 1.5, "boot_time_us": 0}) as simulator:
         simulator.set("slope_rad", 0.25)

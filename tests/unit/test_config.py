@@ -2,6 +2,8 @@
 
 import logging
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -168,3 +170,14 @@ def test_a_serial_robot_goes_by_the_files_parameters(tmp_path: Path) -> None:
             device.device.reset()
             wait_until(lambda: device.device.parameters[RADIUS] == pytest.approx(0.04))
             wait_until(lambda: robot.sessions == 2)
+
+
+def test_files_are_read_as_utf_8_whatever_the_computers_locale(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: mock\nstore: M\u00fcllwagen  # \u00fc\n", "utf-8")
+    program = (
+        "import sys, wheelwire; assert wheelwire.load_config(sys.argv[1]).store == 'M\\xfcllwagen'"
+    )
+    # Python warns wherever a text file is opened in the locale's encoding.
+    strict = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning:wheelwire.yaml_file"]
+    subprocess.run([sys.executable, *strict, "-c", program, str(file)], check=True)

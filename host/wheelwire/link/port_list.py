@@ -101,11 +101,13 @@ def lock_holder(device: str, proc: Path = Path("/proc")) -> str | None:
         major, minor = os.major(status.st_dev), os.minor(status.st_dev)
         # As the kernel writes it: device numbers in hexadecimal, the inode in decimal.
         target = f"{major:02x}:{minor:02x}:{status.st_ino}"
-        for line in (proc / "locks").read_text().splitlines():
+        for line in (proc / "locks").read_text("utf-8").splitlines():
             # 1: FLOCK  ADVISORY  WRITE 4711 00:16:9 0 EOF
             kind, pid, file = itemgetter(1, 4, 5)(line.split())
             if kind == "FLOCK" and file == target:
-                return f"{(proc / pid / 'comm').read_text().strip()}, process {pid}"
+                return (
+                    f"{(proc / pid / 'comm').read_text('utf-8', 'replace').strip()}, process {pid}"
+                )
     return None
 
 

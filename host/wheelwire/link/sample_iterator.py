@@ -29,19 +29,23 @@ class SampleIterator:
         """`wait` returns when its argument holds, or after a bounded time; see `BaseDriver`."""
         self.dropped = 0
         self._wait = wait
-        self._queue: deque[Measurement] = deque()
+        # Each in a list of its own: whoever takes it out of that has it, though another thread may
+        # be about to do the same.
+        self._queue: deque[list[Measurement]] = deque()
         self._over = False
         self._failure: WheelwireError | None = None
 
     def put(self, measurement: Measurement) -> None:
         """Something new was measured. Called by one thread."""
         queue = self._queue
-        queue.append(measurement)
+        queue.append([measurement])
         with suppress(IndexError):  # whoever iterates was quicker
             # By time, not by number: the stream rate is the device's.
-            while queue[0].arrived_us < measurement.arrived_us - QUEUE_US:
-                queue.popleft()
+            while (oldest := queue[0])[0].arrived_us < measurement.arrived_us - QUEUE_US:
+                oldest.pop()
                 self.dropped += 1
+                with suppress(ValueError):  # whoever iterates has just passed over it
+                    queue.remove(oldest)
 
     def end(self, failure: WheelwireError | None) -> None:
         """No sample will come any more: because the driver is closed, or for `failure`."""
@@ -68,8 +72,9 @@ class SampleIterator:
     def poll(self) -> WheelSample | None:
         """As `next`, without waiting: None when there is no sample yet."""
         over = self._over  # first: what came before the end is still handed out
-        with suppress(IndexError):
-            return self._queue.popleft().sample()
+        while self._queue:
+            with suppress(IndexError):  # it was dropped meanwhile
+                return self._queue.popleft().pop().sample()
         if not over:
             return None
         if self._failure is not None:

@@ -22,10 +22,12 @@ class Notifier:
 
     def notify_all(self) -> None:
         """Have everybody look again. Never waits."""
-        # As many as wait at this moment: who is woken may be waiting again before this ends.
-        for _ in range(len(self._waiting)):
+        # Those who wait at this moment, each by name: who is woken may be waiting again before this
+        # ends, and must not be woken in place of another.
+        for woken in tuple(self._waiting):
             with suppress(KeyError):  # who waited has just given up
-                self._waiting.pop().release()
+                self._waiting.remove(woken)
+                woken.release()
 
     def wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until `ready()`, or for `timeout_s`; returns whether it was ready."""

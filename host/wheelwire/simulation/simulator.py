@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import os
 import queue
 import subprocess
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import count
 from pathlib import Path
 from secrets import token_hex
 from socket import socket as Socket  # noqa: N812 - `socket` is an argument
@@ -22,6 +25,8 @@ from wheelwire_protocol import native
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 
 from ..errors import SimulatorNotFound, WheelwireError
+
+_log = logging.getLogger("wheelwire")
 
 PROGRAM = "wheelwire-fwsim"
 ENVIRONMENT = "WHEELWIRE_FWSIM"
@@ -124,7 +129,8 @@ class Simulator:
         store: File for saved parameters; by default they are kept in memory.
         settings: Variables of the simulation, with their values at power-on.
         truth_hz: Rate of the true states. [Hz]
-        on_state: Called with each true state, from the thread that reads them.
+        on_state: Called with each true state, from the thread that reads them. What it raises is
+            logged.
         arguments: Further arguments; see `wheelwire-fwsim --help`.
         socket: A connected socket that the simulator inherits as its port; closed here afterwards.
     """
@@ -167,6 +173,8 @@ class Simulator:
         # a deadlock.
         self._command_lock = threading.RLock()
         self._commanding = False
+        self._numbers = count(1)
+        self._unreadable: Exception | None = None
         self._port = ""
 
     def start(self) -> None:
@@ -185,7 +193,7 @@ class Simulator:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             # Out of reach of the terminal's Ctrl-C: the application has to stop the robot first.
             start_new_session=True,
         )
@@ -199,7 +207,7 @@ class Simulator:
         )
         self._reader.start()
         try:
-            self._port = str(self._next_answer()["port"])
+            self._port = str(self._answer(None)["port"])
         except BaseException:
             # Also after Ctrl-C: nobody else knows of the process yet.
             self.close()
@@ -273,12 +281,15 @@ class Simulator:
 
     def _ask(self, line: str) -> dict[str, Any]:
         commands = _pipe(self._running().stdin)
+        # When a signal handler's exception ends the wait, the answer comes all the same, and is not
+        # to be taken for the next command's.
+        number = next(self._numbers)
         try:
-            commands.write(line + "\n")
+            commands.write(f"#{number} {line}\n")
             commands.flush()
         except BrokenPipeError:
             raise WheelwireError(f"the simulator has ended: {self._error_output()}") from None
-        return self._next_answer()
+        return self._answer(number)
 
     def set(self, name: str, value: float) -> None:
         """Set a variable, in its unit."""
@@ -319,27 +330,46 @@ class Simulator:
         return self._process
 
     def _read(self, process: subprocess.Popen[str]) -> None:
-        for text in _pipe(process.stdout):
-            line = json.loads(text)
-            if line["event"] in {"truth", "drive"}:
-                state = parse_true_state(line)
-                self._states.append(state)
-                if self._on_state:
-                    self._on_state(state)
-            else:
-                self._answers.put(line)
+        try:
+            for text in _pipe(process.stdout):
+                self._take(json.loads(text))
+        except Exception as error:
+            _log.exception("the simulator's output cannot be read")
+            self._unreadable = error
         self._answers.put(None)  # a caller may be waiting for an answer
 
-    def _next_answer(self) -> dict[str, Any]:
-        try:
-            answer = self._answers.get(timeout=ANSWER_TIMEOUT_S)
-        except queue.Empty:
-            raise WheelwireError(
-                f"the simulator did not answer within {ANSWER_TIMEOUT_S:g} s: start it again"
-            ) from None
-        if answer is None:
-            raise WheelwireError(f"the simulator has ended: {self._error_output()}")
-        return answer
+    def _take(self, line: dict[str, Any]) -> None:
+        if line["event"] not in {"truth", "drive"}:
+            self._answers.put(line)
+            return
+        state = parse_true_state(line)
+        self._states.append(state)
+        if self._on_state:
+            try:
+                self._on_state(state)
+            except Exception:  # it is the application's, and the next state may be all right
+                _log.exception("on_state of the simulator failed")
+
+    def _answer(self, number: int | None) -> dict[str, Any]:
+        """The answer to the command of this number; None: what is said at the start."""
+        end = time.monotonic() + ANSWER_TIMEOUT_S
+        while True:
+            try:
+                answer = self._answers.get(timeout=max(0.0, end - time.monotonic()))
+            except queue.Empty:
+                raise WheelwireError(
+                    f"the simulator did not answer within {ANSWER_TIMEOUT_S:g} s: start it again"
+                ) from None
+            if answer is None:
+                self._answers.put(None)  # for the next command, too
+                raise WheelwireError(self._why_ended())
+            if answer.get("number") == number:
+                return answer
+
+    def _why_ended(self) -> str:
+        if self._unreadable is not None:
+            return f"the simulator's output cannot be read ({self._unreadable!r}): start it again"
+        return f"the simulator has ended: {self._error_output()}"
 
     def _error_output(self) -> str:
         # Read to its end, which comes: the process has ended.

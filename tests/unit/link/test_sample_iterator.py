@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from itertools import islice, pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +16,11 @@ from support.waiting import is_open, wait_until
 from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire.link.clock import ClockEstimator, Exchange
+from wheelwire.link.sample_iterator import QUEUE_US, SampleIterator
+from wheelwire.link.state_stream import Measurement
 from wheelwire.link.transports import SerialTransport
+from wheelwire_protocol.types import WheelState
 
 
 def test_each_sample_comes_once_and_in_order() -> None:
@@ -101,3 +107,35 @@ def test_a_forgotten_iterator_costs_nothing() -> None:
         del samples
         robot.advance(0.05)
         assert not robot._latest_sample.is_iterated
+
+
+def measured(arrived_us: int) -> Measurement:
+    clock = ClockEstimator()
+    clock.add(Exchange(0, 0, 0, 0))
+    state = WheelState(**{**dict.fromkeys(WheelState._fields, 0), "t_us": arrived_us})
+    return Measurement(state, arrived_us, clock.conversion, arrived_us)
+
+
+def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
+    taken: list[int] = []
+
+    class Racing(deque[list[Measurement]]):
+        """Whoever iterates takes one each time the other thread has looked at the oldest."""
+
+        def __getitem__(self, index: Any) -> Any:
+            oldest = super().__getitem__(index)
+            sample = iterator.poll()
+            if sample is not None:
+                taken.append(sample.t_us)
+            return oldest
+
+    iterator = SampleIterator(lambda _: None)
+    iterator._queue = Racing()
+    late_us = 2 * QUEUE_US
+    for arrived_us in (0, late_us, late_us + 1):
+        iterator._queue.append([measured(arrived_us)])
+    iterator.put(measured(late_us + 2))
+    while (sample := iterator.poll()) is not None:
+        taken.append(sample.t_us)
+    assert [t_us for t_us in taken if t_us >= late_us] == [late_us, late_us + 1, late_us + 2]
+    assert len(taken) + iterator.dropped == 4

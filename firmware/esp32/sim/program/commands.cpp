@@ -1,11 +1,12 @@
 #include "commands.hpp"
 
 #include <algorithm>
+#include <cstdint>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
 
-#include "json.hpp"
 #include "reset_reason.hpp"
 #include "variables.hpp"
 
@@ -18,6 +19,17 @@ std::vector<std::string> split(const std::string& line) {
   std::vector<std::string> words;
   for (std::string word; stream >> word;) words.push_back(word);
   return words;
+}
+
+/// Takes a leading `#NUMBER` out of the words. What is no number stays, and is no command.
+std::optional<uint64_t> take_number(std::vector<std::string>& words) {
+  constexpr size_t kDigits = 18;  // any number of them fits into 64 bits
+  if (words.empty() || words[0][0] != '#') return std::nullopt;
+  const std::string digits = words[0].substr(1);
+  if (digits.empty() || digits.size() > kDigits) return std::nullopt;
+  if (digits.find_first_not_of("0123456789") != std::string::npos) return std::nullopt;
+  words.erase(words.begin());
+  return std::stoull(digits);
 }
 
 JsonLine done(std::string_view command) {
@@ -42,7 +54,14 @@ void require(VariableStatus status, const std::string& name) {
 }  // namespace
 
 std::string Commands::run(const std::string& line) {
-  const std::vector<std::string> words = split(line);
+  std::vector<std::string> words = split(line);
+  const std::optional<uint64_t> number = take_number(words);
+  JsonLine answer = obey(words);
+  if (number) answer.add("number", *number);
+  return answer.str();
+}
+
+JsonLine Commands::obey(const std::vector<std::string>& words) {
   try {
     if (words.size() == 3 && words[0] == "set") return set(words[1], words[2]);
     if (words.size() == 2 && words[0] == "get") return value_of("get", words[1]);
@@ -52,44 +71,46 @@ std::string Commands::run(const std::string& line) {
     if (words.size() == 1 && words[0] == "unplug") return unplug();
     if (words.size() == 1 && words[0] == "quit") {
       quit_ = true;
-      return done("quit").str();
+      return done("quit");
     }
     throw std::invalid_argument("not a command; see --help");
   } catch (const std::exception& error) {
-    return JsonLine("answer").add("ok", false).add("error", error.what()).str();
+    JsonLine refusal("answer");
+    refusal.add("ok", false).add("error", error.what());
+    return refusal;
   }
 }
 
-std::string Commands::set(const std::string& name, const std::string& value) {
+JsonLine Commands::set(const std::string& name, const std::string& value) {
   require(set_variable(device_.simulator(), name, parse_number(value)), name);
   return value_of("set", name);
 }
 
-std::string Commands::value_of(const char* command, const std::string& name) const {
+JsonLine Commands::value_of(const char* command, const std::string& name) const {
   double value = 0.0;
   require(get_variable(device_.simulator(), name, value), name);
-  return done(command).add("name", name).add("value", value).str();
+  return done(command).add("name", name).add("value", value);
 }
 
-std::string Commands::reset(const std::string& reason) {
+JsonLine Commands::reset(const std::string& reason) {
   const auto* found = std::find(kResetReasonNames.begin(), kResetReasonNames.end(), reason);
   if (found == kResetReasonNames.end()) {
     throw std::invalid_argument("no reset reason " + reason + "; see --help");
   }
   device_.simulator().reset(static_cast<ResetReason>(found - kResetReasonNames.begin()));
-  return done("reset").add("boot_id", uint64_t{device_.simulator().boot_id()}).str();
+  return done("reset").add("boot_id", uint64_t{device_.simulator().boot_id()});
 }
 
-std::string Commands::plug() {
+JsonLine Commands::plug() {
   if (device_.is_plugged()) throw std::invalid_argument("plugged in already");
   device_.plug();
-  return done("plug").add("port", device_.port_name()).str();
+  return done("plug").add("port", device_.port_name());
 }
 
-std::string Commands::unplug() {
+JsonLine Commands::unplug() {
   if (!device_.is_plugged()) throw std::invalid_argument("unplugged already");
   device_.unplug();
-  return done("unplug").str();
+  return done("unplug");
 }
 
 }  // namespace wheelwire::sim

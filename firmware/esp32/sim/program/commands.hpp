@@ -2,7 +2,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "json.hpp"
 #include "simulated_device.hpp"
 
 namespace wheelwire::sim {
@@ -11,16 +13,18 @@ class Commands {
  public:
   explicit Commands(SimulatedDevice& device) : device_(device) {}
 
-  /// Carries out one line, or changes nothing if it cannot. Returns the answer, which says why.
+  /// Carries out one line, or changes nothing if it cannot. Returns the answer, which says why, and
+  /// which has the number that the line began with.
   std::string run(const std::string& line);
   bool quit() const { return quit_; }
 
  private:
-  std::string set(const std::string& name, const std::string& value);
-  std::string value_of(const char* command, const std::string& name) const;
-  std::string reset(const std::string& reason);
-  std::string plug();
-  std::string unplug();
+  JsonLine obey(const std::vector<std::string>& words);
+  JsonLine set(const std::string& name, const std::string& value);
+  JsonLine value_of(const char* command, const std::string& name) const;
+  JsonLine reset(const std::string& reason);
+  JsonLine plug();
+  JsonLine unplug();
 
   SimulatedDevice& device_;
   bool quit_ = false;

@@ -76,6 +76,7 @@ The first line on standard output is JSON and names the port.
 Commands, one per line on standard input, each answered by a line of JSON:
   set NAME VALUE     get NAME       quit
   reset [REASON]     unplug         plug
+A number before a command, as in `#7 get x_m`, comes back in its answer, as "number".
 REASON is unknown, power_on, external (default), software, panic, task_watchdog,
 interrupt_watchdog or brownout.
 

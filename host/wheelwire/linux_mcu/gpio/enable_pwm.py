@@ -42,7 +42,7 @@ class KernelChannel:
         # The kernel refuses a period below the duty, and a channel that was exported before still
         # has its last duty: so the duty goes first. But it refuses any duty of a channel without
         # a period, as a newly exported one is.
-        if int((self._directory / "period").read_text()):
+        if int((self._directory / "period").read_text("utf-8")):
             self.set_duty_ns(0)
         _write(self._directory / "period", period_ns)
         # Last: from here on the channel puts out its duty, which is 0.
@@ -157,7 +157,7 @@ def find_channels(
     chips = {}
     for chip in sorted(directory.glob("pwmchip*")):
         # A chip with another number of channels does not lead to the header.
-        channels = CHANNELS_BY_COUNT.get(int((chip / "npwm").read_text()))
+        channels = CHANNELS_BY_COUNT.get(int((chip / "npwm").read_text("utf-8")))
         if channels:
             chips[chip.name] = (chip, channels)
     name = f"pwmchip{number}" if number is not None else next(iter(chips), None)
