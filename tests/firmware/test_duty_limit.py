@@ -78,6 +78,16 @@ def test_a_heavy_robot_reverses_at_its_limit(mass_kg: float, supply_v: float) ->
     assert robot.state() is SupervisorState.DRIVING
 
 
+def test_a_heavy_robot_that_reverses_at_a_wall_trips_nothing() -> None:
+    robot = VirtualRobot(1, mass_kg=5.8).open()
+    robot.drive(-0.4, -0.2, 2.0)
+    robot.sim.set("left.blocked", 1)
+    robot.drive(0.02, 0.02, 0.3)
+    robot.sim.set("left.blocked", 0)
+    robot.drive(0.02, 0.02, 1.0)
+    assert robot.state() is SupervisorState.DRIVING
+
+
 def test_a_saturated_wheel_slows_the_robot_down_on_the_same_curve() -> None:
     robot = VirtualRobot().open()
     robot.set_parameter("max_duty", 0.3)

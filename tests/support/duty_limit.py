@@ -172,7 +172,8 @@ class Trip(NamedTuple):
 class SoundRobot:
     """A robot whose loaded wheels turn at their limit.
 
-    Its load is within `plausibility_margin`: more than that is a fault by that parameter.
+    Its load is within `plausibility_margin`, and it starts below `stall_duty`: more than that is a
+    fault by those parameters.
     """
 
     max_duty: float
@@ -221,7 +222,8 @@ def sound_robot(random: Random) -> SoundRobot:
         needed = needed_duty((STATIC_NM + load_nm) / weakness, supply_v)
         spare = needed_duty(SPARE * (STATIC_NM + load_nm) / weakness, supply_v)
         plausible = default("static_feedforward") + default("plausibility_margin")
-        if needed < 0.95 * plausible * supply_ratio(battery_v) and spare < 1:
+        by_parameters = min(0.95 * plausible * supply_ratio(battery_v), default("stall_duty"))
+        if needed < by_parameters and spare < 1:
             max_duty = random.choice((1.0, spare, random.uniform(spare, 1.0)))
             if spare <= active_limit(0.0, max_duty, battery_v):
                 return SoundRobot(max(max_duty, 0.1), settings)

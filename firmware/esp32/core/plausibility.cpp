@@ -11,8 +11,8 @@ constexpr uint32_t kStandstill_us = 180'000;
 // time.
 constexpr int32_t kFilter_bits = 2;
 
-// Twice as fast as any wheel, and small enough for the sums below to stay within 32 bits.
-constexpr int32_t kMaxSpeed_umps = 20'000'000;
+// Faster than any wheel, and small enough for the sums below to stay within 32 bits.
+constexpr int32_t kMaxSpeed_umps = 12'000'000;
 
 // A robot may be this much heavier than its feed-forward of acceleration says. Its speed then lags
 // behind its setpoint, too, but it grows for as long as it is driven that hard.
@@ -60,50 +60,66 @@ bool PlausibilityMonitor::update(int32_t duty_q15, int32_t measured_umps, bool t
   const int32_t change_q4 =
       (speed_umps * 16 - slow_umps_q4_) >> (gains.memory_shift - kFilter_bits);
   slow_umps_q4_ += change_q4;
-  // No wheel turned so fast: once the measurement is right again, it has met no obstacle.
-  if (magnitude(speed_umps) == kMaxSpeed_umps) slow_umps_q4_ = 0;
   silence_us_ = ticked ? 0 : silence_us_ + period_us;
-  int32_t excess_q15 =
+  const int32_t excess_q15 =
       magnitude(duty_q15) - duty_for(speed_umps, gains.margin_q15, supply_q12, gains);
-  const int32_t gain_q4 = duty_q15 < 0 ? -change_q4 : change_q4;
-  if (excess_q15 > 0 && gain_q4 > 0) {
-    const int64_t growing_q15 = multiply_shift(gains.acceleration_q24, gain_q4, 28);
-    excess_q15 = saturate32(excess_q15 - growing_q15);
+  if (excess_q15 > 0) {
+    const bool backward = duty_q15 < 0;
+    return lasts(excess_q15, backward ? -change_q4 : change_q4, backward ? -speed_umps : speed_umps,
+                 backward ? -slow_umps_q4_ : slow_umps_q4_, supply_q12, period_us, time_us, gains);
   }
+  reduce_excess(period_us);
+  return false;
+}
+
+/// Whether the excess has lasted for its time. Speeds are those in the direction of the drive.
+bool PlausibilityMonitor::lasts(int32_t excess_q15, int32_t gain_q4, int32_t speed_umps,
+                                int32_t slow_q4, int32_t supply_q12, uint32_t period_us,
+                                uint32_t time_us, const ControllerGains& gains) {
+  if (gain_q4 > 0)
+    excess_q15 = saturate32(static_cast<int64_t>(excess_q15) -
+                            multiply_shift(gains.acceleration_q24, gain_q4, 28));
   if (excess_q15 <= 0) {
-    excess_us_ -= excess_us_ < period_us ? excess_us_ : period_us;
+    reduce_excess(period_us);
     return false;
   }
   if (silence_us_ >= kStandstill_us) {
-    earlier_q4_ = 0;
-    impulse_q15_ = 0;
+    begin_anew(0, time_us);
     return false;
   }
-  if (!gains_speed_like_a_heavy_robot(excess_q15, duty_q15 < 0 ? -speed_umps : speed_umps,
-                                      duty_q15 < 0 ? -slow_umps_q4_ : slow_umps_q4_, supply_q12,
-                                      gains))
-    return (excess_us_ += period_us) >= time_us;
+  if (!gains_speed_like_a_heavy_robot(excess_q15, speed_umps, slow_q4, supply_q12, time_us,
+                                      gains)) {
+    excess_us_ += period_us;
+    return excess_us_ >= time_us;
+  }
   // The time stays just short of its end: once the speed grows no more, it is over.
   if (excess_us_ + period_us < time_us) excess_us_ += period_us;
   return false;
 }
 
+/// A wheel that stood, met an obstacle or reversed gets half of the time to gain speed.
+void PlausibilityMonitor::begin_anew(int32_t slow_q4, uint32_t time_us) {
+  if (excess_us_ > time_us / 2) excess_us_ = time_us / 2;
+  earlier_q4_ = slow_q4;
+  impulse_q15_ = 0;
+}
+
+void PlausibilityMonitor::reduce_excess(uint32_t period_us) {
+  excess_us_ -= excess_us_ < period_us ? excess_us_ : period_us;
+}
+
 /// Whether the recent excess is no more than it would take a heavy robot to gain speed as this one
-/// recently did: both are forgotten at the same pace. Speeds are those in the direction of the
-/// drive.
+/// recently did: both are forgotten at the same pace.
 bool PlausibilityMonitor::gains_speed_like_a_heavy_robot(int32_t excess_q15, int32_t speed_umps,
                                                          int32_t slow_q4, int32_t supply_q12,
+                                                         uint32_t time_us,
                                                          const ControllerGains& gains) {
   const int32_t memory_shift = gains.memory_shift - 1;
-  if (excess_us_ == 0 || slow_q4 < earlier_q4_ - kSetback_q4) {
-    excess_us_ = 0;
-    earlier_q4_ = slow_q4;
-    impulse_q15_ = 0;
-  }
+  if (excess_us_ == 0 || slow_q4 < earlier_q4_ - kSetback_q4) begin_anew(slow_q4, time_us);
   impulse_q15_ += excess_q15 - (impulse_q15_ >> memory_shift);
   earlier_q4_ += (slow_q4 - earlier_q4_) >> memory_shift;
-  // Falling steeply: an obstacle, of which the filtered speed does not know yet.
-  if (speed_umps * 16 < slow_q4 - kSetback_q4) return true;
+  // Ticks are overdue: perhaps an obstacle, of which the filtered speed does not know yet.
+  if (speed_umps * 16 < slow_q4 / 2) return true;
   // Of the two the filtered speed lags while it grows, and the measured one falls first.
   const int32_t present_q4 = speed_umps * 16 > slow_q4 ? speed_umps * 16 : slow_q4;
   const int32_t light_q15 =

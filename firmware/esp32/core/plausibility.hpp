@@ -39,8 +39,12 @@ class PlausibilityMonitor {
   void reset();
 
  private:
+  bool lasts(int32_t excess_q15, int32_t gain_q4, int32_t speed_umps, int32_t slow_q4,
+             int32_t supply_q12, uint32_t period_us, uint32_t time_us, const ControllerGains&);
+  void reduce_excess(uint32_t period_us);
   bool gains_speed_like_a_heavy_robot(int32_t excess_q15, int32_t speed_umps, int32_t slow_q4,
-                                      int32_t supply_q12, const ControllerGains&);
+                                      int32_t supply_q12, uint32_t time_us, const ControllerGains&);
+  void begin_anew(int32_t slow_q4, uint32_t time_us);
 
   int32_t slow_umps_q4_ = 0;  // The speed, low-pass filtered.
   uint32_t silence_us_ = 0;

@@ -13,8 +13,10 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
   WheelFault fault = monitor_.update({duty_q15_, limit_q15, direction_}, total_.ticks(),
                                      velocity_umps_, config.period_us, config.faults);
   if (!closed_loop_) return fault;
+  // A duty against the setpoint brakes, or is what an obstacle left in the loop: soon over.
+  const int32_t along_q15 = duty_q15_ * direction_ < 0 ? 0 : duty_q15_;
   if (fault == WheelFault::kNone &&
-      plausibility_.update(duty_q15_, velocity_umps_, change != 0, supply_q12, config.period_us,
+      plausibility_.update(along_q15, velocity_umps_, change != 0, supply_q12, config.period_us,
                            config.plausibility_time_us, config.gains))
     fault = WheelFault::kImplausible;
   if (fault == WheelFault::kNone || direction_ != 0) return fault;
@@ -59,9 +61,9 @@ int32_t Wheel::error_umps(int32_t setpoint_umps, int32_t command_umps,
 
 void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
   following_.rest();
+  direction_ = 0;
   plausibility_.reset();
   closed_loop_ = false;
-  direction_ = 0;
   output(duty_q15, motor_inverted);
 }
 
