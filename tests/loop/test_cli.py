@@ -224,6 +224,21 @@ def test_looking_and_stopping_leave_the_parameters_alone(quiet: Simulator, file:
     assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 1}
 
 
+def test_reading_parameters_by_a_robots_file_writes_none(
+    quiet: Simulator, file: str, tmp_path: Path
+) -> None:
+    """The file's value is not what the robot has: what reads shows the robot's, and leaves it."""
+    run("params", "reset", quiet.port)
+    exported = tmp_path / "exported.yaml"
+    exported.write_text(output("params", "export", file))
+    assert "max_duty: 1 duty" in exported.read_text()
+    assert run_json("params", "get", file, "max_duty") == {"max_duty": 1}
+    listed = {p["name"]: p["value"] for p in run_json("params", "list", file)}
+    assert listed["max_duty"] == 1
+    assert run("params", "diff", file, str(exported)).returncode == 0
+    assert run_json("params", "get", quiet.port, "max_duty") == {"max_duty": 1}
+
+
 def test_mock_is_an_address() -> None:
     assert run_json("info", "mock")["link"]["device"]["board"] == "SIMULATED"
     assert output("monitor", "mock", "--seconds", "0.1").count("IDLE") > 0

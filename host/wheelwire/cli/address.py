@@ -85,7 +85,7 @@ class Address:
         Args:
             baud_rate: Of a port; None: the default.
             bare: Do not send a serial robot the parameters in its file: for commands that only
-                look at the robot or stop it.
+                look at the robot or its parameters, or stop it.
 
         Raises:
             InvalidArgument: A baud rate was given, but the address is not a port.

@@ -58,7 +58,7 @@ def export(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFl
     """
     from wheelwire.parameter_file import ParameterFile  # here, because YAML is slow to import
 
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
     if as_json:
         print_json(exported.as_mapping())
@@ -148,7 +148,7 @@ def diff(
 
     robot, file = _split(context, arguments or ())
     wanted = load_parameter_file(file)
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         parameters, device = driver.parameters.list(), _device(driver)
     found = differences(parameters, wanted.values)
     absent = [p.name for p in parameters if p.name not in wanted.values]

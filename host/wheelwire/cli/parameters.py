@@ -82,7 +82,8 @@ def list_all(
     robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
 ) -> None:
     """List all parameters with value, unit, bounds and meaning."""
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    # Bare: with a robot's file the values on the robot are shown, not replaced by the file's.
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         parameters = driver.parameters.list()
     if as_json:
         print_json(parameters)
@@ -116,7 +117,7 @@ def get(
 ) -> None:
     """Show one value."""
     robot, (name,) = _split(context, arguments or (), "NAME")
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
         value = driver.parameters[name]
     if as_json:
         print_json({name: value})
