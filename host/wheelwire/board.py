@@ -31,7 +31,7 @@ from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
-from .arguments import is_number
+from .arguments import is_number, top_level
 from .errors import ConfigurationError, shown
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
@@ -313,11 +313,10 @@ class _Reader:
 
     def __init__(self, section: str, content: object, known: list[str]) -> None:
         self._prefix = f"{section}." if section else ""
-        if not isinstance(content, Mapping):
-            what = section or "the file"
-            raise ConfigurationError(f"{what} = {shown(content)}: it must be names with values")
+        if section and not isinstance(content, Mapping):
+            raise ConfigurationError(f"{section} = {shown(content)}: it must be names with values")
         # YAML also has numbers and booleans for keys: as text they are told to be unknown.
-        self._values = {str(name): value for name, value in content.items()}
+        self._values = top_level(content)
         for name, value in self._values.items():
             if name not in known:
                 near = get_close_matches(name, known, n=1, cutoff=0.5)

@@ -10,7 +10,7 @@ from wheelwire_protocol import native
 
 from .board import BoardDescription, board_mapping, parse_board
 from .errors import ConfigurationError
-from .yaml_file import load_yaml
+from .yaml_file import reading
 
 _CHECKOUT = Path(__file__).parents[2]
 
@@ -41,13 +41,8 @@ def load_board(name: str | Path) -> BoardDescription:
         raise ConfigurationError(
             f"{name}: there is no such file, and the built-in boards are {', '.join(known)}"
         )
-    try:
-        return parse_board(load_yaml(path))
-    except ConfigurationError as error:
-        # Errors of `load_yaml` have the file's name already, those of `parse_board` do not.
-        if str(error).startswith(f"{path}: "):
-            raise
-        raise ConfigurationError(f"{path}: {error}") from error
+    with reading(path, "board") as content:
+        return parse_board(content)
 
 
 def checked_board(name: str | Path) -> BoardDescription:

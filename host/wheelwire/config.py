@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .arguments import top_level
 from .board import BoardDescription
 from .board_file import checked_board, shipped_boards
 from .drivers.factory import open_driver
@@ -26,7 +27,7 @@ from .linux_mcu.pins import Pins
 from .linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from .linux_mcu.store import converted_store
 from .parameters import checked_value
-from .yaml_file import load_yaml
+from .yaml_file import reading
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
@@ -172,11 +173,8 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     if file is not None and not isinstance(file, (str, Path)):
         raise ConfigurationError(f"{shown(file)} is not a file: give a path")
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
-    content = load_yaml(source)
-    try:
+    with reading(source, "robot") as content:
         config = parse_config(content)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{source}: {error}") from error
     # The name of a built-in board is not a path, even where a file has the same name.
     if config.board is None or config.board in shipped_boards():
         return config
@@ -193,7 +191,7 @@ def parse_config(content: object) -> RobotConfig:
             "this is a ROS parameter file: start the node with it (params_file:=...); "
             "a robot's own file has `driver:`, not `ros__parameters:`"
         )
-    plain, aliases = _without_aliases(mapping("the file", content))
+    plain, aliases = _without_aliases(top_level(content))
     for section, names in _SECTIONS.items():
         if section in plain:
             # A section with nothing below it is None in YAML.
@@ -325,7 +323,20 @@ def _validated(content: dict[str, Any]) -> RobotConfig:
         # The first alone: the message of an error is one line.
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise ConfigurationError(f"{key} = {first['input']!r}: {first['msg']}") from error
+        expected = next((text for kind, text in _TYPES if first["type"].startswith(kind)), "")
+        rule = f"it must be {expected}" if expected else first["msg"]
+        raise ConfigurationError(f"{key} = {shown(first['input'])}: {rule}") from error
+
+
+_TYPES = (
+    ("int", "a whole number"),
+    ("float", "a number"),
+    ("bool", "true or false"),
+    ("string", "a text; put one that looks like a number in quotes"),
+    ("dataclass", "a mapping of names to values"),
+    ("dict", "a mapping of names to values"),
+)
+"""What pydantic calls an error begins with, and what is expected then."""
 
 
 def _not_installed(error: ImportError) -> DriverUnavailable:

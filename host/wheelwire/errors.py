@@ -190,7 +190,10 @@ class ParameterOutOfRange(WheelwireError, ValueError):  # noqa: N818
     exit_code = 12
 
     def __init__(self, key: str, value: float, bound: str) -> None:
-        super().__init__(f"{key} = {shown(value)} is out of range: it must be {bound}")
+        # Anything may be given: a word is not out of a range.
+        is_number = isinstance(value, (int, float)) and value == value
+        problem = "is out of range" if is_number else "is not a number"
+        super().__init__(f"{key} = {shown(value)} {problem}: it must be {bound}")
         self.key = key
         self.value = value
         self.bound = bound

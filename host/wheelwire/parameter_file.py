@@ -11,6 +11,7 @@ from typing import Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Parameter
 
+from .arguments import top_level
 from .config import check_names, checked_parameter, mapping
 from .errors import (
     ConfigurationError,
@@ -28,7 +29,7 @@ from .parameters import (
     decimal_of_float32,
     definition_of,
 )
-from .yaml_file import load_yaml
+from .yaml_file import reading
 
 RESTORE_TIMEOUT_S = 5.0
 """How long values are tried to be restored; the link may come back."""
@@ -109,11 +110,9 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
     # Most likely the two arguments are swapped: reading a port here could block for ever.
     if source.is_char_device() or source.is_block_device() or source.is_socket():
         raise InvalidArgument(f"{source} is not a file: give ROBOT first, then FILE")
-    content = load_yaml(source)
-    try:
+    # A robot's file gets a sentence of its own.
+    with reading(source) as content:
         return _parse(content)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{source}: {error}") from error
 
 
 def differences(robot: Iterable[ParameterInfo], wanted: Mapping[str, float]) -> list[Difference]:
@@ -277,7 +276,7 @@ def number_text(value: float) -> str:
 
 
 def _parse(content: object) -> ParameterFile:
-    given = mapping("the file", content or {})
+    given = top_level(content or {})
     if "driver" in given or "driver_type" in given:
         raise ConfigurationError(
             "this is a robot's own file (it has `driver:`), which is a ROBOT, and its parameters "

@@ -1,46 +1,214 @@
-"""YAML files in which no key occurs twice."""
+"""YAML files in which no key occurs twice, and errors that name file, line and what to do."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from .errors import ConfigurationError
+from .errors import ConfigurationError, shown
+
+_TIMESTAMP = "tag:yaml.org,2002:timestamp"
+
+_CURES = (
+    (r"'\\t'", "indent with spaces, not with a tab"),
+    (r"mapping values are not allowed", "one colon too many, or a wrong indentation"),
+    (r"could not find expected ':'", "write `name: value`, with a colon and a space"),
+    (
+        r"expected ',' or '[\]}]'|expected the node content",
+        "a comma or a closing bracket is missing",
+    ),
+    (r"while scanning a quoted scalar|unexpected end of stream", "a closing quote is missing"),
+    (r"escape character", "inside double quotes write \\\\ for a backslash"),
+    (
+        r"undefined alias|found duplicate anchor",
+        "an alias (*name) needs its anchor (&name) before it",
+    ),
+    (r"constructor for the tag|tag handle", "leave out the tag (!...)"),
+    (r"single document|document start", "keep only one document: remove the line `---`"),
+    (r"cannot start any token", "put a text with such a character in quotes"),
+    (r"unhashable|mapping node", "a key has to be a word"),
+    (r"expected <block end>", "the lines of one section need the same indentation"),
+)
+"""What PyYAML's parser says, as a pattern, and what to do about it."""
+
+_KINDS: tuple[tuple[str, set[str], str], ...] = (
+    ("robot", {"driver", "driver_type"}, "a robot's file, which is given as ROBOT"),
+    (
+        "board",
+        {"chip", "stage"},
+        "a board's file: store it with `wheelwire board write [ROBOT] FILE`, or name it in a "
+        "robot's file by `board: FILE`",
+    ),
+    (
+        "parameters",
+        {"board_id", "firmware"},
+        "a file of parameters, for `wheelwire params import [ROBOT] FILE`",
+    ),
+    (
+        "profile",
+        {"to_device", "to_host", "incidents"},
+        "the profile of a bad line, for `wheelwire sim --faults FILE`",
+    ),
+    ("plant", {"variables"}, "a plant, for `wheelwire sim --plant FILE`"),
+    ("answers", {"raised", "first", "second"}, "answers, for `wheelwire setup --answers FILE`"),
+)
+"""Kinds of files, keys that only one of them has, and what to do with it."""
+
+
+@contextmanager
+def reading(source: Path, kind: str = "") -> Iterator[object]:
+    """The content of a YAML file; a ConfigurationError in the block is told with file and line.
+
+    Args:
+        source: The file.
+        kind: One of robot, board, parameters, profile, plant, answers: a file that clearly is of
+            another kind is refused, and told where it belongs.
+
+    Raises:
+        ConfigurationError: It cannot be read, is not YAML, is of another kind, or the block says
+            what is wrong, beginning with the key: `section.name = value: what to do`.
+    """
+    content, lines = _load(source)
+    try:
+        if kind:
+            _refuse_other_kinds(content, kind)
+        yield content
+    except ConfigurationError as error:
+        key = re.match(r"[\w.\[\]-]+", str(error))
+        line = _line_of(key.group(), lines) if key else 0
+        where = f"{source}, line {line}" if line else f"{source}"
+        raise ConfigurationError(f"{where}: {error}") from error
 
 
 def load_yaml(source: Path) -> object:
-    """The content of a YAML file, in which no key occurs twice.
+    """The content of a YAML file; see `reading`."""
+    return _load(source)[0]
 
-    Raises:
-        ConfigurationError: It cannot be read, or is not YAML.
-    """
+
+def _refuse_other_kinds(content: object, own: str) -> None:
+    if not isinstance(content, Mapping):
+        return
+    keys = {str(key) for key in content}
+    found = [(kind, meant) for kind, marks, meant in _KINDS if keys & marks]
+    if found and own not in [kind for kind, _ in found]:
+        raise ConfigurationError(f"this is {found[0][1]}")
+
+
+def _line_of(key: str, lines: Mapping[str, int]) -> int:
+    """The line of a key, else of the section around it; 0 if neither is in the file."""
+    while key:
+        if key in lines:
+            return lines[key]
+        key = key.rpartition(".")[0]
+    return 0
+
+
+def _load(source: Path) -> tuple[object, dict[str, int]]:
+    """The content, and the line of each key by its dotted name."""
+    # Reading a port would block, or take bytes from the robot.
+    if source.is_char_device() or source.is_block_device() or source.is_socket():
+        raise ConfigurationError(f"{source} is a device, not a file: give a YAML file")
     try:
-        return yaml.load(source.read_text("utf-8"), _UniqueKeys)  # noqa: S506 - it is a SafeLoader
+        data = source.read_bytes()
     except FileNotFoundError as error:
         raise ConfigurationError(f"{source}: there is no such file") from error
     except OSError as error:
         raise ConfigurationError(f"{source}: {error.strerror}") from error
-    except (ValueError, yaml.YAMLError) as error:
-        # A ValueError comes of bytes that are no text, and of a date that does not exist.
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ConfigurationError(
+            f"{source}, line {line}: this is not UTF-8 text: save the file as UTF-8, or give "
+            "another file"
+        ) from error
+    try:
+        return _parse(text)
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{source}{_syntax(error, text)}") from error
+    except (ValueError, TypeError) as error:  # such as a number that is none after all
         raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
+    except RecursionError:
+        raise ConfigurationError(f"{source}: the lines are nested too deeply") from None
 
 
-class _UniqueKeys(yaml.SafeLoader):
+def _parse(text: str) -> tuple[object, dict[str, int]]:
+    loader = _Loader(text)
+    node = loader.get_single_node()
+    if node is None:
+        return None, {}
+    lines: dict[str, int] = {}
+    _note_lines(node, "", lines)
+    return loader.construct_document(node), lines
+
+
+def _syntax(error: yaml.YAMLError, text: str) -> str:
+    """The line, what it holds, and the cure; not the parser's words."""
+    if isinstance(error, _Duplicate):
+        return f", line {error.line}: {error}"
+    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    if mark is None:  # a reader's error has a position in place of a mark
+        position = getattr(error, "position", 0)
+        line = text.count("\n", 0, position) + 1
+        return f", line {line}: remove the character that is no text, or give another file"
+    # The parser notices what is missing at the end of the file only there.
+    rows = text.splitlines()
+    row = min(mark.line, len(rows) - 1)
+    while row > 0 and not rows[row].strip():
+        row -= 1
+    said = f"{getattr(error, 'context', '')} {getattr(error, 'problem', '')}"
+    cures = (cure for pattern, cure in _CURES if re.search(pattern, said))
+    cure = next(cures, "write `name: value`, and indent sections with spaces")
+    return f", line {row + 1}: {shown(rows[row].strip())}: {cure}"
+
+
+def _note_lines(node: yaml.Node, prefix: str, lines: dict[str, int]) -> None:
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                name = f"{prefix}.{key.value}" if prefix else key.value
+                if name not in lines:  # an alias leads here again
+                    lines[name] = key.start_mark.line + 1
+                    _note_lines(value, name, lines)
+    elif isinstance(node, yaml.SequenceNode):
+        for index, value in enumerate(node.value):
+            name = f"{prefix}[{index}]"
+            if name not in lines:
+                lines[name] = value.start_mark.line + 1
+                _note_lines(value, name, lines)
+
+
+class _Duplicate(yaml.YAMLError):
+    """A key occurs twice."""
+
+    def __init__(self, key: str, first: int, line: int) -> None:
+        super().__init__(f"{key} is given twice (first in line {first}): remove one of them")
+        self.line = line
+
+
+class _Loader(yaml.SafeLoader):
     """YAML requires unique keys, but PyYAML silently takes the last of several."""
 
+    # Dates are texts: none of our files has one, and a wrong one has no line.
+    yaml_implicit_resolvers: dict[str, list[tuple[str, Any]]] = {  # noqa: RUF012 - PyYAML's own
+        first: [(tag, pattern) for tag, pattern in resolvers if tag != _TIMESTAMP]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Raises ConstructorError, a YAMLError, if a key occurs twice."""
+        """Raises YAMLError if a key occurs twice."""
         # First: the base class adds the keys of `<<`, which may be given again, to the node's own.
-        seen: set[str] = set()
+        seen: dict[str, int] = {}
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
                 continue  # no key of any of our files: the base class or the reader refuses it
+            line = key.start_mark.line + 1
             if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    problem=f"{key.value} is given twice: remove one of them",
-                    problem_mark=key.start_mark,
-                )
-            seen.add(key.value)
+                raise _Duplicate(key.value, seen[key.value], line)
+            seen[key.value] = line
         return super().construct_mapping(node, deep=deep)

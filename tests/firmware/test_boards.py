@@ -326,7 +326,16 @@ def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
     assert robot.state() is SupervisorState.IDLE
 
 
-@pytest.mark.parametrize("name", shipped_boards())
+@pytest.mark.parametrize("name", sorted({*shipped_boards()} - {*OF_ESP32}))
+def test_a_board_of_another_chip_is_refused(name: str) -> None:
+    robot = VirtualRobot().open()
+    before = in_force(robot)
+    assert refused(robot, written(load_board(name))) == RefusalCode.BOARD_REFUSED
+    restart(robot)
+    assert in_force(robot) == before
+
+
+@pytest.mark.parametrize("name", OF_ESP32)
 def test_every_board_drives_brakes_and_reverses(tmp_path: Path, name: str) -> None:
     robot = with_board(name, tmp_path / "store")
     for speed in (0.2, -0.2, 0.3):

@@ -20,8 +20,11 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.codes import Fault, Group, RefusalCode
 from wheelwire_protocol.types import GROUP_HASHES, GroupGet
+
+OF_ESP32 = [name for name in shipped_boards() if load_board(name).chip is Chip.ESP32]
 
 
 @pytest.fixture
@@ -145,6 +148,12 @@ def test_a_wrong_board_is_refused_before_anything_is_written(
     assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
 
 
+def test_a_board_of_another_chip_is_refused_by_name(simulator: Simulator) -> None:
+    line = check_error(run("board", "write", simulator.port, "esp32s3"), errors.DeviceRefused)
+    assert "L298N, ESP32-S3-DevKitC is for the ESP32S3, not for this chip" in line
+    assert run_json("board", "read", simulator.port)["board"]["name"] == "L298N, ESP32-DevKitC"
+
+
 def test_a_host_that_dies_on_trial_leaves_the_former_board(simulator: Simulator) -> None:
     with open_driver("serial", port=simulator.port) as robot:
         assert isinstance(robot, DeviceDriver)
@@ -244,7 +253,7 @@ def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen(fresh: Simulato
     person = Chooser("tb6612")
     assert offer(fresh, person) == ["TB6612FNG: written, tried and confirmed"]
     (question,) = person.asked
-    assert set(question.choices) == {*shipped_boards(), KEEP} - {"pi4b"}
+    assert set(question.choices) == {*OF_ESP32, KEEP}
     # By its picture: whoever keeps it confirms it.
     assert "keep: it is L298N, ESP32-DevKitC, docs/boards/l298n.svg" in question.text
     assert run_json("board", "read", fresh.port)["state"] == "STORED"

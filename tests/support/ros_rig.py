@@ -75,11 +75,6 @@ class Rig:
         """Drive repeatedly during a `with` block."""
         return Repeater(self.commands, lambda: twist(SPEED_MPS))
 
-    def arm(self) -> None:
-        """Ask the robot to stand: after a clear nothing else restarts motion."""
-        with Repeater(self.commands, lambda: twist(0.0)):
-            self.truth(lambda state: state.state is SupervisorState.DRIVING)
-
     def driving_stamped(self) -> Repeater:
         """As `driving`, with stamps."""
         return Repeater(self.commands, lambda: self.stamped(SPEED_MPS))

@@ -109,8 +109,7 @@ void BoardKeeper::take_built_in() {
 }
 
 bool BoardKeeper::fits(const BoardDescription& board) const {
-  const bool for_this_chip = chip_ == Board::kSimulated || chip_ == board.chip;
-  return for_this_chip && first_issue(board).fault == BoardFault::kNone;
+  return board.chip == chip_ && first_issue(board).fault == BoardFault::kNone;
 }
 
 bool BoardKeeper::save() {

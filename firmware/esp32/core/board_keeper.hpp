@@ -43,9 +43,9 @@ class BoardKeeper {
   /// What becomes of the image's own board while none is stored.
   enum class BuiltIn : uint8_t { kUnconfirmed, kConfirmed };
 
-  /// `chip`: a board for another one is refused; kSimulated takes any. `built_in`: the image's own,
-  /// active while none is stored; nullptr: there is none. A simulated robot has the board that it
-  /// says, so that board is confirmed from the start.
+  /// `chip`: a board for another one is refused. `built_in`: the image's own, active while none is
+  /// stored; nullptr: there is none. A simulated robot has the board that it says, so that board is
+  /// confirmed from the start.
   BoardKeeper(ParameterStore& store, Board chip, const BoardDescription* built_in,
               BuiltIn confirmation = BuiltIn::kUnconfirmed)
       : store_(store), chip_(chip), built_in_(built_in), confirmation_(confirmation) {}

@@ -39,9 +39,10 @@ const uint8_t* packed_board(const Seen& message) {
   return message.body.data() + message.body.size() - BoardDescription::kSize;
 }
 
-/// Boards are written as they are shipped, or broken.
-bool is_shipped(const Seen& message) {
+/// Boards are written as they are shipped, or broken; those of other chips are refused.
+bool fits_the_chip(const Seen& message) {
   for (const BoardDescription& board : shipped_boards()) {
+    if (board.chip != built_in_board().chip) continue;
     uint8_t packed[BoardDescription::kSize];
     write_board(board, packed);
     if (std::memcmp(packed, packed_board(message), sizeof packed) == 0) return true;
@@ -248,7 +249,7 @@ Codes Witness::request_codes(const Seen& message) const {
     }
     case BoardWrite::kId: {
       const Codes refused = board_state_ == BoardState::kTrial ? Codes(RefusalCode::kBoardOnTrial)
-                            : !is_shipped(message)             ? Codes(RefusalCode::kBoardRefused)
+                            : !fits_the_chip(message)          ? Codes(RefusalCode::kBoardRefused)
                                                                : Codes();
       return board_codes(refused);
     }

@@ -87,8 +87,9 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
+  // The chip that is simulated: it refuses boards of others, as the real one does.
   keeper_.emplace(
-      board.board_store, identity_.board, &kBoardOfEsp32,
+      board.board_store, kBoardOfEsp32.chip, &kBoardOfEsp32,
       board_unwritten ? BoardKeeper::BuiltIn::kUnconfirmed : BoardKeeper::BuiltIn::kConfirmed);
   keeper_->start();
   std::copy(std::begin(specs_), std::end(specs_), boot_specs_);

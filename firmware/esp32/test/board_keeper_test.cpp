@@ -121,7 +121,7 @@ TEST(keeper_cannot_confirm_what_it_cannot_save) {
 
 TEST(keeper_of_a_simulated_robot_has_its_board_confirmed) {
   MemoryStore store;
-  BoardKeeper keeper(store, Board::kSimulated, &kBoardOfEsp32, BoardKeeper::BuiltIn::kConfirmed);
+  BoardKeeper keeper(store, Board::kEsp32, &kBoardOfEsp32, BoardKeeper::BuiltIn::kConfirmed);
   keeper.start();
   CHECK(keeper.state() == BoardState::kStored && keeper.is_confirmed());
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from types import FrameType
 
 INTERRUPTED = 130
@@ -18,10 +19,24 @@ def main() -> None:
         signal.signal(signal.SIGINT, _exit_interrupted)
     from .app import run
 
+    try:
+        if default:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        code = run()
+    except KeyboardInterrupt:
+        # Just before or after the part of `run` that handles it.
+        _exit_interrupted(signal.SIGINT, None)
     if default:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+        # All is done: an exception in the interpreter's own end would print a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    sys.exit(code)
 
 
 def _exit_interrupted(_signal: int, _frame: FrameType | None) -> None:
-    os._exit(INTERRUPTED)
+    line = b"wheelwire: interrupted\n"
+    if "--json" in sys.argv:
+        line = b'{"error": "Interrupted", "message": "interrupted", "exit_code": 130}\n'
+    try:
+        os.write(2, line)
+    finally:
+        os._exit(INTERRUPTED)

@@ -250,3 +250,18 @@ def looks_like_address(text: str) -> bool:
     return text not in PARAMETER_BY_NAME and (
         text == MOCK or any(sign in text for sign in "/:.") or Path(text).exists()
     )
+
+
+def is_port(text: str) -> bool:
+    """Whether `text` can only be ROBOT, in a place where a file is expected."""
+    path = Path(text)
+    if text == MOCK or text.startswith(("socket:", "unix:")):
+        return True
+    # Also a port that is not plugged in now.
+    is_missing_device = text.startswith("/dev/") and not path.exists()
+    return is_missing_device or path.is_char_device() or path.is_block_device() or path.is_socket()
+
+
+def is_file(text: str) -> bool:
+    """Whether an address is a robot's file."""
+    return text.endswith(_FILES)

@@ -7,28 +7,33 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from wheelwire import __version__
-from wheelwire.errors import OutputFailed, WheelwireError
+from wheelwire.errors import DeviceRefused, OutputFailed, WheelwireError
+from wheelwire_protocol.codes import RefusalCode
 
 from . import INTERRUPTED
 from .board import app as board_app
 from .flash import flash
 from .local import demo, ports, sim
 from .mcu import mcu
-from .output import UsageError, print_error, show_help_alone
+from .output import UsageError, print_error, print_interruption, show_help_alone
 from .parameter_files import app as parameters_app
 from .prompts import use_read_line
 from .robot import clear, drive, estop, info, monitor
 from .setup import setup
+from .signals import Interrupted
 from .teleop import teleop
 
 USAGE = 2
+_LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 app = typer.Typer(
@@ -54,13 +59,23 @@ def wheelwire(
     show_help_alone(context)
 
 
-def run() -> None:
-    """Run the command line, and exit."""
+def run() -> int:
+    """Run the command line; returns its exit code."""
+    _open_closed_streams()
+    # An error of the command says what a log line of the link would say, and what to do.
+    logging.getLogger("wheelwire.link").addHandler(logging.NullHandler())
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail
     use_read_line()
-    sys.exit(_result(sys.argv[1:]))
+    return _result(sys.argv[1:])
+
+
+def _open_closed_streams() -> None:
+    """A stream that the caller has closed reads and writes nothing, as /dev/null does."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115 - stays open
 
 
 def _result(arguments: list[str]) -> int:
@@ -69,12 +84,16 @@ def _result(arguments: list[str]) -> int:
     try:
         return _run_app(arguments)
     except WheelwireError as error:
-        print_error(str(error), type(error).__name__, error.exit_code, as_json=as_json)
+        print_error(_message(error), type(error).__name__, error.exit_code, as_json=as_json)
         return error.exit_code
     except UsageError as error:
         print_error(_usage(error), "UsageError", USAGE, as_json=as_json)
         return USAGE
+    except Interrupted as ended:
+        print_interruption(str(ended), ended.exit_code, as_json=as_json)
+        return ended.exit_code
     except (KeyboardInterrupt, typer.Abort):
+        print_interruption("interrupted", INTERRUPTED, as_json=as_json)
         return INTERRUPTED
 
 
@@ -98,12 +117,32 @@ def _run_app(arguments: list[str]) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _message(error: WheelwireError) -> str:
+    """What the error says, and for a latched robot the command that ends it."""
+    text = str(error)
+    latched = isinstance(error, DeviceRefused) and error.code in _LATCHED
+    if latched and "wheelwire clear" not in text:
+        return f"{text} `wheelwire clear` with the same ROBOT ends it"
+    return text
+
+
 def _usage(error: Exception) -> str:
     """What is wrong, and which help explains it. `error` is a UsageError of either Click."""
     message = " ".join(str(error.format_message()).split()).rstrip(".")  # type: ignore[attr-defined]
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "wheelwire"
-    return f"{message}; see `{path} --help`"
+    hint = next((hint for wrong, hint in _MEANT.get(path, ()) if wrong in message), "")
+    return f"{message}{hint}; see `{path} --help`"
+
+
+_MEANT = {
+    "wheelwire drive": [
+        (f"No such option: {name}", ": a velocity is --linear (m/s), --angular (rad/s) or both")
+        for name in ("--speed", "--velocity", "--distance", "--turn")
+    ],
+    "wheelwire flash": [("unexpected extra argument", ": an image is given by --image")],
+}
+"""By command: what people give that it does not take, and what is meant."""
 
 
 def _discard_output() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from wheelwire.errors import ConfigurationError, InvalidArgument
+from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
 
 from .address import (
     ROBOT_HELP,
@@ -18,9 +18,18 @@ from .address import (
     RobotArgument,
     complete_robot,
     complete_yaml,
+    is_port,
     resolve,
 )
-from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
+from .output import (
+    JsonFlag,
+    UsageError,
+    check_writable,
+    console,
+    print_json,
+    print_table,
+    show_help_alone,
+)
 from .parameters import RobotCommand
 
 if TYPE_CHECKING:
@@ -110,6 +119,7 @@ def show(name: NameArgument, as_json: JsonFlag = False) -> None:
     """Show what is connected to which pin, and what the power stage does."""
     from wheelwire.board_file import load_board
 
+    _refuse_port(name)
     _show(load_board(name), as_json=as_json)
 
 
@@ -152,6 +162,7 @@ def check(file: FileArgument, as_json: JsonFlag = False) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
     from wheelwire.board_file import load_board
 
+    _refuse_port(file)
     found = load_board(file)
     problems = found.problems()
     if as_json:
@@ -163,6 +174,30 @@ def check(file: FileArgument, as_json: JsonFlag = False) -> None:
         console.print(f"{file}: nothing is wrong with this board", soft_wrap=True)
     if problems:
         raise typer.Exit(ConfigurationError.exit_code)
+
+
+def _refuse_port(given: str) -> None:
+    if is_port(given):
+        raise InvalidArgument(
+            f"{given} is a ROBOT, not a board: give a board's file or name; "
+            f"`wheelwire board read {given}` shows the one that the robot is on"
+        )
+
+
+def _robot_and_board(context: typer.Context, given: list[str]) -> tuple[str | None, str]:
+    """Split into ROBOT, if given, and the board. Nothing is opened."""
+    if not given or (len(given) == 1 and is_port(given[0])):
+        after = f": give the board after {given[0]}" if given else ""
+        raise UsageError(f"Missing argument 'FILE'{after}", context)
+    if len(given) > 2:
+        raise UsageError(f"Unexpected argument '{given[2]}'", context)
+    robot = given[0] if len(given) > 1 else None
+    if is_port(given[-1]):
+        raise InvalidArgument(
+            f"{given[-1]} is a ROBOT, not a board: give ROBOT first, as in "
+            f"`wheelwire board write {given[-1]} {robot}`"
+        )
+    return robot, given[-1]
 
 
 def _complete_robot_or_board(incomplete: str) -> Iterator[tuple[str, str]]:
@@ -192,21 +227,34 @@ def write(
     from wheelwire.board_file import checked_board
 
     # One list: Click cannot leave out the first of two arguments.
-    given = list(arguments or ())
-    if not given:
-        raise UsageError("Missing argument 'FILE'", context)
-    if len(given) > 2:
-        raise UsageError(f"Unexpected argument '{given[2]}'", context)
+    robot, name = _robot_and_board(context, list(arguments or ()))
     # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
-    wanted = checked_board(given[-1])
+    wanted = checked_board(name)
     # Bare: a robot's file may name this board, on which the device is not yet.
-    address = resolve(given[0] if len(given) > 1 else None, as_json=as_json)
+    address = resolve(robot, as_json=as_json)
     with address.open(baud, bare=True) as driver:
-        _device_board(driver).take_up(wanted)
+        try:
+            _device_board(driver).take_up(wanted)
+        except DeviceRefused as error:
+            raise _explained(error, wanted, driver) from error
     if as_json:
         print_json({"board": wanted.name, "written": True})
     else:
         console.print(f"{wanted.name}: written, tried and confirmed", soft_wrap=True)
+
+
+def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDriver) -> DeviceRefused:
+    from wheelwire.drivers.transport_driver import DeviceDriver
+    from wheelwire_protocol.codes import Board, RefusalCode
+
+    if error.code != RefusalCode.BOARD_REFUSED or not isinstance(driver, DeviceDriver):
+        return error
+    chip = driver.info.device.board
+    # The simulated robot has an ESP32's pins.
+    if wanted.chip is (Board.ESP32 if chip is Board.SIMULATED else chip):
+        return error
+    hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
+    return DeviceRefused(error.code, "the board", hint=hint)
 
 
 @app.command("confirm")
@@ -308,6 +356,7 @@ def init(
     # Before the questions, whose answers would be lost.
     if file.exists():
         raise ConfigurationError(f"{file} exists: choose another name, or remove it first")
+    check_writable(file)
     made = _ask_for_board(like)
     problems = made.problems()
     try:

@@ -9,9 +9,9 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from wheelwire.errors import FlashFailed
+from wheelwire.errors import FlashFailed, InvalidArgument
 
-from .address import RobotArgument, resolve
+from .address import RobotArgument, is_file, resolve
 from .output import JsonFlag, console, print_json
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ def flash(
     from wheelwire.drivers.factory import open_driver
     from wheelwire.flash_layout import plan_flash, read_image
 
+    _check_is_no_image(robot)
     # What can be wrong without the chip is found before it is touched.
     wanted = read_image(image) if image else None
     pins = checked_board(board) if board else None
@@ -96,6 +97,13 @@ def flash(
         )
         if pins is not None:
             console.print(f"{pins.name}: written, tried and kept", soft_wrap=True)
+
+
+def _check_is_no_image(robot: str | None) -> None:
+    if robot and (robot.endswith(".bin") or (Path(robot).is_file() and not is_file(robot))):
+        raise InvalidArgument(
+            f"{robot} is an image, not a ROBOT: `wheelwire flash [ROBOT] --image {robot}`"
+        )
 
 
 def _describe(plan: Plan) -> list[str]:

@@ -6,13 +6,17 @@ import dataclasses
 import enum
 import json
 import math
+import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
+
+from wheelwire.errors import OutputFailed
 
 console = Console(highlight=False, markup=False)
 
@@ -79,3 +83,24 @@ def print_error(message: str, kind: str, exit_code: int, *, as_json: bool) -> No
     """Print one line on stderr: what happened and what to do."""
     error = {"error": kind, "message": message, "exit_code": exit_code}
     print(json.dumps(error) if as_json else f"wheelwire: {message}", file=sys.stderr)  # noqa: T201
+
+
+def print_interruption(message: str, exit_code: int, *, as_json: bool) -> None:
+    """Print one line on stderr: what was done before a signal ended the command."""
+    if sys.stderr.isatty():
+        print(file=sys.stderr)  # noqa: T201 - the terminal shows ^C where the cursor was
+    print_error(message, "Interrupted", exit_code, as_json=as_json)
+
+
+def print_note(text: str, *, as_json: bool) -> None:
+    """Print one line on stderr that is neither a result nor an error."""
+    print(json.dumps({"note": text}) if as_json else f"wheelwire: {text}", file=sys.stderr)  # noqa: T201
+
+
+def check_writable(file: Path | None) -> None:
+    """Find out before anything moves or is asked; raises `OutputFailed`."""
+    # Of a file that does not exist yet, the folder has to be writable.
+    if file is not None and (
+        file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
+    ):
+        raise OutputFailed(f"cannot write {file}: choose a file in a folder that can be written")

@@ -23,6 +23,7 @@ from .address import (
 )
 from .output import JsonFlag, UsageError, console, print_json, print_table
 from .parameters import RobotCommand, app
+from .signals import ended_by_signals
 
 if TYPE_CHECKING:
     from wheelwire.link.info import DeviceInfo
@@ -89,11 +90,13 @@ def import_file(
     # Whether anything can be saved is known before the robot is opened. Which values would change,
     # and whether the robot's file would undo them, is known only then.
     address.check_parameters([], save=save)
-    with address.open(baud) as driver:
+    with ended_by_signals() as ending, address.open(baud) as driver:
+        ending.outcome = "interrupted; the previous values are set again"
         lasting, device = outlives_commands(driver), _device(driver)
         expected = differences(driver.parameters.list(), wanted.values)
         address.check_parameters([change.name for change in expected], save=save)
         changes = apply(driver.parameters, wanted.values, save=save)
+        ending.outcome = "interrupted; the values in the file are set"
         driver.read()  # it may have been sent before the last change
         state = driver.read().state
     if as_json:

@@ -30,6 +30,8 @@ _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 TABLE_COLUMNS = 100
 """Narrower terminals get a list in place of a table."""
 
+RESTART = "press EN (or RST) on the board, or take its power away for a moment"
+
 app = typer.Typer()
 
 
@@ -166,8 +168,10 @@ def _duration(name: str, *, saved: bool, lasting: bool) -> str:
     if not PARAMETER_BY_NAME[name].after_reset:
         return "saved" if saved else "until the next reset; --save keeps it"
     if saved:
-        return "saved; takes effect after the next reset"
-    return "no effect: it acts only after a reset, and is lost then; use --save, then reset"
+        return f"saved; takes effect at the next start: {RESTART}"
+    return (
+        f"no effect: it acts only from the next start, and is lost then; use --save, then {RESTART}"
+    )
 
 
 @app.command("save", cls=RobotCommand)

@@ -10,6 +10,8 @@ from typing import Any
 
 import typer
 
+from wheelwire.errors import InvalidArgument
+
 PIPE_BYTES = 4096
 
 
@@ -21,10 +23,13 @@ def read_line(prompt: str = "") -> str:
     This function waits for a line or for a signal noted by then, whichever comes first.
 
     Raises:
-        EOFError: There is no line any more.
+        InvalidArgument: There is no line any more.
     """
     if not sys.stdin.isatty():
-        return input(prompt)
+        try:
+            return input(prompt)
+        except EOFError:
+            raise _no_answer() from None
     sys.stdout.write(prompt)
     sys.stdout.flush()
     noted, note = os.pipe()
@@ -40,8 +45,17 @@ def read_line(prompt: str = "") -> str:
         os.close(note)
     line = sys.stdin.readline()
     if not line:
-        raise EOFError
+        raise _no_answer()
     return line.rstrip("\n")
+
+
+def _no_answer() -> InvalidArgument:
+    # The line after the prompt is the error's.
+    sys.stdout.write("\n")
+    return InvalidArgument(
+        "the question was not answered, because standard input has ended: run the command again, "
+        "in a terminal"
+    )
 
 
 def use_read_line() -> None:

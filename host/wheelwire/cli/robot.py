@@ -18,7 +18,9 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, resolve
-from .output import JsonFlag, console, print_facts, print_json, to_json_value
+from .lost_link import LinkNews, ended_by_a_loss, watch
+from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
+from .signals import ended_by_signals
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
@@ -107,6 +109,12 @@ def _state(state: SupervisorState, address: str) -> str:
     return f"{text} `wheelwire clear {address}` ends it" if state in _LATCHED else text
 
 
+def _latched(sample: WheelSample, address: str) -> str:
+    """Why nothing drives, and the command that ends it."""
+    faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in sample.faults)
+    return " ".join(filter(None, (_state(sample.state, address), faults)))
+
+
 def drive(
     robot: RobotArgument = None,
     linear: Annotated[float | None, typer.Option(help="m/s, forward positive.")] = None,
@@ -123,16 +131,26 @@ def drive(
         raise InvalidCommand("no velocity given: use --linear, --angular or both")
     asked = Twist(linear or 0.0, angular or 0.0)
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
-    with address.open(baud) as driver:
+    # In this order: the signals are still handled while the driver stops the robot.
+    with (
+        ended_by_signals() as ending,
+        address.open(baud) as driver,
+        ending.stops(driver),
+        ended_by_a_loss(),
+    ):
         # Needed when the driver is closed, which has no geometry any more.
         geometry = driver.geometry
         try:
             end, pose, late = _drive(driver, asked, seconds)
         except DeviceRefused as error:
-            if error.code != RefusalCode.ESTOPPED:
+            hint = f"`wheelwire clear {address.text}` ends it"
+            if error.code == RefusalCode.ESTOPPED:
+                hint += f". {_without_contact(address.text)}"
+            elif error.code == RefusalCode.FAULT:
+                hint += " once the cause is mended"
+            else:
                 raise
-            hint = f"`wheelwire clear {address.text}` ends it. {_without_contact(address.text)}"
-            raise DeviceRefused(error.code, "the setpoint", hint=hint) from error
+            raise DeviceRefused(error.code, "the setpoint", error.faults, hint=hint) from error
     # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
@@ -222,17 +240,24 @@ def monitor(
     baud: BaudOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Show wheel speeds, ticks and state. Sends no setpoint."""
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    """Show wheel speeds, ticks and state. Sends no setpoint. Goes on when a lost link is back."""
+    address = resolve(robot, as_json=as_json)
+    with address.open(baud, bare=True) as driver:
         end = time.monotonic() + (seconds or math.inf)
-        while time.monotonic() < end:
-            sample = driver.read()
+        latched: SupervisorState | None = None
+        for news in watch(driver, end):
+            if isinstance(news, LinkNews):
+                print_note(news.text, as_json=as_json)
+                continue
             if as_json:
-                print_json(sample)
-            else:
-                # A person can read no more than a few lines a second.
-                console.print(_line(sample, driver.statistics.frames_lost), soft_wrap=True)
-                time.sleep(PRINT_PERIOD_S)
+                print_json(news)
+                continue
+            console.print(_line(news, driver.statistics.frames_lost), soft_wrap=True)
+            if news.state in _LATCHED and news.state is not latched:
+                console.print(_latched(news, address.text), soft_wrap=True)
+            latched = news.state if news.state in _LATCHED else None
+            # A person can read no more than a few lines a second.
+            time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
 
 
 def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:

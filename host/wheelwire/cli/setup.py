@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -19,11 +18,11 @@ from wheelwire.errors import (
     CommissioningFailed,
     DriverUnavailable,
     InvalidArgument,
-    OutputFailed,
 )
 
 from .address import MOCK, Address, BaudOption, RobotArgument, YesFlag, resolve
-from .output import JsonFlag, console, print_json
+from .lost_link import ended_by_a_loss
+from .output import JsonFlag, check_writable, console, print_json
 from .signals import ended_by_signals
 
 if TYPE_CHECKING:
@@ -40,6 +39,9 @@ WIRING_VARIABLES = (
     "right.encoder_reversed",
 )
 """Of the simulated robot."""
+
+UNSAVED = "what was not saved has its previous value again; run the command again to go on"
+"""How a set-up leaves the robot that a signal ends."""
 
 SIZES = {
     "counts_per_revolution": "counts_per_revolution",
@@ -115,8 +117,8 @@ def setup(
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
     # What would fail at the end fails here: the measurements take minutes.
-    _check_writable(keep)
-    _check_writable(plot)
+    check_writable(keep)
+    check_writable(plot)
     if plot is not None and find_spec("matplotlib") is None:
         raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
     options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
@@ -138,7 +140,12 @@ def setup(
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
     _check_lasting(address, keep)
     # In this order: the signals are still handled while the driver stops the robot.
-    with ended_by_signals(), address.open(baud) as driver:
+    with (
+        ended_by_signals() as ending,
+        address.open(baud) as driver,
+        ending.stops(driver, lambda: UNSAVED),
+        ended_by_a_loss(),
+    ):
         # Only a board with an id is recognised again; on the floor there is nothing to resume.
         if isinstance(driver, DeviceDriver) and not on_the_floor:
             options = replace(options, progress=Progress(driver.info.device.board_id))
@@ -155,7 +162,9 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
     if as_json:
         print_json(_as_json(findings))
     elif findings.is_complete and findings.problems:
-        console.print(f"{len(findings.problems)} problems remain, see above")
+        count = len(findings.problems)
+        remain = "1 problem remains" if count == 1 else f"{count} problems remain"
+        console.print(f"{remain}, see above")
     elif not findings.is_complete:
         console.print("the set-up cannot go on: mend it, then run the command again")
     if not findings.is_complete:
@@ -216,15 +225,6 @@ class _Terminal:
                 return question.parse(given)
             except InvalidArgument as error:
                 typer.echo(str(error), err=self._err)
-
-
-def _check_writable(file: Path | None) -> None:
-    """Find out before anything moves; raises `OutputFailed`."""
-    # Of a file that does not exist yet, the folder has to be writable.
-    if file is not None and (
-        file.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK)
-    ):
-        raise OutputFailed(f"cannot write {file}: choose a file in a folder that can be written")
 
 
 def _check_lasting(address: Address, keep: Path | None) -> None:

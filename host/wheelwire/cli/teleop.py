@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from typing import Annotated
 
@@ -17,7 +16,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import console
-from .signals import ended_by_signals
+from .signals import ended_by_signals, stop
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
@@ -45,24 +44,26 @@ def teleop(
             "pipe; `wheelwire drive` needs none"
         )
     address = resolve(robot, moves=True, yes=yes)
-    # Warnings of the link would be printed into the line; it shows what they say.
-    logging.getLogger("wheelwire").addHandler(logging.NullHandler())
-    with ended_by_signals(), address.open(baud) as driver:
+    with (
+        ended_by_signals() as ending,
+        address.open(baud) as driver,
+        ending.stops(driver, lambda: _what_remains(driver, address.text)),
+    ):
         device = driver.info.device if isinstance(driver, DeviceDriver) else None
         identity = f" ({device.board.name} {device.board_id})" if device else ""
         console.print(f"driving {address.text}{identity}\n{HELP}", soft_wrap=True)
         with Terminal(sys.stdin.fileno(), sys.stdout.fileno()) as terminal:
             drive(driver, terminal, speed)
-        _say_what_remains(driver, address.text)
+        text = "; ".join(filter(None, (stop(driver), _what_remains(driver, address.text))))
+        console.print(text, soft_wrap=True)
 
 
-def _say_what_remains(driver: BaseDriver, address: str) -> None:
+def _what_remains(driver: BaseDriver, address: str) -> str:
     try:
         driver.read()  # it may be older than the last key
         state = driver.read().state
     except (LinkLost, RequestTimeout):
-        return
+        return ""
     if state in _LATCHED and outlives_commands(driver):
-        console.print(
-            f"{state.name} remains latched; `wheelwire clear {address}` ends it", soft_wrap=True
-        )
+        return f"{state.name} remains latched; `wheelwire clear {address}` ends it"
+    return ""

@@ -80,8 +80,8 @@ def tell_contradictions(robot: BaseDriver, say: Say) -> None:
 
 
 def _boards_for(chip: Board) -> dict[str, BoardDescription]:
-    """The built-in boards for a chip, by name; a simulated one takes all but a computer's."""
-    boards = {name: load_board(name) for name in shipped_boards()}
+    """The built-in boards for a chip, by name; a simulated robot is an ESP32's."""
     if chip is Board.SIMULATED:
-        return {n: board for n, board in boards.items() if board.chip is not Board.LINUX}
+        chip = Board.ESP32
+    boards = {name: load_board(name) for name in shipped_boards()}
     return {n: board for n, board in boards.items() if board.chip is chip}

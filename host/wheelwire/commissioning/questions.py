@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from ..config import check_names, mapping
+from ..arguments import top_level
+from ..config import check_names
 from ..drivers.mock import MockDriver
 from ..errors import ConfigurationError, InvalidArgument
 from ..parameters import checked_value
-from ..yaml_file import load_yaml
+from ..yaml_file import reading
 from .motion import SIDES
 
 YES, NO = "yes", "no"
@@ -115,11 +116,9 @@ class AnswersFile:
     def __init__(self, file: Path, otherwise: Person | None = None) -> None:
         self._file = file
         self._otherwise = otherwise
-        try:
-            self._answers = dict(mapping("the file", load_yaml(file) or {}))
+        with reading(file, "answers") as content:
+            self._answers = top_level(content or {})
             check_names(self._answers, list(ANSWER_KEYS), "")
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{file}: {error}") from error
 
     def answer(self, question: Question) -> str:
         """As the file says.

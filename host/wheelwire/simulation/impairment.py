@@ -15,18 +15,28 @@ import enum
 import re
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from heapq import heapify, heappop, heappush
 from pathlib import Path
 from random import Random
 from typing import Any
 
-from wheelwire.errors import ConfigurationError
+from wheelwire.errors import ConfigurationError, shown
 from wheelwire_protocol.decoder import Decoder
 
 SHIPPED = Path(__file__).parent / "profiles"
+MAX_SEED = 2**32 - 1
 KINDS = ("stall", "unplug", "reset")
 _CHANCES = ("loss", "repeat", "reorder", "flip", "corrupt")
+
+
+def _check_number(
+    name: str, value: object, high: float, expected: str, *, whole: bool = False
+) -> None:
+    # A bool is an int, and YAML makes a bool of `yes`. NaN is refused by the comparison.
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not 0 <= value <= high or (whole and value != int(value)):  # type: ignore[operator,call-overload]
+        raise ConfigurationError(f"{name} = {shown(value)}: it must be {expected}")
 
 
 @dataclass
@@ -59,13 +69,13 @@ class Impairment:
 
     def __post_init__(self) -> None:
         for name in _CHANCES:
-            if not 0 <= getattr(self, name) <= 1:
-                raise ConfigurationError(
-                    f"{name} = {getattr(self, name)}: must be a probability, 0 to 1"
-                )
-        for name in ("noise_bytes_per_s", "baud", "delay_us", "jitter_us"):
-            if not 0 <= getattr(self, name) < 1e9:
-                raise ConfigurationError(f"{name} = {getattr(self, name)}: must be 0 to 1e9")
+            _check_number(name, getattr(self, name), 1, "a probability, 0 to 1")
+        _check_number("noise_bytes_per_s", self.noise_bytes_per_s, 1e9, "a number, 0 to 1e9")
+        for name in ("baud", "delay_us", "jitter_us"):
+            value = getattr(self, name)
+            _check_number(name, value, 1e9, "a whole number, 0 to 1e9", whole=True)
+        if not isinstance(self.split, bool):
+            raise ConfigurationError(f"split = {shown(self.split)}: it must be true or false")
 
 
 @dataclass(frozen=True)
@@ -87,13 +97,13 @@ class Incident:
 
     def __post_init__(self) -> None:
         if self.what not in KINDS:
-            raise ConfigurationError(
-                f"unknown incident {self.what!r}; choose from {', '.join(KINDS)}"
-            )
-        if min(self.at_s, self.for_s, self.every_s) < 0:
-            raise ConfigurationError(f"incident {self.what!r}: times must not be negative")
+            raise ConfigurationError(f"what = {shown(self.what)}: choose from {', '.join(KINDS)}")
+        for name in ("at_s", "for_s", "every_s"):
+            _check_number(name, getattr(self, name), 1e9, "seconds, 0 to 1e9")
         if 0 < self.every_s <= self.for_s:
-            raise ConfigurationError(f"incident {self.what!r}: every_s must be greater than for_s")
+            raise ConfigurationError(
+                f"every_s = {self.every_s:g}: it must be greater than for_s = {self.for_s:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -117,20 +127,17 @@ def load_profile(name: str) -> LineProfile:
     Raises:
         ConfigurationError: The file does not exist or is invalid.
     """
-    shipped = SHIPPED / f"{name}.yaml"
     # Here: a line that is described in Python needs no PyYAML.
-    import yaml
+    from wheelwire.yaml_file import reading
 
-    path = shipped if name in shipped_profiles() else Path(name)
-    try:
-        return parse_profile(yaml.safe_load(path.read_text("utf-8")))
-    except OSError as error:
-        known = ", ".join(shipped_profiles())
+    known = shipped_profiles()
+    path = SHIPPED / f"{name}.yaml" if name in known else Path(name)
+    if not path.exists():
         raise ConfigurationError(
-            f"no profile {name}: {error.strerror}; the built-in profiles are {known}"
-        ) from error
-    except (UnicodeDecodeError, yaml.YAMLError, ConfigurationError) as error:
-        raise ConfigurationError(f"{path}: {error}") from error
+            f"{name}: there is no such file, and the built-in profiles are {', '.join(known)}"
+        )
+    with reading(path, "profile") as content:
+        return parse_profile(content)
 
 
 def parse_profile(settings: object) -> LineProfile:
@@ -140,35 +147,46 @@ def parse_profile(settings: object) -> LineProfile:
         ConfigurationError: The content is invalid.
     """
     if not isinstance(settings, dict):
-        raise ConfigurationError("a profile must be a mapping of names to values, as in `seed: 7`")
-    _check_names("the profile", settings, {"seed", "to_device", "to_host", "incidents"})
+        raise ConfigurationError("the file has to hold names with values, as in `seed: 7`")
+    _check_names("", settings, {"seed", "to_device", "to_host", "incidents"})
     incidents = settings.get("incidents", [])
     if not isinstance(incidents, list):
-        raise ConfigurationError("incidents must be a list: one per line, each after a dash")
+        raise ConfigurationError(
+            f"incidents = {shown(incidents)}: give a list, one per line, each after a dash"
+        )
+    seed = settings.get("seed", 1)
+    _check_number("seed", seed, MAX_SEED, f"a whole number, 0 to {MAX_SEED}", whole=True)
     return LineProfile(
         to_device=_filled(Impairment, settings.get("to_device", {}), "to_device"),
         to_host=_filled(Impairment, settings.get("to_host", {}), "to_host"),
-        incidents=tuple(_filled(Incident, incident, "incidents") for incident in incidents),
-        seed=settings.get("seed", 1),
+        incidents=tuple(
+            _filled(Incident, incident, f"incidents[{index}]")
+            for index, incident in enumerate(incidents)
+        ),
+        seed=int(seed),
     )
 
 
 def _filled(kind: type[Any], values: Any, where: str) -> Any:
     if not isinstance(values, dict):
-        raise ConfigurationError(f"{where}: {values!r} is not a mapping of names to values")
-    _check_names(where, values, {f.name for f in fields(kind)})
+        raise ConfigurationError(f"{where} = {shown(values)}: give names with values")
+    _check_names(f"{where}.", values, {f.name for f in fields(kind)})
+    for needed in fields(kind):
+        has_default = needed.default is not MISSING
+        if not has_default and needed.name not in values:
+            raise ConfigurationError(f"{where}.{needed.name} is missing")
     try:
         return kind(**values)
-    except TypeError as error:
-        # A value is missing, or it is no number and cannot be compared with its bounds.
-        raise ConfigurationError(f"{where}: {error}") from error
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{where}.{error}") from error
 
 
-def _check_names(where: str, given: Mapping[str, Any], known: set[str]) -> None:
-    for name in given:
+def _check_names(prefix: str, given: Mapping[str, Any], known: set[str]) -> None:
+    for name, value in given.items():
         if name not in known:
             raise ConfigurationError(
-                f"{where}: unknown name {name!r}; choose from {', '.join(sorted(known))}"
+                f"{prefix}{name} = {shown(value)}: unknown key; choose from "
+                f"{', '.join(sorted(known))}"
             )
 
 

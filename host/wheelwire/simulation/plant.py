@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from wheelwire.errors import ConfigurationError
+from wheelwire.arguments import top_level
+from wheelwire.errors import ConfigurationError, shown
 
 SHIPPED = Path(__file__).parent / "plants"
 _FIELDS = {"value", "source", "assumed"}
@@ -64,18 +65,17 @@ def load_plant(name: str | Path) -> Plant:
     Raises:
         ConfigurationError: The file does not exist or is invalid.
     """
-    import yaml
+    # Here: a plant that is described in Python needs no PyYAML.
+    from wheelwire.yaml_file import reading
 
-    path = SHIPPED / f"{name}.yaml" if str(name) in shipped_plants() else Path(name)
-    try:
-        return parse_plant(yaml.safe_load(path.read_text("utf-8")))
-    except OSError as error:
-        known = ", ".join(shipped_plants())
+    known = shipped_plants()
+    path = SHIPPED / f"{name}.yaml" if str(name) in known else Path(name)
+    if not path.exists():
         raise ConfigurationError(
-            f"no plant {name}: {error.strerror}; the built-in plants are {known}"
-        ) from error
-    except (UnicodeDecodeError, yaml.YAMLError, ConfigurationError) as error:
-        raise ConfigurationError(f"{path}: {error}") from error
+            f"{name}: there is no such file, and the built-in plants are {', '.join(known)}"
+        )
+    with reading(path, "plant") as content:
+        return parse_plant(content)
 
 
 def parse_plant(content: object) -> Plant:
@@ -84,13 +84,19 @@ def parse_plant(content: object) -> Plant:
     Raises:
         ConfigurationError: The content is invalid.
     """
-    if not isinstance(content, dict) or not set(content) <= {"title", "variables"}:
-        raise ConfigurationError("a plant has `title` and `variables`, nothing else")
-    variables = content.get("variables", {})
+    given = top_level(content)
+    for name, value in given.items():
+        if name not in ("title", "variables"):
+            raise ConfigurationError(
+                f"{name} = {shown(value)}: a plant has `title` and `variables`, nothing else"
+            )
+    variables = given.get("variables", {})
     if not isinstance(variables, dict):
-        raise ConfigurationError("variables must be names with values, as in `mass_kg: 1.5`")
+        raise ConfigurationError(
+            f"variables = {shown(variables)}: give names with values, as in `mass_kg: 1.5`"
+        )
     return Plant(
-        str(content.get("title", "")),
+        str(given.get("title", "")),
         {str(name): _parse_value(str(name), value) for name, value in variables.items()},
     )
 
@@ -100,8 +106,12 @@ def _parse_value(name: str, entry: object) -> PlantValue:
     value = fields.get("value")
     # YAML makes a bool of `yes`, and a bool is an int.
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ConfigurationError(f"{name} must be a number, or have one as its `value`")
+        raise ConfigurationError(
+            f"variables.{name} = {shown(entry)}: give a finite number, or one as its `value`"
+        )
     if not set(fields) <= _FIELDS or {"source", "assumed"} <= set(fields):
-        raise ConfigurationError(f"{name} takes `value` and either `source` or `assumed`")
+        raise ConfigurationError(
+            f"variables.{name} = {shown(entry)}: give `value` and either `source` or `assumed`"
+        )
     source = str(fields.get("source", fields.get("assumed", "")))
     return PlantValue(float(value), source, "assumed" in fields)

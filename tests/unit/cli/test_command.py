@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import subprocess
+import sys
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -72,15 +75,66 @@ def test_a_full_disk_is_one_line(arguments: tuple[str, ...]) -> None:
     assert "cannot write the output: No space left on device" in line
 
 
-def test_an_interrupt_while_it_starts_leaves_no_traceback(tmp_path: Path) -> None:
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C is heard: a shell ignores it for what it starts in the background."""
+    former = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, former)
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("module", ["typer", "rich.table", "serial.tools.list_ports"])
+def test_an_interrupt_while_it_starts_is_one_line(tmp_path: Path, module: str) -> None:
     """The signal comes in the middle of the imports, as a hasty Ctrl-C does."""
-    (tmp_path / "typer.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
-    former = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
-    try:
-        result = run("ports", PYTHONPATH=str(tmp_path))
-    finally:
-        signal.signal(signal.SIGINT, former)
-    assert (result.returncode, result.stdout, result.stderr) == (130, "", "")
+    hook = tmp_path / "sitecustomize.py"
+    hook.write_text(
+        "import sys\nclass Finder:\n    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}:\n"
+        "            import os, signal\n            os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+    )
+    result = run("ports", PYTHONPATH=str(tmp_path))
+    assert (result.returncode, result.stdout) == (130, "")
+    assert result.stderr == "wheelwire: interrupted\n"
+    as_json = json.loads(run("ports", "--json", PYTHONPATH=str(tmp_path)).stderr)
+    assert as_json == {"error": "Interrupted", "message": "interrupted", "exit_code": 130}
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("moment", ["run", "_result", "_open_closed_streams", "print_error"])
+def test_an_interrupt_at_any_moment_is_one_line(moment: str) -> None:
+    program = (
+        "import os, signal, sys\nfrom wheelwire.cli import app, main\n"
+        f"before = app.{moment}\n"
+        "def interrupted(*a, **k):\n    os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return before(*a, **k)\n"
+        f"app.{moment} = interrupted\nsys.argv = ['wheelwire', 'board', 'show', 'nosuch']\nmain()"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 130
+    assert result.stderr.splitlines()[-1] == "wheelwire: interrupted"
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "0<&- 1>&- 2>&-"])
+@pytest.mark.parametrize("command", ["board init", "board show l298n", "drive mock", "setup"])
+def test_closed_streams_are_no_traceback(tmp_path: Path, command: str, closed: str) -> None:
+    program = " ".join(map(shlex.quote, PROGRAM))
+    result = subprocess.run(
+        ["sh", "-c", f"exec {program} {command} {closed}"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        timeout=60,
+    )
+    assert "Traceback" not in result.stderr
+    assert result.returncode in (0, 10, 19, 21), result.stderr
+    if command == "board init" and "2>" not in closed and "0<" in closed:
+        assert "standard input has ended" in result.stderr.splitlines()[-1]
 
 
 def test_an_ascii_terminal_gets_ascii() -> None:

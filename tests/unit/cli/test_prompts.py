@@ -17,6 +17,7 @@ import pytest
 import typer
 
 from wheelwire.cli import prompts
+from wheelwire.errors import InvalidArgument
 
 
 class Terminal(io.TextIOWrapper):
@@ -46,13 +47,15 @@ def test_lines_that_are_typed_ahead(terminal: Terminal, capsys: pytest.CaptureFi
 
 def test_the_end_of_the_input(terminal: Terminal) -> None:
     terminal.press(b"\x04")
-    with pytest.raises(EOFError):
+    with pytest.raises(InvalidArgument, match="standard input has ended"):
         prompts.read_line()
 
 
 def test_input_that_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("left\nright\n"))
     assert [prompts.read_line(), prompts.read_line()] == ["left", "right"]
+    with pytest.raises(InvalidArgument, match="standard input has ended"):
+        prompts.read_line()
 
 
 def test_ctrl_c_in_the_last_moment_before_it_waits(

@@ -1,0 +1,105 @@
+"""A lost link: `monitor` goes on when it is back, the others say what to do."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from typing import Any, cast
+
+import pytest
+
+from wheelwire import LinkClosed, LinkLost, RequestTimeout, WheelSample
+from wheelwire.cli.lost_link import SILENT_S, SLICE_S, LinkNews, ended_by_a_loss, watch
+from wheelwire.errors import BoardMismatch
+
+SAMPLE = cast("WheelSample", object())
+LOST = LinkLost("the port is gone (unplugged?); it is opened again when it is back")
+SILENT = RequestTimeout("no sample")
+
+
+class Robot:
+    """Gives a sample, or an error, at each read; an error at once or after the whole time-out."""
+
+    def __init__(self, results: Iterator[object], *, at_once: bool = True) -> None:
+        self.results = results
+        self.at_once = at_once
+        self.now = 100.0
+        self.reads = 0
+
+    def read(self, timeout: float) -> WheelSample:
+        self.reads += 1
+        result = next(self.results)
+        if isinstance(result, Exception):
+            self.now += 0.0 if self.at_once else timeout
+            raise result
+        self.now += 0.01
+        return cast("WheelSample", result)
+
+    def clock(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def watched(self, seconds: float) -> list[Any]:
+        return list(watch(cast("Any", self), self.now + seconds, self.clock, self.sleep))
+
+
+def news(found: list[Any]) -> list[LinkNews]:
+    return [item for item in found if isinstance(item, LinkNews)]
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_it_goes_on_when_the_link_is_back(*, at_once: bool) -> None:
+    robot = Robot(itertools.chain([SAMPLE] * 3, [LOST] * 20, itertools.repeat(SAMPLE)))
+    robot.at_once = at_once
+    found = robot.watched(10)
+    assert found[:3] == [SAMPLE] * 3
+    assert found[3:6] == [LinkNews(True, str(LOST)), LinkNews(False, "the link is back"), SAMPLE]
+    assert len(news(found)) == 2
+
+
+def test_it_goes_on_when_a_silent_device_speaks_again() -> None:
+    silent = round(2 * SILENT_S / SLICE_S)
+    results = itertools.chain([SAMPLE], [SILENT] * silent, itertools.repeat(SAMPLE))
+    found = Robot(results, at_once=False).watched(5)
+    assert [item.is_lost for item in news(found)] == [True, False]
+    assert "sends nothing" in news(found)[0].text
+    assert found[-1] is SAMPLE
+
+
+def test_a_short_silence_is_no_news() -> None:
+    results = itertools.chain([SAMPLE], [SILENT], itertools.repeat(SAMPLE))
+    assert news(Robot(results, at_once=False).watched(5)) == []
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_its_time_ends_meanwhile(*, at_once: bool) -> None:
+    robot = Robot(itertools.repeat(LOST), at_once=at_once)
+    began = robot.now
+    assert robot.watched(3.0) == [LinkNews(True, str(LOST))]
+    assert robot.now - began == pytest.approx(3.0, abs=0.01)
+    # A loss that is reported at once is not asked for in a tight loop.
+    assert robot.reads <= 3.0 / SLICE_S + 1
+
+
+def test_a_driver_that_was_closed_ends_it() -> None:
+    with pytest.raises(LinkClosed):
+        Robot(iter([LinkClosed("closed")])).watched(3.0)
+
+
+def test_a_loss_says_what_to_do_and_not_that_it_is_waited_for() -> None:
+    with pytest.raises(LinkLost) as error, ended_by_a_loss():
+        raise LOST
+    assert str(error.value) == (
+        "the port is gone (unplugged?); the robot stops by itself when its last setpoint expires: "
+        "check cable and power, then run the command again"
+    )
+
+
+@pytest.mark.parametrize("make", [lambda: BoardMismatch("a", "b"), lambda: LinkClosed("closed")])
+def test_what_no_cable_mends_is_told_as_it_is(make: Callable[[], Exception]) -> None:
+    error = make()
+    with pytest.raises(type(error)) as raised, ended_by_a_loss():
+        raise error
+    assert raised.value is error
