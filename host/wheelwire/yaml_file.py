@@ -119,6 +119,8 @@ def _load(source: Path) -> tuple[object, dict[str, int]]:
         raise ConfigurationError(f"{source}: there is no such file") from error
     except OSError as error:
         raise ConfigurationError(f"{source}: {error.strerror}") from error
+    except ValueError as error:  # a name with a NUL in it
+        raise ConfigurationError(f"{shown(str(source))}: no file can have this name") from error
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

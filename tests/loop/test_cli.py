@@ -186,9 +186,10 @@ def test_only_the_value_that_is_named_is_saved(quiet: Simulator) -> None:
 
 def test_a_value_that_acts_after_a_reset_says_so(quiet: Simulator) -> None:
     text = output("params", "set", quiet.port, "pwm_frequency_hz", "18000")
-    assert "no effect: it acts only after a reset, and is lost then; use --save" in text
+    assert "no effect: it acts only from the next start, and is lost then; use --save" in text
+    assert "press EN" in text
     text = output("params", "set", quiet.port, "pwm_frequency_hz", "18000", "--save")
-    assert text == "pwm_frequency_hz = 18000, saved; takes effect after the next reset\n"
+    assert text.startswith("pwm_frequency_hz = 18000, saved; takes effect at the next start: press EN")
     run("params", "reset", quiet.port)
 
 
