@@ -95,14 +95,18 @@ def person(simulator: Simulator, tmp_path: Path) -> Iterator[TypingTerminal]:
     """A person at a terminal, who was asked for the first time."""
     environment = {"XDG_STATE_HOME": str(tmp_path)}
     with TypingTerminal("setup", simulator.port, environment=environment) as terminal:
-        terminal.wait_for("Which board is it?")
-        terminal.press(b"\n")
+        if simulator.get("board_unwritten"):
+            terminal.wait_for("Which board is it?")
+            terminal.press(b"\n")
+            terminal.wait_for("confirmed")
         terminal.wait_for("hang free")
         terminal.press(b"y\n")
         yield terminal
 
 
 def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
+    simulator.set("board_unwritten", 1)
+    simulator.reset()
     with person(simulator, tmp_path) as terminal:
         terminal.wait_for("Which wheel turned")
         terminal.press(b"up\n")

@@ -20,6 +20,19 @@ int32_t step_towards(int32_t from, int32_t wanted, int32_t max_step) {
 
 int32_t greater(int32_t a, int32_t b) { return a > b ? a : b; }
 
+/// a - b, saturated symmetrically.
+int32_t difference(int32_t a, int32_t b) {
+  int32_t result;
+  if (__builtin_sub_overflow(a, b, &result)) return a < b ? -INT32_MAX : INT32_MAX;
+  return greater(result, -INT32_MAX);
+}
+
+/// What an encoder that fails may report is bounded here once: a correction is at most as large as
+/// the setpoint, so that no sum of the two overflows, however long the robot follows.
+int32_t plausible(int32_t measured_umps) {
+  return clamp<int32_t>(measured_umps, -INT32_MAX / 2, INT32_MAX / 2);
+}
+
 }  // namespace
 
 WheelPair scale_to_limit(WheelPair target, int32_t limit) {
@@ -29,8 +42,8 @@ WheelPair scale_to_limit(WheelPair target, int32_t limit) {
 }
 
 WheelPair approach(WheelPair from, WheelPair to, int32_t max_step) {
-  const int32_t left = saturate32(static_cast<int64_t>(to.left) - from.left);
-  const int32_t right = saturate32(static_cast<int64_t>(to.right) - from.right);
+  const int32_t left = difference(to.left, from.left);
+  const int32_t right = difference(to.right, from.right);
   const int32_t peak = greater(magnitude(left), magnitude(right));
   if (peak <= max_step) return to;
   return {from.left + proportion(left, max_step, peak),
@@ -90,7 +103,7 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     following_ = true;
     mode_ = mode;
     slewed_ = mode == ControlMode::kVelocity
-                  ? WheelPair{left_.velocity_umps(), right_.velocity_umps()}
+                  ? WheelPair{plausible(left_.velocity_umps()), plausible(right_.velocity_umps())}
                   : WheelPair{left_.duty_q15(), right_.duty_q15()};
     command_ = slewed_;
     direction_ = {};

@@ -6,9 +6,8 @@ namespace {
 /// Bounded so that a correction never reverses a wheel, nor makes it much faster than its setpoint.
 int32_t corrected(int32_t setpoint, int32_t correction, const PathGains& gains) {
   const int32_t most = scale(magnitude(setpoint), gains.catch_up_q15, 15);
-  const int32_t bounded =
-      setpoint >= 0 ? clamp(correction, -setpoint, most) : clamp(correction, -most, -setpoint);
-  return saturate32(static_cast<int64_t>(setpoint) + bounded);
+  return setpoint >= 0 ? setpoint + clamp(correction, -setpoint, most)
+                       : setpoint + clamp(correction, -most, -setpoint);
 }
 
 /// The left wheel's share of the distance that both lose when the robot is late: by the setpoints,

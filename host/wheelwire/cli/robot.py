@@ -195,11 +195,12 @@ def _drive(robot: BaseDriver, twist: Twist, seconds: float) -> _Driven:
     """Drive and stop."""
     odometry = Odometry(robot.geometry)
     odometry.update(robot.read())
-    # Whoever starts this command means this motion, also just after a clear.
-    robot.set_velocity(0.0, 0.0, ttl=TTL_S)
+    longest_s = min(TTL_S, robot.ttl_max_s or TTL_S)
+    if seconds > 0:
+        # Whoever starts this command means this motion, also just after a clear.
+        robot.set_velocity(0.0, 0.0, ttl=longest_s)
     end = time.monotonic() + seconds
     valid_until = -math.inf
-    longest_s = min(TTL_S, robot.ttl_max_s or TTL_S)
     late_before = robot.statistics.setpoints_expired
     # The last setpoint lasts to the end, so that none has to arrive within the little that is left.
     while (now := time.monotonic()) < end:

@@ -26,7 +26,7 @@ def preprocess(folder: Path, options: list[str]) -> subprocess.CompletedProcess[
         [
             *("c++", "-std=c++20", "-E", "-o", folder / "out"),
             *(f"-I{path}" for path in includes),
-            *(f"-D{option}=1" for option in options),
+            *(f"-D{option}={int(option in options)}" for option in OPTIONS),
             FIRMWARE / "main" / "dead_man.cpp",
         ],
         capture_output=True,

@@ -14,12 +14,13 @@ SECONDS = 0.22
 
 @pytest.fixture
 def lives(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """For how long each setpoint sent is valid, in seconds."""
+    """For how long each setpoint of a motion is valid, in seconds."""
     lives: list[float] = []
     send = MockDriver.set_velocity
 
     def noted(robot: MockDriver, linear: float, angular: float, ttl: float) -> None:
-        lives.append(ttl)
+        if linear or angular:
+            lives.append(ttl)
         send(robot, linear, angular, ttl)
 
     monkeypatch.setattr(MockDriver, "set_velocity", noted)

@@ -122,7 +122,7 @@ def test_health(tmp_path: Path) -> None:
         assert health.is_open
         assert health.age_s is not None
         assert health.age_s < 1
-        assert 20 < health.rate_hz <= 130
+        assert health.rate_hz > 20
         assert 0 <= health.loss < 0.1
         assert 0 < health.clock_error_s < 0.1
         assert health.latched is None
