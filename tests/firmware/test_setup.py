@@ -12,10 +12,14 @@ from support.defects import DEFECTS, DefectiveRobot, named
 from support.wiring_runs import (
     UNTUNED,
     Case,
+    Condition,
     InterruptedRobot,
     Watched,
+    between_corners,
     cases,
     check,
+    check_wiring,
+    corners,
     raised_robot,
     set_up_raised,
 )
@@ -39,8 +43,54 @@ def test_any_wiring_is_named_and_mended(case: Case) -> None:
     assert check(case) == []
 
 
+# TT motors that started to turn at a duty near `reversal_duty`; then those that start last.
+HARD = (
+    Condition(6.0, 1.0, 1.0, 0.05),
+    Condition(5.0, 1.0, 1.0, 0.05, measured=False),
+    Condition(7.4, 1.5, 1.0, 0.05),
+    Condition(4.8, 2.0, 2.0, 0.1),
+    Condition(4.8, 1.0, 2.0, 0.0, measured=False),
+)
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        *(
+            Case((0, 1, 0, 0, *reversed_), "tt-1-48", 2496, condition)
+            for condition in HARD
+            for reversed_ in ((1, 0), (0, 1))
+        ),
+        *random.Random(8).sample(list(corners()), 40),
+        *between_corners(9, 30),
+    ],
+    ids=str,
+)
+def test_any_wiring_is_found_whatever_supply_friction_and_play_are(case: Case) -> None:
+    assert check_wiring(case) == []
+
+
+def test_a_script_sets_up_a_robot_whose_wheels_no_gentle_pulse_turns() -> None:
+    case = Case((1, 0, 0, 1, 0, 1), "tt-1-48", 2496, HARD[3])
+    with raised_robot(case.settings) as robot:
+        answers = {**UNTUNED, "counts_per_revolution": "2496"}
+        person = SimulatedPerson(robot, {**answers, "first": "right backward", "second": "forward"})
+        findings = set_up(robot, person, lambda _: None)
+    assert findings.wiring == case.wiring
+    assert findings.saved
+
+
+def test_the_watch_over_reversed_wheels_is_back_when_the_wiring_is_known() -> None:
+    with raised_robot(WRONG) as robot:
+        robot.parameters.set("reversal_duty", 0.25)
+        assert set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None).saved
+        robot.parameters.refresh()
+        assert robot.parameters["reversal_duty"] == 0.25
+
+
 def test_every_case_is_there() -> None:
     assert len(set(cases())) == 64 * 3 * 3
+    assert len(set(corners())) == 64 * 3 * 2 * 2 * 2 * 2
 
 
 @pytest.mark.parametrize("robot", DEFECTS, ids=lambda robot: str(dict(robot.settings)))

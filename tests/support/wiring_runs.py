@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -18,6 +19,18 @@ MOST_TURNS = 1.5
 """Of a wheel before its direction is known."""
 RESOLUTIONS = (360, 1440, 2496)
 UNTUNED = {"tune": "no"}
+_ASKED = {
+    "board",
+    "raised",
+    "first",
+    "second",
+    "counts_per_revolution",
+    "wheel_radius",
+    "wheel_separation",
+    "tune",
+    "save",
+}
+"""Of a robot without a defect whose counts are known."""
 _DRIVEN_MPS = 0.2
 _DRIVEN_S = 1.0
 VARIABLES = {
@@ -31,6 +44,36 @@ VARIABLES = {
 """Of the simulator, with the field of `Wiring`."""
 
 
+SUPPLIES_V = (4.8, 12.0)
+FRICTIONS = (1.0, 2.0)
+"""Relative to the plant's, of either wheel."""
+PLAYS_RAD = (0.0, 0.1)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How a robot is while its wiring is found."""
+
+    supply_v: float
+    left_friction: float
+    right_friction: float
+    play_rad: float
+    measured: bool = True
+    """The robot measures its battery."""
+
+    @property
+    def settings(self) -> dict[str, float]:
+        frictions = {"left": self.left_friction, "right": self.right_friction}
+        scales = {
+            f"{side}.{kind}_scale": friction
+            for side, friction in frictions.items()
+            for kind in ("coulomb", "static", "viscous")
+        }
+        plays = {f"{side}.backlash_rad": self.play_rad for side in frictions}
+        battery_v = self.supply_v if self.measured else 0.0
+        return {"supply_v": self.supply_v, "battery_v": battery_v, **scales, **plays}
+
+
 @dataclass(frozen=True)
 class Case:
     """A robot."""
@@ -39,11 +82,14 @@ class Case:
     """In the order of `VARIABLES`."""
     plant: str
     counts: int
+    condition: Condition | None = None
+    """None: as the plant's file has it."""
 
     @property
     def settings(self) -> dict[str, float]:
         wired = dict(zip(VARIABLES, map(float, self.wired), strict=True))
-        return {**load_plant(self.plant).settings, **wired, "counts_per_revolution": self.counts}
+        plant = {**load_plant(self.plant).settings, "counts_per_revolution": self.counts}
+        return {**plant, **wired, **(self.condition.settings if self.condition else {})}
 
     @property
     def wiring(self) -> Wiring:
@@ -79,6 +125,39 @@ def cases() -> Iterator[Case]:
         product((0, 1), repeat=len(VARIABLES)), shipped_plants(), RESOLUTIONS
     ):
         yield Case(wired, plant, counts)
+
+
+def corners() -> Iterator[Case]:
+    """All of them: 64 wirings, three plants, and each limit of each condition."""
+    for wired, plant, supply_v, left, right, play_rad in product(
+        product((0, 1), repeat=len(VARIABLES)),
+        shipped_plants(),
+        SUPPLIES_V,
+        FRICTIONS,
+        FRICTIONS,
+        PLAYS_RAD,
+    ):
+        yield Case(wired, plant, _counts_of(plant), Condition(supply_v, left, right, play_rad))
+
+
+def between_corners(seed: int, count: int) -> Iterator[Case]:
+    """Cases at random, of all wirings, plants and conditions."""
+    drawn = random.Random(seed)
+    for _ in range(count):
+        wired = tuple(drawn.randrange(2) for _ in VARIABLES)
+        plant = drawn.choice(shipped_plants())
+        condition = Condition(
+            drawn.uniform(*SUPPLIES_V),
+            drawn.uniform(*FRICTIONS),
+            drawn.uniform(*FRICTIONS),
+            drawn.uniform(*PLAYS_RAD),
+            measured=drawn.random() < 0.5,
+        )
+        yield Case(wired, plant, drawn.choice((*RESOLUTIONS, _counts_of(plant))), condition)
+
+
+def _counts_of(plant: str) -> int:
+    return round(load_plant(plant).values["counts_per_revolution"].value)
 
 
 class InterruptedRobot(MockDriver):
@@ -125,16 +204,37 @@ def check(case: Case) -> list[str]:
     with raised_robot(case.settings) as robot:
         person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
         findings = set_up(robot, person, lambda _: None)
-        wrong = []
-        if findings.wiring != case.wiring:
-            wrong.append(f"named {findings.wiring}")
-        if findings.problems or not findings.saved:
+        wrong = _wrong(case, findings, person)
+        if findings.problems:
             wrong.append(f"problems {findings.problems}")
         if person.asked.count("first") != 1 or person.asked.count("second") != 1:
             wrong.append(f"asked {person.asked}")
-        if person.most_turns > MOST_TURNS:
-            wrong.append(f"a wheel turned {person.most_turns:.2f} times")
         return wrong + _not_mended(robot)
+
+
+def check_wiring(case: Case) -> list[str]:
+    """The same of the wiring alone: what is said of its motors is not judged.
+
+    Where no gentle pulse turns a wheel, its question may come twice.
+    """
+    with raised_robot(case.settings) as robot:
+        person = Watched(robot, {**UNTUNED, "counts_per_revolution": str(case.counts)})
+        findings = set_up(robot, person, lambda _: None)
+        wrong = _wrong(case, findings, person)
+        if not set(person.asked) <= _ASKED:
+            wrong.append(f"asked {person.asked}")
+        return wrong
+
+
+def _wrong(case: Case, findings: Findings, person: Watched) -> list[str]:
+    wrong = []
+    if findings.wiring != case.wiring:
+        wrong.append(f"named {findings.wiring}")
+    if not findings.saved:
+        wrong.append(f"refused: {findings.problems}")
+    if person.most_turns > MOST_TURNS:
+        wrong.append(f"a wheel turned {person.most_turns:.2f} times")
+    return wrong
 
 
 def _not_mended(robot: MockDriver) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
@@ -25,7 +26,17 @@ from .problems import (
     WEAK,
     Problem,
 )
-from .pulses import COUNTED_TICKS, Pulsed, Run, pulse, run, show, ticks_since
+from .pulses import (
+    COUNTED_TICKS,
+    Pulsed,
+    Run,
+    pulse,
+    pulse_harder,
+    run,
+    show,
+    ticks_since,
+    unwatched,
+)
 from .questions import (
     AGAIN,
     BOTH,
@@ -63,9 +74,8 @@ FLOOR = Question(
 _LOWEST_SUPPLY_V = 2.0
 _STILL_S = 0.5
 _REPEATS = 3
-_HARDER = (0.75, 0.9, 1.0)
-_HARDER_S = 0.15
 _CONFIRM_S = 0.3
+_CONFIRM_DUTY = (0.25, 0.6)
 _BURST_S = 0.12
 _SAG = 0.1
 """Of the supply at rest; a battery in good order gives way by half of that."""
@@ -157,7 +167,7 @@ def clear(robot: BaseDriver) -> None:
 
 
 def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Sequence[Pulsed]]:
-    """The wiring, by two pulses and two answers. No correction may be in force.
+    """The wiring, by two pulses and two answers. No correction may be active.
 
     Returns:
         The wiring, and what the pulses of both bridges did.
@@ -167,14 +177,20 @@ def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Se
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     say("One motor is pulsed, gently at first. Watch which wheel turns.")
-    first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
-    other = None if first.wheel is None else 1 - first.wheel
-    say("Now the other motor.")
-    choices = WHEEL_AND_WAY if other is None else ("forward", "backward")
-    second = _ask(robot, person, "second", 1, (*choices, NONE, BOTH))
-    # Asked about the other wheel alone, a person answers only which way it turned.
-    if other is not None and second.answer in choices:
-        second = Seen(second.pulsed, f"{SIDES[other]} {second.answer}")
+    with unwatched(robot):
+        first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
+        other = None if first.wheel is None else 1 - first.wheel
+        say("Now the other motor.")
+        choices = WHEEL_AND_WAY if other is None else ("forward", "backward")
+        second = _ask(robot, person, "second", 1, (*choices, NONE, BOTH))
+        # Asked about the other wheel alone, a person answers only which way it turned.
+        if other is not None and second.answer in choices:
+            second = Seen(second.pulsed, f"{SIDES[other]} {second.answer}")
+        # Not before both answers: the first wheel is not to be seen when the second is asked for.
+        first, second = (
+            _harder_if_unnoticed(robot, 0, first),
+            _harder_if_unnoticed(robot, 1, second),
+        )
     problems = find_problems(first, second)
     # Pulses alone do not tell a dead motor from a blocked wheel or a missing supply: a hand does.
     if not problems or any(one.answer == NONE for one in (first, second)):
@@ -189,14 +205,34 @@ def _ask(robot: BaseDriver, person: Person, key: str, side: int, choices: tuple[
     if WHEEL_AND_WAY[0] not in choices:
         text = "Which way did the other wheel turn?"
     question = Question(key, text, (*choices, AGAIN), AGAIN)
-    pulsed = pulse(robot, side)
+    seen = _ask_until_seen(robot, person, question, side, pulse(robot, side))
+    if seen.pulsed.was_noticed or seen.answer != NONE:
+        return seen
+    # A low supply, much friction or a weak motor: where nothing turned, nothing turns far.
+    harder = pulse_harder(robot, side)
+    if harder.was_noticed:
+        return _ask_until_seen(robot, person, question, side, harder)
+    return Seen(harder, NONE)
+
+
+def _harder_if_unnoticed(robot: BaseDriver, side: int, seen: Seen) -> Seen:
+    """A file of answers knows the wheel, and the way, that only a harder pulse turns."""
+    if seen.wheel is None or seen.pulsed.was_noticed:
+        return seen
+    return Seen(pulse_harder(robot, side), seen.answer)
+
+
+def _ask_until_seen(
+    robot: BaseDriver, person: Person, question: Question, side: int, pulsed: Pulsed
+) -> Seen:
     # Nothing tells how far a wheel has turned that no counter noticed: it is shown only once more.
     for _ in range(_REPEATS if pulsed.was_noticed else 1):
         if (answer := person.answer(question)) != AGAIN:
             return Seen(pulsed, answer)
         shown = show(robot, side, pulsed)
         pulsed = pulsed if pulsed.was_noticed else shown
-    last = Question(key, text, choices, NONE)  # more turns would be too many for a wheel unknown
+    # More turns would be too many for an unknown wheel.
+    last = replace(question, choices=question.choices[:-1], default=NONE)
     return Seen(pulsed, person.answer(last))
 
 
@@ -210,14 +246,6 @@ def _motionless(robot: BaseDriver, person: Person, first: Seen, second: Seen) ->
     wheels = [side for side in (0, 1) if side not in moved]
     hands = {wheel: _by_hand(robot, person, wheel) for wheel in wheels}
     works = [wheel for wheel, (answer, counted) in hands.items() if counted and answer != HELD]
-    if works:  # at least these count, so that a harder pulse ends before a wheel has turned far
-        found = [
-            Problem(WEAK, wheels[0], f" needs a duty of {duty:g} to turn at all")
-            for bridge in bridges
-            for duty in _harder(robot, bridge)
-        ]
-        if found:
-            return found[:1]
     # If both wheels count when they are turned by hand, what is missing is what the motors share.
     if len(works) == 2 or (
         all(answer == SKIP for answer, _ in hands.values()) and len(wheels) == 2
@@ -251,27 +279,32 @@ def _problem_of(wheel: int, answer: str, counted: bool) -> Problem:
     return Problem(NO_ENCODER, wheel)
 
 
-def _harder(robot: BaseDriver, bridge: int) -> list[float]:
-    """The duty that turns a wheel at last, whose encoder is known to count; empty if none does."""
-    for duty in _HARDER:
-        duties = (duty, 0.0) if bridge == 0 else (0.0, duty)
-        if max(map(abs, run(robot, duties, _HARDER_S).ticks)) >= COUNTED_TICKS:
-            return [duty]
-    return []
+def confirm(robot: BaseDriver, pulsed: Sequence[float]) -> float:
+    """Drive both wheels forward for a moment, with the corrections active.
 
+    Args:
+        robot: The robot, with corrected wiring.
+        pulsed: The duty that set each wheel in motion; empty if that is not known.
 
-def confirm(robot: BaseDriver, duty: float) -> None:
-    """Drive both wheels forward for a moment, with the corrections in force.
+    Returns:
+        A duty at which both wheels turn.
 
     Raises:
         Unfit: A counter did not count up.
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
+    low, high = _CONFIRM_DUTY
+    duty = min(max(1.5 * max(pulsed, default=high), low), high)
     driven = run(robot, (duty, duty), _CONFIRM_S)
+    # With a low supply or much friction that may turn nothing, which says nothing of the wiring.
+    if min(map(abs, driven.ticks)) < COUNTED_TICKS:
+        duty = 1.0
+        driven = run(robot, (duty, duty), _CONFIRM_S)
     wrong = [side for side in (0, 1) if driven.ticks[side] < COUNTED_TICKS]
     if wrong:
         detail = " and ".join(f"the {SIDES[w]} wheel counted {driven.ticks[w]}" for w in wrong)
         raise Unfit([Problem(NOT_CONFIRMED, detail=detail)])
+    return duty
 
 
 def check_supply(robot: BaseDriver) -> list[Problem]:
@@ -291,23 +324,24 @@ def check_supply(robot: BaseDriver) -> list[Problem]:
     return [Problem(SAGS, detail=f" from {rest_v:.1f} to {low_v:.1f} V")]
 
 
-def check_wheels(robot: BaseDriver, pulsed: Sequence[float]) -> list[Problem]:
+def check_wheels(robot: BaseDriver, pulsed: Sequence[float], turning: float) -> list[Problem]:
     """Turn both wheels for two seconds, and compare them.
 
     Args:
         robot: The robot, with corrected wiring.
-        pulsed: The duty that set each wheel in motion.
+        pulsed: The duty that set each wheel in motion; empty if that is not known.
+        turning: A duty at which both turn.
 
     Raises:
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     low, high = _STEADY_DUTY
     # Well beyond what starts them, so that both turn steadily.
-    duty = min(max(3 * max(pulsed), low), high)
+    duty = max(min(max(3 * max(pulsed, default=high), low), high), turning)
     driven = run(robot, (duty, duty), _STEADY_S)
     bunched = [side for side in (0, 1) if _is_bunched(driven, side, duty)]
     # Where no edge comes, a wheel seems to start late.
-    unequal = _unequal(driven, (1.0, 1.0) if bunched else pulsed)
+    unequal = _unequal(driven, () if bunched else pulsed)
     return unequal + [Problem(MAGNET_MISSING, side) for side in bunched]
 
 
@@ -318,6 +352,8 @@ def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
     if ratio < _UNEQUAL:
         detail = f" has {ratio:.0%} of the other one's speed at the same duty"
         return [Problem(WEAK, slow, detail)]
+    if not pulsed:
+        return []
     stiff = 0 if pulsed[0] > pulsed[1] else 1
     ratio = pulsed[stiff] / min(pulsed)
     if ratio > _UNEQUAL_START:

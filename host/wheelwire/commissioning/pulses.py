@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,6 +23,9 @@ _RISE_S = 0.08
 _LOWEST_DUTY = 0.1
 _RISE = 1.25
 _HIGHEST_DUTY = 0.6
+"""Of a wheel whose counter does nothing: it may turn, and nothing tells how far."""
+_HARDEST_DUTY = 0.98
+"""Less than 1, the highest `reversal_duty`: see `unwatched`."""
 _SHOW_S = 0.25
 _REST_S = 0.1
 _LONGEST_REST_S = 5.0
@@ -87,6 +92,19 @@ class Pulsed:
         return any(self.counted(side) or self.toggled(side) for side in (0, 1))
 
 
+@contextmanager
+def unwatched(robot: BaseDriver) -> Iterator[None]:
+    """Keep a wheel that counts against its drive from being a fault: its wiring is not known yet.
+
+    The fault would end a pulse before anybody has seen the wheel turn. In a trial of parameters.
+    """
+    former = robot.parameters["reversal_duty"]
+    robot.parameters.set("reversal_duty", 1.0)
+    yield
+    # If the block was left by an exception, the end of the trial does this.
+    robot.parameters.set("reversal_duty", former)
+
+
 def pulse(robot: BaseDriver, side: int) -> Pulsed:
     """Pulse one bridge forward with rising duty until a counter counts, then once a little longer.
 
@@ -96,7 +114,16 @@ def pulse(robot: BaseDriver, side: int) -> Pulsed:
     Raises:
         CommissioningFailed: The board was reset, or an e-stop or another fault was latched.
     """
-    duty = _LOWEST_DUTY
+    return _rise(robot, side, _LOWEST_DUTY, _HIGHEST_DUTY)
+
+
+def pulse_harder(robot: BaseDriver, side: int) -> Pulsed:
+    """Go on where `pulse` ended: nothing turned, or it is known which wheel does, and which way."""
+    return _rise(robot, side, _HIGHEST_DUTY * _RISE, _HARDEST_DUTY)
+
+
+def _rise(robot: BaseDriver, side: int, duty: float, unnoticed: float) -> Pulsed:
+    """Raise the duty until a counter counts; as long as none does anything, up to `unnoticed`."""
     while True:
         pulsed = _pulsed(duty, run(robot, _duties(side, duty), _RISE_S))
         if pulsed.was_noticed:
@@ -104,7 +131,7 @@ def pulse(robot: BaseDriver, side: int) -> Pulsed:
             shown = show(robot, side, pulsed)
             return shown if shown.was_noticed else pulsed
         # One tick or two: there is an encoder, and its wheel hardly moves yet.
-        highest = 1.0 if any(pulsed.toggles) else _HIGHEST_DUTY
+        highest = _HARDEST_DUTY if any(pulsed.toggles) else unnoticed
         if duty >= highest:
             return pulsed
         duty = min(duty * _RISE, highest)
@@ -114,7 +141,7 @@ def show(robot: BaseDriver, side: int, pulsed: Pulsed) -> Pulsed:
     """Pulse one bridge once more, long enough for a person to see which way the wheel turns."""
     if not pulsed.was_noticed:  # how fast the wheel turns, if it does, is not known
         return _pulsed(pulsed.duty, run(robot, _duties(side, pulsed.duty), _RISE_S))
-    duty = min(pulsed.duty * _RISE, 1.0)
+    duty = min(pulsed.duty * _RISE, _HARDEST_DUTY)
     return _pulsed(pulsed.duty, run(robot, _duties(side, duty), _SHOW_S))
 
 

@@ -53,8 +53,6 @@ TUNE = Question(
     YES,
 )
 
-_CONFIRM_DUTY = (0.25, 0.6)
-
 
 @dataclass(frozen=True)
 class Findings:
@@ -189,7 +187,7 @@ class _SetUp:
         self._set("sizes", resumed.get("sizes") or self._ask_sizes())
 
     def _find_wiring(self) -> None:
-        # A correction that is in force would be mistaken for the wires.
+        # A correction that is active would be mistaken for the wires.
         self._try(Wiring().corrections)
         wiring, pulsed = find_wiring(self.robot, self.person, self.say)
         self.findings = replace(self.findings, wiring=wiring)
@@ -203,12 +201,11 @@ class _SetUp:
     def _check_wiring(self) -> None:
         values = self.found["wiring"]
         self.findings = replace(self.findings, wiring=Wiring.of_corrections(values))
-        low, high = _CONFIRM_DUTY
         self.say("Both wheels turn forward now, for some seconds.")
-        # A resumed wiring comes without pulses: the highest duty stands in for theirs.
-        confirm(self.robot, min(max(1.5 * max(self.pulsed, default=high), low), high))
+        # A resumed wiring comes without pulses.
+        turning = confirm(self.robot, self.pulsed)
         self._note(check_supply(self.robot))
-        self._note(check_wheels(self.robot, self.pulsed or (high, high)))
+        self._note(check_wheels(self.robot, self.pulsed, turning))
 
     def _ask_sizes(self) -> dict[str, float]:
         texts = (
