@@ -39,6 +39,10 @@ class Report:
     """Samples published; fewer than came where publish_rate is below the robot's rate."""
     dropped: int = 0
     """Samples that came but were not taken within a second."""
+    reset: str = ""
+    """That the device was reset, until somebody acknowledges it."""
+    resets: int = 0
+    """How often, until then."""
     waiting_for_clock: bool = False
     """Whether motion cannot be stamped, because use_sim_time is set and /clock is silent."""
 
@@ -82,6 +86,15 @@ def identity_of(robot: BaseDriver) -> dict[str, str]:
         identity["wired_to_state"] = info.board.state.name
         identity["wired_to_fingerprint"] = f"{info.board.fingerprint:08x}"
     return identity
+
+
+def last_start(robot: BaseDriver) -> tuple[str, str, str]:
+    """Why the device last started, by name and in words, and its board's identity."""
+    info = getattr(robot, "info", None)
+    if info is None:
+        return "UNKNOWN", "the driver does not tell why", ""
+    reason, doc = info.device.reset_reason.name, info.device.reset_reason.doc
+    return reason, doc[0].lower() + doc[1:].rstrip("."), info.device.board_id
 
 
 def warnings_of(robot: BaseDriver) -> tuple[str, ...]:
@@ -129,6 +142,7 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         "control_overruns": sample.overruns,
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
+        "resets_unacknowledged": report.resets,
     }
     robot = report.connection.robot
     values |= _control_counters(robot)
@@ -143,11 +157,16 @@ def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
         )
     if faults:
         return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
-    warnings = (*_rolling(robot), *warnings_of(robot))
+    reset = (_sentence(report.reset),) if report.reset else ()
+    warnings = (*_rolling(robot), *warnings_of(robot), *reset)
     if warnings:
         return _status(subject, WARN, " ".join(warnings), hardware, values)
     level = OK if sample.state.name in NORMAL_STATES else WARN
     return _status(subject, level, sample.state.doc, hardware, values)
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from .pacing import Pacer
 from .parameter_bridge import ParameterBridge
 from .publishers import LimitedVelocityPublisher, MotionPublisher
 from .reader import SampleReader
+from .resets import ResetWatch
 from .robot_state import RobotState
 from .rolling_twist import RollingTwist
 from .threads import NodeThreads
@@ -58,6 +59,7 @@ class OpenRobot:
         self._newest: WheelSample | None = None
         self._closing = False
         self._estopped_by_us = False
+        self._resets = ResetWatch()
         self._logged_warnings: dict[str, int] = {}
         """The session in which each was logged last."""
         self._preparing = False
@@ -101,13 +103,23 @@ class OpenRobot:
         """The names of the latched faults, as of the newest sample."""
         return tuple(str(fault.name) for fault in self.state().faults)
 
+    def clear_fault(self) -> None:
+        """Clear the latched faults, and acknowledge resets of the device.
+
+        Raises:
+            WheelwireError: Their cause is present, or the robot cannot be reached.
+        """
+        self.connection.clear_fault()
+        self._resets.acknowledge()
+        self._on_change()
+
     def state(self) -> RobotState:
         """For `~/state`."""
         connection = self.connection
         is_estopped = self._newest is not None and self._newest.state is SupervisorState.ESTOPPED
         # An e-stop of ours that was just cleared is still ours, until a sample shows the end of it.
         self._estopped_by_us = is_estopped and (self._estopped_by_us or connection.estopped)
-        return robot_state.of_robot(
+        state = robot_state.of_robot(
             self._newest,
             self._reader.silence,
             connection.problem,
@@ -115,6 +127,8 @@ class OpenRobot:
             prepared=connection.is_prepared,
             estopped=self._estopped_by_us,
         )
+        resets = self._resets
+        return state._replace(reset=resets.text, reset_reason=resets.reason, resets=resets.count)
 
     def hardware_id(self) -> str:
         """The board's, for `~/state`."""
@@ -133,6 +147,8 @@ class OpenRobot:
             self._commands.ignored_types(),
             self._publisher.published,
             self._reader.dropped,
+            reset=self._resets.text,
+            resets=self._resets.count,
             waiting_for_clock=not self._time_base.runs,
         )
         return diagnostics.open_statuses(name, driver_type, report)
@@ -210,6 +226,9 @@ class OpenRobot:
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
+        was_reset = self._resets.note(sample, self.connection.robot)
+        if was_reset:
+            self._node.get_logger().warning(self._resets.text)
         # Each one, also while the node is inactive: the robot may be pushed, and the pose follows.
         motion = self._twist.smooth(self.estimator.update(sample), sample.boot_id)
         # A signal may end rclpy's context at any moment, after which nothing can be published.
@@ -217,7 +236,11 @@ class OpenRobot:
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
                 self._publisher.publish(motion, stamp_ns)
-        if before is None or (sample.state, sample.faults) != (before.state, before.faults):
+        if (
+            was_reset
+            or before is None
+            or (sample.state, sample.faults) != (before.state, before.faults)
+        ):
             self._on_change()
 
     def _fail(self, error: Exception) -> None:

@@ -33,19 +33,25 @@ class RobotState(NamedTuple):
     faults: tuple[Fault, ...] = ()
     boot_id: int | None = None
     session: int = 0
+    reset: str = ""
+    """That the device was reset or replaced, until somebody acknowledges it."""
+    reset_reason: str = ""
+    """Why it last started, by name, as long."""
+    resets: int = 0
+    """How often, as long."""
 
     @property
     def level(self) -> Any:
         """As in /diagnostics."""
         if self.link in ("closed", "lost") or self.faults or self.state == "ESTOPPED":
             return ERROR
-        return WARN if self.cause else OK
+        return WARN if self.cause or self.reset else OK
 
     @property
     def words(self) -> str:
         """One sentence for a person."""
-        if self.cause:
-            return self.cause
+        if self.cause or self.reset:
+            return "; ".join(filter(None, (self.cause, self.reset)))
         return SupervisorState[self.state].doc if self.state else "connected"
 
     def message(self, name: str, hardware_id: str) -> DiagnosticStatus:
@@ -57,6 +63,8 @@ class RobotState(NamedTuple):
             "link": self.link,
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
             "session": str(self.session),
+            "resets": str(self.resets),
+            "reset_reason": self.reset_reason,
         }
         return DiagnosticStatus(
             level=self.level,

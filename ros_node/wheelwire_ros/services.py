@@ -69,7 +69,7 @@ class RobotServices:
 def _clear_fault(robot: OpenRobot) -> str:
     # Read first: once they are cleared nothing tells which they were.
     faults = robot.faults
-    robot.connection.clear_fault()
+    robot.clear_fault()
     again = [fault for fault in faults if fault.endswith(SEEN_WHEN_DRIVEN)]
     if not again:
         return "cleared"

@@ -22,7 +22,7 @@ from support.ros import Graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -192,6 +192,27 @@ def test_a_clear_waits_for_a_zero_command_and_says_so_once(rig: Rig) -> None:
     rig.arm()
     with rig.driving():
         rig.truth(lambda state: state.drive_on)
+
+
+def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(rig: Rig) -> None:
+    state = State(rig.graph)
+    state.wait(lambda v: v["link"] == "connected")
+    for _ in range(2):
+        boot_id = f"{rig.simulator.reset(ResetReason.PANIC):08x}"
+        state.wait(lambda v: v["boot_id"] == boot_id and v["link"] == "connected")  # noqa: B023
+    told = state.wait(lambda v: v["resets"] == "2")
+    assert told.level == DiagnosticStatus.WARN
+    assert values(told)["reset_reason"] == "PANIC"
+    assert "crashed" in told.message
+    wait(lambda: rig.warnings("PANIC") == 2, "two lines")
+    for _ in range(2):  # and it stays
+        held = rig.diagnostics.wait(
+            "robot", lambda s, _: s.level == DiagnosticStatus.WARN and "PANIC" in s.message
+        )
+        assert held["resets_unacknowledged"] == "2"
+    assert rig.graph.call(Trigger, f"{NODE}/clear_fault").success
+    assert state.wait(lambda v: v["resets"] == "0").level == DiagnosticStatus.OK
+    rig.diagnostics.wait("robot", lambda s, _: s.level == DiagnosticStatus.OK)
 
 
 def test_an_estop_contact_that_is_ignored_is_said_and_diagnosed(rig: Rig) -> None:

@@ -60,6 +60,10 @@ class Rig:
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, SECOND)
         return message
 
+    def warnings(self, text: str) -> int:
+        """How many warnings with this text the node has logged."""
+        return sum("[WARN]" in line and text in line for line in self.node.errors().splitlines())
+
     def truth(self, condition: Callable[[TrueState], bool]) -> TrueState:
         """The plant's first state from now on that fulfils a condition."""
         self.simulator.take_states()
