@@ -165,6 +165,8 @@ class RobotConnection:
         except (LinkClosed, LinkLost) as error:
             raise CommandIgnored(Ignored.OUT_OF_REACH, str(error)) from error
         except DeviceRefused as error:
+            # It tells of the command before this one, which was noted as obeyed.
+            self._limiter.rest()
             if error.code == RefusalCode.UNARMED:
                 raise CommandIgnored(Ignored.UNARMED) from error
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
@@ -188,7 +190,7 @@ class RobotConnection:
         limited = self._limiter.limit(twist, self.tuning.limits, now_s)
         wheels = drive.saturate(drive.wheel_velocities(limited))
         self.gate.check(born_s, time.monotonic())
-        # The robot refuses a longer life than its ttl_max_s, which may be below cmd_vel_timeout.
+        # The robot stores ttl_max_s in 32 bits, which may be a little below cmd_vel_timeout.
         ttl_s = min(self.gate.timeout_s, self.robot.ttl_max_s or self.gate.timeout_s)
         try:
             # By its stamp, the command gains no life if this process is suspended meanwhile.
@@ -199,7 +201,7 @@ class RobotConnection:
             raise
         # As scaled to the wheels' limit: the next command's acceleration counts from there.
         obeyed = drive.twist(wheels)
-        self._limiter.obeyed(obeyed, now_s, born_s + self.gate.timeout_s - now_s)
+        self._limiter.obeyed(obeyed, now_s, born_s + ttl_s - now_s)
         return obeyed
 
     def clear_fault(self) -> None:
@@ -247,6 +249,10 @@ class RobotConnection:
         """
         self._limiter.rest()
         self.robot.stop()
+
+    def note_standstill(self) -> None:
+        """Note that the robot stopped, whatever stopped it: the next command starts from rest."""
+        self._limiter.rest()
 
     def estop(self) -> None:
         """Stop and latch.

@@ -23,6 +23,8 @@ from .rolling_twist import RollingTwist
 from .threads import NodeThreads
 from .time_base import TimeBase
 
+DRIVING = SupervisorState.DRIVING
+
 
 class OpenRobot:
     """An open robot with its topics and the thread that reads its samples.
@@ -236,6 +238,8 @@ class OpenRobot:
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
                 self._publisher.publish(motion, stamp_ns)
+        if before is not None and before.state is DRIVING and sample.state is not DRIVING:
+            self.connection.note_standstill()
         if (
             was_reset
             or before is None

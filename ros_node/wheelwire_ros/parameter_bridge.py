@@ -14,7 +14,7 @@ from wheelwire import BaseDriver, ConfigurationError, WheelwireError
 
 from . import parameters
 from .connection import RobotConnection
-from .parameter_checks import disagreements, same
+from .parameter_checks import Disagreement, disagreements, same
 from .start_values import StartValues
 from .threads import NodeThreads
 
@@ -65,9 +65,7 @@ class ParameterBridge:
 
     def require_accepted(self) -> None:
         """Raise `ConfigurationError` while a parameter's value is refused."""
-        refused = {
-            ", ".join(found.names): found.reason for found in disagreements(self._value_of)
-        } | self._refused
+        refused = _reasons(disagreements(self._value_of)) | self._refused
         if refused:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in refused.items())
             raise ConfigurationError(
@@ -76,7 +74,12 @@ class ParameterBridge:
             )
 
     def mirror(self, robot: BaseDriver) -> None:
-        """Copy the robot's values to the node; raises `WheelwireError` if they cannot be read."""
+        """Copy the robot's values to the node.
+
+        Raises:
+            ConfigurationError: They contradict the node's.
+            WheelwireError: They cannot be read.
+        """
         values = [
             parameters.from_robot(info.name, info.value)
             for info in robot.parameters.list()
@@ -88,6 +91,11 @@ class ParameterBridge:
             self._node.set_parameters(values)
         finally:
             self._mirroring_thread = None
+        on_robot = {value.name: value.value for value in values}
+        reasons = _reasons(disagreements(lambda name: on_robot.get(name, self._value_of(name))))
+        if reasons:
+            text = "; ".join(f"{names}: {reason}" for names, reason in reasons.items())
+            raise ConfigurationError(f"{text} (ros2 param set)")
 
     def _asks_robot(self, request: Any) -> bool:
         names = {parameter.name for parameter in request.parameters}
@@ -156,6 +164,10 @@ class ParameterBridge:
         return setting is not None and not setting.live and not same(value, self._value_of(name))
 
     def _value_of(self, name: str) -> Any:
+        if name in parameters.ROBOT_PARAMETERS and self.connection is None:
+            # What the node still shows is of the robot that was open last; the next one may have
+            # another value.
+            return self.given.get(name)
         return self._node.get_parameter(name).value
 
     def _use(self, changes: list[Parameter]) -> None:
@@ -165,6 +177,10 @@ class ParameterBridge:
         for change in changes:
             self._refused.pop(change.name, None)
         self._on_change()
+
+
+def _reasons(found: Iterable[Disagreement]) -> dict[str, str]:
+    return {", ".join(one.names): one.reason for one in found}
 
 
 def _of_robot(changes: Iterable[Parameter]) -> dict[str, float]:

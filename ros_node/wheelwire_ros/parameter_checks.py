@@ -107,6 +107,11 @@ def same(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
+def exceeds(value: float, limit: float) -> bool:
+    """Whether a value is above a limit as the robot stores it."""
+    return value > limit and not same(value, limit)
+
+
 def _is_number(value: Any) -> bool:
     # To Python a bool is an int, to ROS it is another type.
     return isinstance(value, int | float) and not isinstance(value, bool)
@@ -132,6 +137,13 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
     if twice:
         yield Disagreement(
             ("left_wheel_names", "right_wheel_names"), f"{', '.join(twice)}: named more than once"
+        )
+    longest_s = get("ttl_max_s")
+    if longest_s is not None and exceeds(get("cmd_vel_timeout"), longest_s):
+        yield Disagreement(
+            ("cmd_vel_timeout", "ttl_max_s"),
+            f"a command of {get('cmd_vel_timeout'):g} s lives longer than the robot lets one, "
+            f"{longest_s:g} s: lower cmd_vel_timeout, or raise ttl_max_s",
         )
     if get("wheels_per_side") not in {0, len(left)}:
         yield Disagreement(

@@ -25,6 +25,7 @@ from support.stop_host import stopped
 from wheelwire_protocol.codes import SupervisorState
 
 LIMIT_MPS = 0.25
+LONG_S = 5.0
 JUMP_M = 0.05
 """Odometry that follows another boot's ticks jumps by more than this."""
 OK, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -96,7 +97,8 @@ def test_a_command_of_before_the_reset_is_not_obeyed_after_it(rig: Rig) -> None:
     Which of the two refuses it depends on what the node sees first: the command (it goes out to the
     session of before, and the device refuses it) or the reset (the node ignores the command).
     """
-    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", 5.0).successful
+    assert rig.graph.set_parameter(NODE, "ttl_max_s", LONG_S).successful
+    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
     before = rig.diagnostics.wait("link", lambda *_: True)
     ignored = int(rig.diagnostics.wait("commands", lambda *_: True)["ignored"])
     rig.node.process.send_signal(signal.SIGSTOP)

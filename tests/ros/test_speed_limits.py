@@ -98,6 +98,25 @@ def end_motion(rig: Rig, obeyed: deque[Any]) -> None:
     obeyed.clear()
 
 
+def test_a_motion_after_one_that_was_refused_starts_from_rest(rig: Rig, obeyed: deque[Any]) -> None:
+    """The robot refuses each command after the clear; the node must not take it for moving."""
+    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", LONG_S).successful
+    assert rig.graph.set_parameter(NODE, "linear.x.max_acceleration", 0.2).successful
+    end_motion(rig, obeyed)
+    with rig.driving():
+        wait(lambda: obeyed and obeyed[-1].twist.linear.x > 0.1, "a motion")
+        stop_by_estop(rig)
+        assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
+        assert rig.ignored("unarmed") > 0
+    time.sleep(REARMED_S)
+    obeyed.clear()
+    rig.commands.publish(twist(0.3))
+    wait(lambda: obeyed, "a command")
+    assert obeyed[0].twist.linear.x == pytest.approx(0.2 * FIRST_STEP_S)
+    assert rig.graph.set_parameter(NODE, "linear.x.max_acceleration", 100.0).successful
+    assert rig.graph.set_parameter(NODE, "cmd_vel_timeout", CMD_VEL_TIMEOUT_S).successful
+
+
 @pytest.mark.parametrize("limit", ["max_acceleration", "max_jerk"])
 def test_a_limit_that_is_set_is_in_force_for_the_next_motion(
     rig: Rig, obeyed: deque[Any], limit: str

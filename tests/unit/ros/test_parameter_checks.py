@@ -5,6 +5,7 @@ import re
 from array import array
 from typing import Any
 
+import numpy as np
 import pytest
 
 from wheelwire_ros import parameter_checks as checks
@@ -15,6 +16,8 @@ AGREEING: dict[str, Any] = {
     "left_wheel_names": ["left"],
     "right_wheel_names": ["right"],
     "wheels_per_side": 0,
+    "cmd_vel_timeout": 0.5,
+    "ttl_max_s": 0.5,
 }
 
 
@@ -68,6 +71,7 @@ def test_what_is_not_is_refused_with_what_to_write(
         ({"base_frame_id": "/odom"}, "equal"),
         ({"left_wheel_names": ["a", "b"]}, "2 wheels on the left and 1 on the right"),
         ({"left_wheel_names": ["right"]}, "right: named more than once"),
+        ({"ttl_max_s": 0.3}, "0.5 s lives longer than the robot lets one, 0.3 s"),
         ({"wheels_per_side": 2}, "leave out wheels_per_side"),
     ],
 )
@@ -81,6 +85,9 @@ def test_what_agrees_is_not_named() -> None:
     assert list(checks.disagreements(AGREEING.__getitem__)) == []
     two = {"left_wheel_names": ["a", "b"], "right_wheel_names": ["c", "d"], "wheels_per_side": 2}
     assert list(checks.disagreements({**AGREEING, **two}.__getitem__)) == []
+    stored = {"cmd_vel_timeout": 0.3, "ttl_max_s": float(np.float32(0.3))}
+    assert list(checks.disagreements({**AGREEING, **stored}.__getitem__)) == []
+    assert list(checks.disagreements({**AGREEING, "ttl_max_s": None}.__getitem__)) == []
 
 
 @pytest.mark.parametrize(
