@@ -1,4 +1,4 @@
-"""Drive in one task and watch in another: python examples/asyncio_drive.py --port /dev/ttyUSB0.
+"""Drive in one task and watch in another: python examples/asyncio_drive.py /dev/ttyUSB0.
 
 The robot is stopped however the program ends: by Ctrl-C, by an error in either task, or in time.
 """
@@ -8,10 +8,12 @@ from __future__ import annotations
 import argparse
 import asyncio
 import math
+import sys
 from contextlib import suppress
 
-from wheelwire import LinkLost, aio
+from wheelwire import LinkLost, WheelwireError, aio
 
+ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 PERIOD_S = 0.05
 TTL_S = 0.3  # a setpoint expires after this, even if this program hangs
 
@@ -39,11 +41,11 @@ async def watch(robot: aio.Driver) -> None:
 async def main() -> None:
     """Weave for some seconds."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("robot", nargs="?", help=ROBOT)
     parser.add_argument("--seconds", type=float, default=5.0)
     arguments = parser.parse_args()
 
-    async with aio.open_driver("serial", port=arguments.port) as robot:
+    async with aio.connect(arguments.robot) as robot:
         watching = asyncio.create_task(watch(robot))
         await weave(robot, arguments.seconds)
         await asyncio.sleep(0.5)  # to see the wheels stop
@@ -55,4 +57,7 @@ async def main() -> None:
 
 if __name__ == "__main__":
     with suppress(KeyboardInterrupt):
-        asyncio.run(main())
+        try:
+            asyncio.run(main())
+        except WheelwireError as error:
+            sys.exit(f"{error}")

@@ -1,4 +1,4 @@
-"""Drive, and handle an e-stop and a lost link: python examples/estop.py --port /dev/ttyUSB0.
+"""Drive, and handle an e-stop and a lost link: python examples/estop.py /dev/ttyUSB0.
 
 The device stops by itself. The program only has to notice it, wait for a person and clear the
 e-stop, which the device refuses while the cause is present.
@@ -7,9 +7,12 @@ e-stop, which the device refuses while the cause is present.
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 
 import wheelwire
+
+ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 
 
 def wait_for_release(robot: wheelwire.BaseDriver) -> None:
@@ -29,11 +32,11 @@ def wait_for_release(robot: wheelwire.BaseDriver) -> None:
 def main() -> None:
     """Drive forward for some seconds, not counting an e-stop or a lost link."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("robot", nargs="?", help=ROBOT)
     parser.add_argument("--seconds", type=float, default=5.0)
     arguments = parser.parse_args()
 
-    with wheelwire.open_driver("serial", port=arguments.port) as robot:
+    with wheelwire.connect(arguments.robot) as robot:
         driven_s = 0.0
         while driven_s < arguments.seconds:
             try:
@@ -51,4 +54,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except wheelwire.WheelwireError as error:
+        sys.exit(f"{error}")

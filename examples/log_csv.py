@@ -1,4 +1,4 @@
-"""Write each sample to a CSV file: python examples/log_csv.py run.csv --port /dev/ttyUSB0.
+"""Write each sample to a CSV file: python examples/log_csv.py run.csv /dev/ttyUSB0.
 
 It sends no setpoint; turn the wheels by hand. To log while driving, write the samples in the
 program that drives: only one program can use a port.
@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import argparse
 import csv
+import sys
 import time
 from pathlib import Path
 
 import wheelwire
 
+ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 COLUMNS = ("left_ticks", "right_ticks", "left_mps", "right_mps", "left_duty", "right_duty")
 
 
@@ -20,13 +22,13 @@ def main() -> None:
     """Log for some seconds."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("file", type=Path)
-    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("robot", nargs="?", help=ROBOT)
     parser.add_argument("--seconds", type=float, default=10.0)
     arguments = parser.parse_args()
 
     with (
         arguments.file.open("w", newline="") as file,
-        wheelwire.open_driver("serial", port=arguments.port) as robot,
+        wheelwire.connect(arguments.robot) as robot,
     ):
         writer = csv.writer(file)
         writer.writerow(["device_time_s", "state", *COLUMNS])
@@ -44,4 +46,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except wheelwire.WheelwireError as error:
+        sys.exit(f"{error}")

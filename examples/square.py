@@ -1,12 +1,14 @@
-"""Drive a square by odometry: python examples/square.py --port /dev/ttyUSB0."""
+"""Drive a square by odometry: python examples/square.py /dev/ttyUSB0."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 
 import wheelwire
 
+ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 SPEED_MPS = 0.2
 TURN_RADPS = 1.0
 TTL_S = 0.3  # a setpoint expires after this, even if this program hangs
@@ -51,11 +53,11 @@ def come_to_rest(robot: wheelwire.BaseDriver, odometry: wheelwire.Odometry) -> N
 def main() -> None:
     """Drive the square."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("robot", nargs="?", help=ROBOT)
     parser.add_argument("--side", type=float, default=0.5, help="in metres")
     arguments = parser.parse_args()
 
-    with wheelwire.open_driver("serial", port=arguments.port) as robot:
+    with wheelwire.connect(arguments.robot) as robot:
         odometry = wheelwire.Odometry(robot.geometry)
         odometry.update(robot.read())
         for corner in range(1, 5):
@@ -66,4 +68,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except wheelwire.WheelwireError as error:
+        sys.exit(f"{error}")

@@ -1,4 +1,4 @@
-"""Drive by keyboard: python examples/teleop.py --port /dev/ttyUSB0.
+"""Drive by keyboard: python examples/teleop.py /dev/ttyUSB0.
 
     i forward    , backward    j left    l right    space stop    e e-stop    c clear    q quit
 
@@ -19,6 +19,7 @@ from contextlib import contextmanager
 
 import wheelwire
 
+ROBOT = "a port, a YAML file, mock, ...; default: $WHEELWIRE_ROBOT"
 TTL_S = 0.6
 VELOCITIES = {"i": (0.2, 0.0), ",": (-0.2, 0.0), "j": (0.0, 1.0), "l": (0.0, -1.0)}
 
@@ -51,11 +52,11 @@ def act(robot: wheelwire.BaseDriver, key: str) -> None:
 def main() -> None:
     """Take keys until q."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--port", default="/dev/ttyUSB0")
+    parser.add_argument("robot", nargs="?", help=ROBOT)
     arguments = parser.parse_args()
 
     print(__doc__)
-    with wheelwire.open_driver("serial", port=arguments.port) as robot, single_keys():
+    with wheelwire.connect(arguments.robot) as robot, single_keys():
         while True:
             ready, _, _ = select.select([sys.stdin], [], [], 0.2)
             key = os.read(sys.stdin.fileno(), 1).decode(errors="replace") if ready else ""
@@ -76,4 +77,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except wheelwire.WheelwireError as error:
+        sys.exit(f"{error}")

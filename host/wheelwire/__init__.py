@@ -1,6 +1,6 @@
 """Wheelwire: drive a wheeled robot whose real-time half runs on an ESP32.
 
-with wheelwire.open_driver("serial", port="/dev/ttyUSB0") as robot:
+with wheelwire.connect("/dev/ttyUSB0") as robot:
     while True:
         robot.set_velocity(0.2, 0.0, ttl=0.3)
         print(robot.read())
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
 
     from . import aio as aio
+    from .address import connect as connect
     from .config import RobotConfig as RobotConfig
     from .config import load_config as load_config
     from .config import open_robot as open_robot
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from .errors import PortUnavailable as PortUnavailable
     from .errors import ProtocolMismatch as ProtocolMismatch
     from .errors import RequestTimeout as RequestTimeout
+    from .errors import RobotNotNamed as RobotNotNamed
     from .errors import SimulatorNotFound as SimulatorNotFound
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
     from .link.info import Health as Health
     from .link.info import LinkStatistics as LinkStatistics
     from .link.latest_sample import Latest as Latest
+    from .link.port_list import SerialPort as SerialPort
+    from .link.port_list import ports as ports
     from .link.sample_iterator import SampleIterator as SampleIterator
     from .linux_mcu.pins import Pins as Pins
     from .motion.covariance import PoseCovariance as PoseCovariance
@@ -59,6 +63,7 @@ if TYPE_CHECKING:
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
+    "address": ("connect",),
     "motion.covariance": ("PoseCovariance",),
     "config": ("RobotConfig", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
@@ -78,6 +83,7 @@ _MODULES = {
         "PortUnavailable",
         "ProtocolMismatch",
         "RequestTimeout",
+        "RobotNotNamed",
         "SimulatorNotFound",
         "UnknownParameter",
         "WheelwireError",
@@ -92,6 +98,7 @@ _MODULES = {
     "simulation.simulator": ("Simulator",),
     "link.info": ("Health", "LinkStatistics"),
     "link.latest_sample": ("Latest",),
+    "link.port_list": ("SerialPort", "ports"),
 }
 _CODES = ("Fault", "RefusalCode", "SupervisorState")
 _MODULE_OF = {

@@ -1,6 +1,6 @@
 """The drivers for asyncio, without a thread.
 
-async with wheelwire.aio.open_driver("serial", port="/dev/ttyUSB0") as robot:
+async with wheelwire.aio.connect("/dev/ttyUSB0") as robot:
     async for sample in robot.samples():
         robot.set_velocity(0.2, 0.0, ttl=0.3)
         print(sample)
@@ -33,6 +33,7 @@ from wheelwire_protocol.types import (
     LinkCountersGet,
 )
 
+from .address import driver_at, named
 from .arguments import timeout_s
 from .drivers.base import FIRST_SAMPLE_S
 from .drivers.device_parameters import (
@@ -62,6 +63,7 @@ from .samples import WheelSample
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:
+    import os
     from pathlib import Path
 
     from .board import BoardDescription
@@ -77,6 +79,7 @@ __all__ = [
     "PinDriver",
     "SampleIterator",
     "Trial",
+    "connect",
     "open_driver",
 ]
 
@@ -85,7 +88,7 @@ DriverT = TypeVar("DriverT", bound="Driver")
 
 
 class Driver(LinkedRobot):
-    """A robot with two driven wheels, on the running loop. Made by `open_driver`.
+    """A robot with two driven wheels, on the running loop. Made by `connect` and `open_driver`.
 
     `set_velocity`, `set_wheel_velocity`, `set_duty` and the properties are plain: they wait for
     nothing. Cancelling a coroutine withdraws what it has asked for: no copy of it is sent any more.
@@ -428,7 +431,7 @@ async def _answer(message: RequestMessage, link: AsyncLink) -> Answer:
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
-    """What `open_driver` returns: for `async with`, which also closes the robot, or `await`."""
+    """What `connect` and `open_driver` return: for `await`, or `async with`, which also closes."""
 
     def __init__(self, make: Callable[[], DriverT]) -> None:
         self._make = make
@@ -451,10 +454,25 @@ class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[
             await self._robot.close()
 
     async def _open(self) -> DriverT:
-        # Not in `open_driver`: the link belongs to the loop that runs when it is made.
+        # Not before: the link belongs to the loop that runs when it is made.
         robot = self._make()
         await robot._open()
         return robot
+
+
+def connect(robot: str | os.PathLike[str] | None = None) -> Opening[Driver]:
+    """Open a robot by its address: by `async with`, which closes it too, or `await`.
+
+    As `wheelwire.connect`. A robot's file is read at once, without opening anything.
+
+    Args:
+        robot: See `wheelwire.connect`.
+
+    Raises:
+        WheelwireError: As `wheelwire.connect`.
+    """
+    name, options = driver_at(named(robot))
+    return open_driver(name, **options)
 
 
 _DRIVERS: dict[str, tuple[type[Driver], str, str]] = {

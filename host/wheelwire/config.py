@@ -20,8 +20,16 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from .arguments import top_level
 from .board import BoardDescription
 from .board_file import checked_board, shipped_boards
-from .drivers.factory import open_driver
-from .errors import ConfigurationError, DriverUnavailable, ParameterOutOfRange, shown
+from .drivers.factory import check_options, driver_class, open_driver
+from .drivers.serial import DEFAULT_BAUD_RATE, serial_link
+from .errors import (
+    ConfigurationError,
+    DriverUnavailable,
+    InvalidArgument,
+    ParameterOutOfRange,
+    shown,
+)
+from .link.base_link import CONNECT_TIMEOUT_S
 from .link.transports import UNIX
 from .linux_mcu.pins import Pins
 from .linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
@@ -63,10 +71,14 @@ class PigpioOptions:
 
 @dataclass(frozen=True)
 class SerialOptions:
-    """The port of the ESP32."""
+    """The port of the ESP32, and what else `open_driver("serial", ...)` takes."""
 
     port: str = "/dev/ttyUSB0"
-    baud_rate: int = 921_600
+    baud_rate: int = DEFAULT_BAUD_RATE
+    connect_timeout: float = CONNECT_TIMEOUT_S
+    stream_rate_hz: int | None = None
+    board_id: str | None = None
+    any_board: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +96,7 @@ class RobotConfig:
         board: The name or file of a board: in place of `pins`, or, for a serial robot, the one that
             its device has to be on.
         store: File for saved parameters; not for a serial robot, whose device saves its own.
+        options: Of a driver of another package: the section of the driver's name.
         aliases: The aliases that were found, and the names that they stand for.
     """
 
@@ -95,6 +108,7 @@ class RobotConfig:
     gpio: GpioOptions = field(default_factory=GpioOptions)
     store: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
 
     def wiring(self) -> Pins | BoardDescription:
@@ -111,13 +125,23 @@ class RobotConfig:
         # Only where pins are moved: other robots open whatever is wrong with the board's file.
         pins = self.wiring() if self.driver in ("l298n", "pigpio") else self.pins
         local = {"pins": pins, "parameters": self.parameters, "store": store}
-        # A driver of another package gets none: a file has no section for its options.
         return {
             "mock": {"parameters": self.parameters, "store": store},
             "pigpio": {**asdict(self.pigpio), **local},
             "l298n": {**asdict(self.gpio), **local},
             "serial": {**asdict(self.serial), "board": self.board, "parameters": self.parameters},
-        }.get(self.driver, {})
+        }.get(self.driver) or self._plug_in_options()
+
+    def _plug_in_options(self) -> dict[str, Any]:
+        """Of a driver of another package: its section, and what the file has beside it."""
+        beside = {
+            "parameters": self.parameters or None,
+            "board": self.board,
+            "store": None if self.store is None else Path(self.store),
+            "pins": None if self.pins == Pins() else self.pins,
+        }
+        # It may take none of them, so it is only given those that the file has.
+        return {**self.options, **{name: it for name, it in beside.items() if it is not None}}
 
 
 def open_robot(file: str | Path | None = None) -> BaseDriver:
@@ -130,8 +154,24 @@ def open_robot(file: str | Path | None = None) -> BaseDriver:
         ConfigurationError: The file is missing or invalid.
         WheelwireError: As `open_driver`.
     """
-    config = load_config(file)
-    return open_driver(config.driver, **config.driver_options())
+    name, options = driver_of(load_config(file), file)
+    return open_driver(name, **options)
+
+
+def driver_of(config: RobotConfig, file: str | Path | None) -> tuple[str, dict[str, Any]]:
+    """The driver of a robot, and its options; `file` is where they are from.
+
+    Raises:
+        ConfigurationError: The driver does not take an option in the file.
+        DriverUnavailable: No driver has this name, or what it needs is not installed.
+    """
+    options = config.driver_options()
+    if config.driver not in _BUILT_IN:  # those were checked with the file
+        try:
+            check_options(config.driver, driver_class(config.driver), options)
+        except InvalidArgument as error:
+            raise ConfigurationError(f"{file}: {error}") from error
+    return config.driver, options
 
 
 def service_settings(config: RobotConfig, address: str) -> McuSettings:
@@ -197,14 +237,24 @@ def parse_config(content: object) -> RobotConfig:
             # A section with nothing below it is None in YAML.
             plain[section] = mapping(section, plain[section] or {})
             check_names(plain[section], names, f"{section}.")
+    # A driver of another package has a section of its own name.
+    known = [*_TOP, *ALIASES, MAX_RPM]
+    driver = plain.get("driver")
+    plug_in = [driver] if isinstance(driver, str) and driver not in [*_BUILT_IN, *known] else []
     # Aliases were replaced above. They are listed so that a misspelt one gets its suggestion.
-    check_names(plain, [*_TOP, *ALIASES, MAX_RPM], "")
+    check_names(plain, [*known, *plug_in], "")
+    for name in plug_in:
+        plain["options"] = mapping(name, plain.pop(name, None) or {})
     plain["parameters"] = {
         name: checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
     }
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
     config = _validated({**plain, "aliases": aliases})
+    try:
+        serial_link(**asdict(config.serial))
+    except InvalidArgument as error:
+        raise ConfigurationError(f"serial.{error}") from error
     # Last: what is wrong with a value is told first, whether or not a driver is named.
     if "board" in plain and "pins" in plain:
         raise ConfigurationError("board and pins are both given: remove one of them")
@@ -220,6 +270,7 @@ _SECTIONS: dict[str, list[str]] = {
     "gpio": [f.name for f in fields(GpioOptions)],
     "parameters": list(PARAMETER_BY_NAME),
 }
+_BUILT_IN = ("mock", "l298n", "pigpio", "serial")
 _TOP = ["driver", "store", "board", *_SECTIONS]
 _CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
 

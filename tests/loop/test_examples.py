@@ -63,7 +63,7 @@ def wait_while_running(process: subprocess.Popen[str], condition: Callable[[], b
 
 def test_the_square_closes() -> None:
     with Simulator() as simulator:
-        output = end(start("square.py", "--port", simulator.port, "--side", "0.4"))
+        output = end(start("square.py", simulator.port, "--side", "0.4"))
         assert [line.split(":")[0] for line in output.splitlines()] == [
             f"corner {number}" for number in (1, 2, 3, 4)
         ]
@@ -75,7 +75,7 @@ def test_the_square_closes() -> None:
 def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
     file = tmp_path / "run.csv"
     with Simulator() as simulator:
-        output = end(start("log_csv.py", str(file), "--port", simulator.port, "--seconds", "1"))
+        output = end(start("log_csv.py", str(file), simulator.port, "--seconds", "1"))
     with file.open() as lines:
         rows = list(csv.DictReader(lines))
     assert output.startswith(f"{len(rows)} samples in {file}")
@@ -89,7 +89,7 @@ def test_the_log_has_a_row_for_each_sample(tmp_path: Path) -> None:
 
 def test_a_task_drives_while_another_one_watches() -> None:
     with Simulator() as simulator:
-        output = end(start("asyncio_drive.py", "--port", simulator.port, "--seconds", "2"))
+        output = end(start("asyncio_drive.py", simulator.port, "--seconds", "2"))
         states = [line.split()[-1] for line in output.splitlines()]
         assert "DRIVING" in states
         assert states[-1] == "done"
@@ -100,7 +100,7 @@ def test_a_task_drives_while_another_one_watches() -> None:
 def state_after_ctrl_c() -> float:
     """Of a robot that the example drove, on asyncio."""
     with Simulator() as simulator:
-        process = start("asyncio_drive.py", "--port", simulator.port, "--seconds", "60")
+        process = start("asyncio_drive.py", simulator.port, "--seconds", "60")
         wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
         process.send_signal(signal.SIGINT)
         end(process)
@@ -115,7 +115,7 @@ def test_ctrl_c_stops_a_robot_on_asyncio() -> None:
 
 def test_the_e_stop_is_lived_through() -> None:
     with Simulator() as simulator:
-        process = start("estop.py", "--port", simulator.port, "--seconds", "2")
+        process = start("estop.py", simulator.port, "--seconds", "2")
         wait_while_running(process, lambda: simulator.get("true.distance_m") > 0.1)
         simulator.set("estop_open", 1)
         wait_while_running(process, lambda: simulator.get("stands_still") == 1)
@@ -140,7 +140,7 @@ def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
     before = termios.tcgetattr(terminal)
     with Simulator() as simulator:
         process = subprocess.Popen(
-            [sys.executable, "-u", str(EXAMPLES / "teleop.py"), "--port", simulator.port],
+            [sys.executable, "-u", str(EXAMPLES / "teleop.py"), simulator.port],
             stdin=terminal,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -167,6 +167,7 @@ def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
             os.write(keyboard, b"ei")
             wait_until(lambda: simulator.get("state") == SupervisorState.ESTOPPED, TIMEOUT_S)
             os.write(keyboard, b"c")
+            # A zero setpoint follows the clear, so it is IDLE for a moment only.
             wait_until(lambda: simulator.get("state") != SupervisorState.ESTOPPED, TIMEOUT_S)
             os.write(keyboard, b"q")
             assert process.wait(TIMEOUT_S) == 0

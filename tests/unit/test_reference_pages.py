@@ -69,7 +69,8 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
     for section, settings in sections.items():
         for field in dataclasses.fields(settings):
             value = getattr(settings, field.name)
-            expected[f"{section}.{field.name}"] = "none" if value is None else str(value)
+            written = str(value).lower() if isinstance(value, bool) else str(value)
+            expected[f"{section}.{field.name}"] = "none" if value is None else written
     keys = {key: default for key, default in told.items() if key in expected}
     assert keys == expected
     assert set(config._TOP) == {key.partition(".")[0] for key in expected}

@@ -12,6 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wheelwire.address import (
+    ADDRESS_KINDS,
+    ENVIRONMENT,
+    MOCK,
+    driver_at,
+    is_board_id,
+    is_robot_file,
+    named,
+)
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -20,10 +29,6 @@ if TYPE_CHECKING:
     from wheelwire.config import RobotConfig
     from wheelwire.drivers.base import BaseDriver
 
-ENVIRONMENT = "WHEELWIRE_ROBOT"
-MOCK = "mock"
-ADDRESS_KINDS = "a port, socket://HOST:PORT, unix:PATH, a robot's YAML file or mock"
-_FILES = (".yaml", ".yml")
 _DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
 
 
@@ -58,8 +63,11 @@ RobotArgument = Annotated[
         autocompletion=complete_robot,
     ),
 ]
-BaudOption = Annotated[
-    int | None, typer.Option(help="Baud rate to try first at a port; then the usual ones.")
+BaudRateOption = Annotated[
+    int | None,
+    typer.Option(
+        "--baud-rate", "--baud", help="Baud rate to try first at a port; then the usual ones."
+    ),
 ]
 YesFlag = Annotated[
     bool, typer.Option("--yes", "-y", help="Do not ask for confirmation when ROBOT is left out.")
@@ -84,27 +92,16 @@ class Address:
 
         Args:
             baud_rate: Of a port; None: the default.
-            bare: Do not send a serial robot the parameters in its file: for commands that only
-                look at the robot or its parameters, or stop it.
+            bare: See `wheelwire.address.driver_at`.
 
         Raises:
             InvalidArgument: A baud rate was given, but the address is not a port.
             WheelwireError: As `open_driver` and `open_robot`.
         """
         from wheelwire.drivers.factory import open_driver
-        from wheelwire.drivers.serial import DEFAULT_BAUD_RATE
 
-        # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
-        if self.text != MOCK and not self.text.endswith(_FILES):
-            return open_driver("serial", port=self.text, baud_rate=baud_rate or DEFAULT_BAUD_RATE)
-        if baud_rate is not None:
-            raise InvalidArgument(
-                f"--baud is only for ports, not for {self.text}: leave it out; "
-                "in a robot's file, set serial.baud_rate"
-            )
-        if self.text == MOCK:
-            return open_driver("mock")
-        return _open_file(self.text, bare=bare)
+        name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
+        return open_driver(name, **options)
 
     def serial_port(self) -> str:
         """The serial port to write firmware to.
@@ -114,11 +111,14 @@ class Address:
             ConfigurationError: The robot's file is invalid.
         """
         port = self.text
-        if port.endswith(_FILES):
+        if is_robot_file(port):
             robot = _load(port)
             port = robot.serial.port if robot.driver == "serial" else robot.driver
+            # It may stand for several ports; the chip is written to before it can say who it is.
+            port = robot.serial.board_id or port
         # None of these is a line on which a chip's boot ROM answers.
-        if port == MOCK or port.startswith(("socket:", "unix:")) or port in ("l298n", "pigpio"):
+        elsewhere = is_board_id(port) or port.startswith(("socket:", "unix:"))
+        if elsewhere or port in (MOCK, "l298n", "pigpio"):
             raise InvalidArgument(
                 f"{self.text} is not a serial port: give the port that the board is plugged in to "
                 "(`wheelwire ports` lists them)"
@@ -137,7 +137,7 @@ class Address:
                 "mock exists only while this command runs and cannot save parameters: leave out "
                 "--save, or start `wheelwire sim` and give its port"
             )
-        if not self.text.endswith(_FILES):
+        if not is_robot_file(self.text):
             return
         robot = _load(self.text)
         if robot.driver != "serial":
@@ -169,16 +169,6 @@ def _load(file: str) -> RobotConfig:
     return load_config(file)
 
 
-def _open_file(file: str, *, bare: bool) -> BaseDriver:
-    from wheelwire.config import open_robot
-    from wheelwire.drivers.factory import open_driver
-
-    if bare and (robot := _load(file)).driver == "serial":
-        return open_driver("serial", port=robot.serial.port, baud_rate=robot.serial.baud_rate)
-    # The other drivers start a core of their own, which has no parameters before.
-    return open_robot(file)
-
-
 def resolve(
     given: str | None, *, moves: bool = False, yes: bool = False, as_json: bool = False
 ) -> Address:
@@ -194,15 +184,13 @@ def resolve(
         InvalidArgument: ROBOT is empty.
         RobotNotNamed: There is no likely board, or several; or the user did not confirm.
     """
-    if given == "":  # an unset shell variable; taking the default would move another robot
-        raise InvalidArgument(f"ROBOT is empty (an unset variable?): give {ADDRESS_KINDS}")
-    if given:
-        return Address(given)
-    if named := os.environ.get(ENVIRONMENT):
+    if given is not None:
+        return Address(named(given))
+    if known := os.environ.get(ENVIRONMENT):
         if moves and not as_json:
             # The name is not on this command line: tell which robot is about to move.
-            _print_note(f"using {named}, named by {ENVIRONMENT}")
-        return Address(named)
+            _print_note(f"using {known}, named by {ENVIRONMENT}")
+        return Address(known)
     port = _only_candidate()
     chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
     if moves and not yes:
@@ -248,20 +236,18 @@ def looks_like_address(text: str) -> bool:
     """Whether `text` must be ROBOT, in a place where a parameter's name is possible too."""
     # A parameter's name is one even where a file is called the same.
     return text not in PARAMETER_BY_NAME and (
-        text == MOCK or any(sign in text for sign in "/:.") or Path(text).exists()
+        text == MOCK
+        or is_board_id(text)
+        or any(sign in text for sign in "/:.")
+        or Path(text).exists()
     )
 
 
 def is_port(text: str) -> bool:
     """Whether `text` can only be ROBOT, in a place where a file is expected."""
     path = Path(text)
-    if text == MOCK or text.startswith(("socket:", "unix:")):
+    if text == MOCK or text.startswith(("socket:", "unix:")) or is_board_id(text):
         return True
     # Also a port that is not plugged in now.
     is_missing_device = text.startswith("/dev/") and not path.exists()
     return is_missing_device or path.is_char_device() or path.is_block_device() or path.is_socket()
-
-
-def is_file(text: str) -> bool:
-    """Whether an address is a robot's file."""
-    return text.endswith(_FILES)

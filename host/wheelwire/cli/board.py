@@ -14,7 +14,7 @@ from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
 
 from .address import (
     ROBOT_HELP,
-    BaudOption,
+    BaudRateOption,
     RobotArgument,
     complete_robot,
     complete_yaml,
@@ -217,7 +217,7 @@ def write(
             autocompletion=_complete_robot_or_board,
         ),
     ] = None,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Store a board in the device, restart it, and keep the board if the device comes back.
@@ -232,7 +232,7 @@ def write(
     wanted = checked_board(name)
     # Bare: a robot's file may name this board, on which the device is not yet.
     address = resolve(robot, as_json=as_json)
-    with address.open(baud, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as driver:
         try:
             _device_board(driver).take_up(wanted)
         except DeviceRefused as error:
@@ -263,7 +263,7 @@ def confirm(
     yes: Annotated[
         bool, typer.Option("--yes", help="Do not ask: the robot is on the board that it names.")
     ] = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Confirm the board that a device believes to be on, and let it drive.
@@ -273,7 +273,7 @@ def confirm(
     """
     from wheelwire_protocol.board import BoardState
 
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         board = _device_board(driver)
         state, found = board.read()
         if found is None:
@@ -312,12 +312,14 @@ def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> Non
 
 
 @app.command("read")
-def read(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
+def read(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
     """Show the device's active board, as a file."""
     from wheelwire.board import board_mapping
     from wheelwire.board_file import to_yaml
 
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         state, found = _device_board(driver).read()
     if as_json:
         print_json({"state": state, "board": board_mapping(found) if found else None})

@@ -9,9 +9,10 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
+from wheelwire.address import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
-from .address import RobotArgument, is_file, resolve
+from .address import RobotArgument, resolve
 from .output import JsonFlag, console, print_json
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def flash(
 
 
 def _check_is_no_image(robot: str | None) -> None:
-    if robot and (robot.endswith(".bin") or (Path(robot).is_file() and not is_file(robot))):
+    if robot and (robot.endswith(".bin") or (Path(robot).is_file() and not is_robot_file(robot))):
         raise InvalidArgument(
             f"{robot} is an image, not a ROBOT: `wheelwire flash [ROBOT] --image {robot}`"
         )

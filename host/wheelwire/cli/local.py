@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
-from wheelwire.link.port_list import list_serial_ports
+from wheelwire.link.port_list import ports as serial_ports
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import LineProfile, load_profile
 from wheelwire.simulation.plant import load_plant
@@ -80,7 +80,7 @@ def _sim_on_a_bad_line(
 
 def ports(as_json: JsonFlag = False) -> None:
     """List serial ports, likely robots first. Opens none of them."""
-    found = list_serial_ports()
+    found = serial_ports()
     if as_json:
         print_json(found)
         return

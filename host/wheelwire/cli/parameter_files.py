@@ -14,7 +14,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
 from .address import (
     ROBOT_HELP,
-    BaudOption,
+    BaudRateOption,
     RobotArgument,
     complete_robot,
     complete_yaml,
@@ -52,14 +52,16 @@ RobotAndFile = Annotated[
 
 
 @app.command("export")
-def export(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
+def export(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
     """Print all parameters with their units, and the board's identity, as YAML.
 
     Write them to a file with `> FILE`; `params import` sets them on another robot.
     """
     from wheelwire.parameter_file import ParameterFile  # here, because YAML is slow to import
 
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
     if as_json:
         print_json(exported.as_mapping())
@@ -72,7 +74,7 @@ def import_file(
     context: typer.Context,
     arguments: RobotAndFile = None,
     save: Annotated[bool, typer.Option("--save", help="Save these values, too.")] = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
@@ -90,7 +92,7 @@ def import_file(
     # Whether anything can be saved is known before the robot is opened. Which values would change,
     # and whether the robot's file would undo them, is known only then.
     address.check_parameters([], save=save)
-    with ended_by_signals() as ending, address.open(baud) as driver:
+    with ended_by_signals() as ending, address.open(baud_rate) as driver:
         ending.outcome = "interrupted; the previous values are set again"
         lasting, device = outlives_commands(driver), _device(driver)
         expected = differences(driver.parameters.list(), wanted.values)
@@ -140,7 +142,7 @@ def import_file(
 def diff(
     context: typer.Context,
     arguments: RobotAndFile = None,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Show where a robot's values differ from a file's; exit code 22 if any does.
@@ -151,7 +153,7 @@ def diff(
 
     robot, file = _split(context, arguments or ())
     wanted = load_parameter_file(file)
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         parameters, device = driver.parameters.list(), _device(driver)
     found = differences(parameters, wanted.values)
     absent = [p.name for p in parameters if p.name not in wanted.values]

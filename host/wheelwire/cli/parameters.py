@@ -17,7 +17,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .address import (
     ROBOT_HELP,
-    BaudOption,
+    BaudRateOption,
     RobotArgument,
     complete_robot_or_name,
     looks_like_address,
@@ -81,11 +81,11 @@ def params(context: typer.Context) -> None:
 
 @app.command("list")
 def list_all(
-    robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """List all parameters with value, unit, bounds and meaning."""
     # Bare: with a robot's file the values on the robot are shown, not replaced by the file's.
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         parameters = driver.parameters.list()
     if as_json:
         print_json(parameters)
@@ -114,12 +114,12 @@ def _value(parameter: ParameterInfo) -> str:
 def get(
     context: typer.Context,
     arguments: Annotated[list[str] | None, _arguments("NAME")] = None,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Show one value."""
     robot, (name,) = _split(context, arguments or (), "NAME")
-    with resolve(robot, as_json=as_json).open(baud, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         value = driver.parameters[name]
     if as_json:
         print_json({name: value})
@@ -134,14 +134,14 @@ def set_value(
     context: typer.Context,
     arguments: Annotated[list[str] | None, _arguments("NAME VALUE")] = None,
     save: Annotated[bool, typer.Option("--save", help="Save this value, too.")] = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Change one value until the next reset; with --save also after it. Saves no other value."""
     robot, (name, value) = _split(context, arguments or (), "NAME", "VALUE")
     address = resolve(robot, as_json=as_json)
     address.check_parameters([name], save=save)
-    with address.open(baud) as driver:
+    with address.open(baud_rate) as driver:
         lasting = outlives_commands(driver)
         in_force = driver.parameters.set(name, _number(value))
         if save:
@@ -177,7 +177,7 @@ def _duration(name: str, *, saved: bool, lasting: bool) -> str:
 @app.command("save", cls=RobotCommand)
 def save_values(
     arguments: Annotated[list[str] | None, _arguments("[NAME]...")] = None,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Save parameters: those named, or all, including those only changed for a try.
@@ -189,7 +189,7 @@ def save_values(
     robot = names.pop(0) if names and looks_like_address(names[0]) else None
     address = resolve(robot, as_json=as_json)
     address.check_parameters(names, save=True)
-    with address.open(baud) as driver:
+    with address.open(baud_rate) as driver:
         for name in names:
             driver.parameters[name]  # raises for an unknown name before anything is saved
         for wanted in names or (None,):
@@ -216,7 +216,7 @@ def reset_all(
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Do not ask before the board is erased, too.")
     ] = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
@@ -224,7 +224,7 @@ def reset_all(
     Where the flash cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then
     nothing drives until `wheelwire board write`. It asks before that.
     """
-    with resolve(robot, as_json=as_json).open(baud) as driver:
+    with resolve(robot, as_json=as_json).open(baud_rate) as driver:
         damaged = driver.read().faults & _FLASH_FAULTS
         if damaged and not yes:
             _ask_to_erase(damaged)

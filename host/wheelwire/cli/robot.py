@@ -17,7 +17,7 @@ from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
 
-from .address import BaudOption, RobotArgument, YesFlag, resolve
+from .address import BaudRateOption, RobotArgument, YesFlag, resolve
 from .lost_link import LinkNews, ended_by_a_loss, watch
 from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
 from .signals import ended_by_signals
@@ -32,10 +32,12 @@ _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 
 
-def info(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
+def info(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
     """Show the connected board, its state and link quality."""
     address = resolve(robot, as_json=as_json)
-    with address.open(baud, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as driver:
         if not isinstance(driver, DeviceDriver):
             raise DriverUnavailable(
                 f"the driver of {address.text} has no information about its device; "
@@ -123,7 +125,7 @@ def drive(
     ] = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long.")] = 1.0,
     yes: YesFlag = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Drive at a constant velocity for a set time, stop, and report the distance."""
@@ -134,7 +136,7 @@ def drive(
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud) as driver,
+        address.open(baud_rate) as driver,
         ending.stops(driver),
         ended_by_a_loss(),
     ):
@@ -238,12 +240,12 @@ def _standstill(robot: BaseDriver, timeout_s: float = 3.0) -> WheelSample:
 def monitor(
     robot: RobotArgument = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Show wheel speeds, ticks and state. Sends no setpoint. Goes on when a lost link is back."""
     address = resolve(robot, as_json=as_json)
-    with address.open(baud, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as driver:
         end = time.monotonic() + (seconds or math.inf)
         latched: SupervisorState | None = None
         for news in watch(driver, end):
@@ -261,7 +263,9 @@ def monitor(
             time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
 
 
-def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFlag = False) -> None:
+def estop(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
     """Emergency stop: stop the wheels and refuse to drive until `clear`."""
     # Here: only this command needs all of them, and each of its imports takes time.
     from wheelwire.drivers.l298n import L298NDriver
@@ -269,7 +273,7 @@ def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFla
     from wheelwire.drivers.serial import SerialDriver
 
     address = resolve(robot, as_json=as_json)
-    with address.open(baud, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as driver:
         driver.estop()
         # A process that this command started ends with it, but its latch stays. A simulated robot
         # is gone.
@@ -289,13 +293,13 @@ def estop(robot: RobotArgument = None, baud: BaudOption = None, as_json: JsonFla
 
 def clear(
     robot: RobotArgument = None,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     yes: YesFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Clear an e-stop or a fault; refused while its cause lasts."""
     address = resolve(robot, moves=True, yes=yes, as_json=as_json)
-    with address.open(baud, bare=True) as driver:
+    with address.open(baud_rate, bare=True) as driver:
         before = after = driver.read()
         if before.state is SupervisorState.ESTOPPED:
             _clear_estop(driver, address.text)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wheelwire.address import MOCK
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import (
@@ -20,7 +21,7 @@ from wheelwire.errors import (
     InvalidArgument,
 )
 
-from .address import MOCK, Address, BaudOption, RobotArgument, YesFlag, resolve
+from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .lost_link import ended_by_a_loss
 from .output import JsonFlag, check_writable, console, print_json
 from .signals import ended_by_signals
@@ -99,7 +100,7 @@ def setup(
         ),
     ] = None,
     yes: YesFlag = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
@@ -142,7 +143,7 @@ def setup(
     # In this order: the signals are still handled while the driver stops the robot.
     with (
         ended_by_signals() as ending,
-        address.open(baud) as driver,
+        address.open(baud_rate) as driver,
         ending.stops(driver, lambda: UNSAVED),
         ended_by_a_loss(),
     ):

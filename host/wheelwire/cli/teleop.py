@@ -14,7 +14,7 @@ from wheelwire.teleop.drive import DEFAULT_SPEED, HELP, SPEEDS, drive
 from wheelwire.teleop.terminal import Terminal
 from wheelwire_protocol.codes import SupervisorState
 
-from .address import BaudOption, RobotArgument, YesFlag, outlives_commands, resolve
+from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
 from .output import console
 from .signals import ended_by_signals, stop
 
@@ -30,7 +30,7 @@ def teleop(
         ),
     ] = DEFAULT_SPEED,
     yes: YesFlag = False,
-    baud: BaudOption = None,
+    baud_rate: BaudRateOption = None,
 ) -> None:
     """Drive by keyboard: w a s d or the arrow keys, space stops, e latches an e-stop, q quits.
 
@@ -46,7 +46,7 @@ def teleop(
     address = resolve(robot, moves=True, yes=yes)
     with (
         ended_by_signals() as ending,
-        address.open(baud) as driver,
+        address.open(baud_rate) as driver,
         ending.stops(driver, lambda: _what_remains(driver, address.text)),
     ):
         device = driver.info.device if isinstance(driver, DeviceDriver) else None

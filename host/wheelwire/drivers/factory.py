@@ -88,7 +88,7 @@ def open_driver(name: str, **options: Any) -> BaseDriver:
         InvalidArgument: The driver has no such option, or needs one that is missing.
         WheelwireError: What the driver itself raises.
     """
-    make = _driver_class(name)
+    make = driver_class(name)
     check_options(name, make, options)
     driver: BaseDriver = make(**options)
     return driver
@@ -99,7 +99,8 @@ def driver_names() -> list[str]:
     return sorted({**_plug_ins(), **_BUILT_IN})
 
 
-def _driver_class(name: str) -> Any:
+def driver_class(name: str) -> Any:
+    """What makes the driver of this name; raises `DriverUnavailable`."""
     # First the built-in ones: to find the others all installed packages are looked through.
     target = (_BUILT_IN.get(name) or _plug_ins().get(name)) if isinstance(name, str) else None
     if target is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..arguments import flag, text, whole
 from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
-from ..link.base_link import LinkOptions
+from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.connection import Link
 from .transport_driver import DeviceDriver, link_options
 
@@ -52,7 +52,7 @@ class SerialDriver(DeviceDriver):
         port: str,
         *,
         baud_rate: int = DEFAULT_BAUD_RATE,
-        connect_timeout: float = 5.0,
+        connect_timeout: float = CONNECT_TIMEOUT_S,
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
         any_board: bool = False,
@@ -76,7 +76,7 @@ def serial_link(
     port: str,
     *,
     baud_rate: int = DEFAULT_BAUD_RATE,
-    connect_timeout: float = 5.0,
+    connect_timeout: float = CONNECT_TIMEOUT_S,
     stream_rate_hz: int | None = None,
     board_id: str | None = None,
     any_board: bool = False,

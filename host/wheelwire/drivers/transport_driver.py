@@ -26,7 +26,7 @@ from wheelwire_protocol.types import (
 from ..arguments import timeout_s, whole
 from ..board import BoardDescription
 from ..errors import LinkClosed, LinkLost, WheelwireError
-from ..link.base_link import LinkOptions
+from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.connection import Link
 from ..link.info import ExpectedBoard
 from ..link.latest_sample import LatestSample
@@ -166,7 +166,7 @@ class TransportDriver(DeviceDriver):
         open_transport: OpenPort | None = None,
         *,
         baud_rate: int = 0,
-        connect_timeout: float = 5.0,
+        connect_timeout: float = CONNECT_TIMEOUT_S,
         stream_rate_hz: int | None = None,
         board_id: str | None = None,
         any_board: bool = False,
@@ -190,7 +190,7 @@ def link_options(
     open_transport: OpenPort | None = None,
     *,
     baud_rate: int = 0,
-    connect_timeout: float = 5.0,
+    connect_timeout: float = CONNECT_TIMEOUT_S,
     stream_rate_hz: int | None = None,
     board_id: str | None = None,
     any_board: bool = False,

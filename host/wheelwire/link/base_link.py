@@ -27,6 +27,8 @@ from .session import Phase, Session
 if TYPE_CHECKING:
     from .transports import Transport
 
+CONNECT_TIMEOUT_S = 5.0
+"""How long to look for the device, unless the application says otherwise."""
 PORT_TIMEOUT_S = 60.0
 """A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
 CALL_TIMEOUT_S = 5.0
@@ -73,7 +75,7 @@ class LinkOptions:
 
     port: str
     baud_rate: int = 0
-    connect_timeout_s: float = 5.0
+    connect_timeout_s: float = CONNECT_TIMEOUT_S
     stream_rate_hz: int | None = None
     watched: Sequence[int] = ()
     board_id: str | None = None

@@ -76,6 +76,11 @@ def list_serial_ports(by_path: Path = Path("/dev/serial/by-path")) -> list[Seria
     return sorted(found, key=lambda port: (not port.likely_esp32, port.device))
 
 
+def ports() -> list[SerialPort]:
+    """The serial ports of this computer, likely robots first: as `wheelwire ports` lists them."""
+    return list_serial_ports()
+
+
 def likely_boards() -> list[SerialPort]:
     """The ports whose USB ids are those of a bridge that ESP32 boards have."""
     return [port for port in list_serial_ports() if port.likely_esp32]

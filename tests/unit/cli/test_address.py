@@ -10,6 +10,7 @@ import pytest
 from support.command import check_error, run
 from support.usb_ports import fake_usb_ports
 from wheelwire import errors
+from wheelwire.address import ENVIRONMENT
 from wheelwire.cli import address
 from wheelwire.cli.address import Address, looks_like_address, resolve
 from wheelwire.errors import InvalidArgument, RobotNotNamed
@@ -36,7 +37,7 @@ MOVING = {"drive": ("--linear", "0.1"), "clear": ()}
 def candidates(monkeypatch: pytest.MonkeyPatch) -> list[SerialPort]:
     """Those that are plugged in; empty at first. No robot is named in the environment."""
     found: list[SerialPort] = []
-    monkeypatch.delenv(address.ENVIRONMENT, raising=False)
+    monkeypatch.delenv(ENVIRONMENT, raising=False)
     monkeypatch.setattr(address, "likely_boards", lambda: found)
     return found
 
@@ -46,10 +47,10 @@ def test_the_argument_comes_first_and_the_environment_second(
     candidates: list[SerialPort], monkeypatch: pytest.MonkeyPatch, *, moves: bool
 ) -> None:
     candidates.append(USB0)
-    monkeypatch.setenv(address.ENVIRONMENT, "robot.yaml")
+    monkeypatch.setenv(ENVIRONMENT, "robot.yaml")
     assert resolve("/dev/ttyS1", moves=moves) == Address("/dev/ttyS1")
     assert resolve(None, moves=moves) == Address("robot.yaml")
-    monkeypatch.setenv(address.ENVIRONMENT, "")
+    monkeypatch.setenv(ENVIRONMENT, "")
     assert resolve(None, moves=moves, yes=True) == Address("/dev/ttyUSB0", USB0)
 
 
@@ -178,7 +179,7 @@ def test_help_shows_what_may_be_left_out(command: str, arguments: str) -> None:
 
 def test_a_baud_rate_is_of_a_port() -> None:
     for robot in ("mock", "robot.yaml"):
-        with pytest.raises(InvalidArgument, match="--baud is only for ports"):
+        with pytest.raises(InvalidArgument, match="a baud rate is only for ports"):
             Address(robot).open(9600)
 
 

@@ -58,7 +58,7 @@ def test_a_type_checker_knows_the_options_of_every_driver(name: str) -> None:
         for node in overloads
         if isinstance(node, ast.FunctionDef) and f"Literal['{name}']" in ast.unparse(node)
     ]
-    assert options == set(inspect.signature(factory._driver_class(name)).parameters)
+    assert options == set(inspect.signature(factory.driver_class(name)).parameters)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,296 @@
+"""`connect`: one address, for both APIs."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import wheelwire
+from wheelwire import address, aio, config
+from wheelwire.drivers import factory
+from wheelwire.errors import (
+    ConfigurationError,
+    DriverUnavailable,
+    InvalidArgument,
+    PortUnavailable,
+    RobotNotNamed,
+    WheelwireError,
+)
+from wheelwire.simulation.simulator import Simulator
+
+NO_PORT = "/dev/no-such-port"
+
+
+def use(robot: Any) -> str:
+    """Open a robot by `with`, and say what it is."""
+    with wheelwire.connect(robot) as driver:
+        driver.set_velocity(0.0, 0.0)
+        driver.stop()
+        return repr(driver)
+
+
+def use_without_with(robot: Any) -> str:
+    driver = wheelwire.connect(robot)
+    try:
+        return repr(driver)
+    finally:
+        driver.close()
+
+
+def use_async_with(robot: Any) -> str:
+    async def run() -> str:
+        async with aio.connect(robot) as driver:
+            driver.set_velocity(0.0, 0.0)
+            await driver.stop()
+            return repr(driver)
+
+    return asyncio.run(run())
+
+
+def use_await(robot: Any) -> str:
+    async def run() -> str:
+        driver = await aio.connect(robot)
+        try:
+            return repr(driver)
+        finally:
+            await driver.close()
+
+    return asyncio.run(run())
+
+
+USES = (use, use_without_with, use_async_with, use_await)
+both = pytest.mark.parametrize("use", [use, use_async_with])
+
+
+@pytest.mark.parametrize("use", USES)
+def test_mock_is_an_address(use: Callable[[Any], str]) -> None:
+    assert use("mock") == "<MockDriver mock: open>"
+
+
+@pytest.mark.parametrize("use", USES)
+def test_a_port_is_an_address_as_a_text_and_as_a_path(use: Callable[[Any], str]) -> None:
+    with Simulator() as simulator:
+        assert ": open>" in use(simulator.port)
+        assert ": open>" in use(Path(simulator.port))
+
+
+@both
+def test_a_file_is_an_address(use: Callable[[Any], str], tmp_path: Path) -> None:
+    with Simulator() as simulator:
+        file = tmp_path / "my robot.yml"
+        file.write_text(
+            f"driver: serial\nserial:\n  port: {simulator.port}\n  stream_rate_hz: 50\n"
+            "  connect_timeout: 3\n  any_board: true\n"
+        )
+        assert ": open>" in use(file)
+        assert ": open>" in use(str(file))
+
+
+@both
+def test_a_boards_id_is_an_address(
+    use: Callable[[Any], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(address, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
+    with Simulator() as simulator, Simulator():
+        (tmp_path / "ttyUSB0").symlink_to(simulator.port)
+        with wheelwire.connect(simulator.port) as robot:
+            assert isinstance(robot, wheelwire.SerialDriver)
+            board_id = robot.info.device.board_id
+        assert "ttyUSB0: open>" in use(board_id)
+        assert "ttyUSB0: open>" in use(board_id.upper())
+        with pytest.raises(PortUnavailable, match=f"board 0123456789ab is not there.*{board_id}"):
+            use("0123456789ab")
+
+
+@both
+def test_a_robots_file_may_name_its_board_by_id(use: Callable[[Any], str], tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    text = "driver: serial\nserial: {port: '%s/tty*', board_id: '%s'}\n"
+    with Simulator() as simulator:
+        (tmp_path / "tty0").symlink_to(simulator.port)
+        with wheelwire.connect(simulator.port) as robot:
+            assert isinstance(robot, wheelwire.SerialDriver)
+            board_id = robot.info.device.board_id
+        file.write_text(text % (tmp_path, board_id))
+        assert ": open>" in use(file)
+        file.write_text(text % (tmp_path, "0123456789ab"))
+        with pytest.raises(PortUnavailable, match="board 0123456789ab is not there"):
+            use(file)
+
+
+def test_sockets_and_any_other_url_are_ports() -> None:
+    for port in ("socket://robot:5000", "unix:/run/wheelwire.sock", "rfc2217://robot:2217"):
+        assert address.driver_at(port) == ("serial", {"port": port})
+        assert address.driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
+
+
+@both
+def test_the_environment_names_the_robot(
+    use: Callable[[Any], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WHEELWIRE_ROBOT", "mock")
+    assert use(None) == "<MockDriver mock: open>"
+    monkeypatch.setenv("WHEELWIRE_ROBOT", "")
+    with pytest.raises(RobotNotNamed, match="set WHEELWIRE_ROBOT"):
+        use(None)
+    monkeypatch.delenv("WHEELWIRE_ROBOT")
+    with pytest.raises(RobotNotNamed, match="a robot's YAML file or mock"):
+        use(None)
+
+
+@both
+@pytest.mark.parametrize(
+    ("robot", "error", "said"),
+    [
+        ("", InvalidArgument, "ROBOT is empty"),
+        (3, InvalidArgument, "ROBOT = 3"),
+        (NO_PORT, PortUnavailable, "there is no such port"),
+        ("/dev/null/x.yaml", ConfigurationError, "/dev/null/x.yaml"),
+        ("unix:/tmp/no-such-socket", PortUnavailable, "no such port"),
+        ("/", InvalidArgument, "neither a port nor a robot's file"),
+        (__file__, InvalidArgument, "neither a port nor a robot's file"),
+    ],
+)
+def test_what_is_no_robot_is_told(
+    use: Callable[[Any], str], robot: Any, error: type[WheelwireError], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        use(robot)
+
+
+@both
+@pytest.mark.parametrize(
+    ("text", "error", "said"),
+    [
+        (f"driver: serial\nserial: {{port: {NO_PORT}}}", PortUnavailable, NO_PORT),
+        ("chip: esp32\nstage: l298n", ConfigurationError, "robot.yaml: this is a board's file"),
+        ("driver: serial\nserial: {board: x}", ConfigurationError, "line 2: serial.board = 'x'"),
+        (
+            "driver: serial\nserial: {board_id: 123}",
+            ConfigurationError,
+            "line 2: serial.board_id = 123: it must be a text",
+        ),
+        (
+            "driver: serial\nserial:\n  board_id: '12'",
+            ConfigurationError,
+            "line 3: serial.board_id = '12': give its 12 hex digits",
+        ),
+        (
+            "driver: serial\nserial: {stream_rate_hz: 0}",
+            ConfigurationError,
+            "line 2: serial.stream_rate_hz = 0: give a whole number from 1",
+        ),
+        (
+            "driver: serial\nserial: {connect_timeout: -1}",
+            ConfigurationError,
+            "line 2: serial.connect_timeout = -1",
+        ),
+        ("driver: acme\nacme: {}", DriverUnavailable, "is called 'acme'"),
+        ("driver: acme\nacmee: {x: 1}", ConfigurationError, "did you mean acme"),
+        ("driver: acme\nacme: 3", ConfigurationError, "acme = 3: it must be a mapping"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told(
+    use: Callable[[Any], str], text: str, error: type[WheelwireError], said: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(text)
+    with pytest.raises(error, match=said):
+        use(file)
+
+
+def test_a_file_gives_the_serial_driver_all_its_options(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: dict[str, Any] = {}
+    monkeypatch.setattr(factory, "driver_class", lambda _: lambda **given: made.update(given))
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "driver: serial\nboard: tb6612\nserial: {port: /dev/x, baud_rate: 9600, any_board: true,"
+        " connect_timeout: 2, stream_rate_hz: 20, board_id: 0123456789ab}\n"
+        "parameters: {max_duty: 0.5}\n"
+    )
+    wheelwire.connect(file)
+    assert made == {
+        "port": "/dev/x",
+        "baud_rate": 9600,
+        "connect_timeout": 2,
+        "stream_rate_hz": 20,
+        "board_id": "0123456789ab",
+        "any_board": True,
+        "board": "tb6612",
+        "parameters": {"max_duty": 0.5},
+    }
+
+
+def test_a_plug_in_driver_takes_its_options_from_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factory, "_plug_ins", lambda: {"acme": "builtins:dict"})
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: acme\nacme:\n  host: bot\n  gears: [1, 2]\n")
+    robot: Any = wheelwire.connect(file)
+    assert robot == {"host": "bot", "gears": [1, 2]}
+    file.write_text("driver: acme\nparameters: {max_duty: 0.5}\nstore: kept\nacme:\n")
+    robot = wheelwire.connect(file)
+    assert robot == {"parameters": {"max_duty": 0.5}, "store": Path("kept")}
+    file.write_text("driver: acme\nboard: mine.yaml\n")
+    robot = wheelwire.connect(file)
+    assert robot["board"] == str(tmp_path / "mine.yaml")
+
+
+def test_a_plug_in_driver_that_lacks_an_option_of_the_file_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(config, "driver_class", lambda _: lambda *, host="": host)
+    file = tmp_path / "robot.yaml"
+    file.write_text("driver: acme\nacme: {hots: bot}\n")
+    with pytest.raises(ConfigurationError, match=r"robot.yaml.*no option 'hots'.*mean 'host'"):
+        wheelwire.connect(file)
+
+
+def test_a_port_that_is_in_use_is_refused_and_its_user_is_not_disturbed() -> None:
+    with Simulator() as simulator, wheelwire.connect(simulator.port) as robot:
+        for use in USES:
+            with pytest.raises(PortUnavailable, match="uses it"):
+                use(simulator.port)
+        robot.stop()
+        assert robot.sessions == 1
+
+
+def test_of_two_that_open_a_port_at_once_one_gets_it() -> None:
+    with Simulator() as simulator:
+        results: list[object] = []
+        start = threading.Barrier(2)
+        end = threading.Barrier(2)
+
+        def open_it() -> None:
+            start.wait()
+            try:
+                with wheelwire.connect(simulator.port):
+                    results.append("open")
+                    end.wait(30)
+            except PortUnavailable as error:
+                results.append(error)
+                end.wait(30)
+
+        threads = [threading.Thread(target=open_it) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert results.count("open") == 1
+        assert any(isinstance(result, PortUnavailable) for result in results)
+
+
+def test_the_ports_are_those_of_the_command() -> None:
+    found = wheelwire.ports()
+    assert all(isinstance(port, wheelwire.SerialPort) for port in found)
+    # Here only that the names exist: which ports there are depends on the computer.
+    assert all(os.path.basename(port.device) for port in found)  # noqa: PTH119
