@@ -23,6 +23,9 @@ TITLES = {
     "board": ("active, wired", "confirmed"),
 }
 
+WIDE = 9
+"""A table of more columns is printed as a list in each row."""
+
 
 def commit() -> str:
     """The commit that is explored, with a mark if there are changes on top of it."""
@@ -37,6 +40,14 @@ def table(name: str, cells: dict[str, int]) -> Table:
         tuple(cell.rsplit(", " if name == "board" else " ", 1)): n for cell, n in cells.items()
     }
     columns = sorted({column for _, column in pairs})
+    if len(columns) > WIDE:
+        listed = Table(*TITLES[name], title=name)
+        for row in sorted({row for row, _ in pairs}):
+            seen = (
+                f"{column} {pairs[row, column]}" for column in columns if (row, column) in pairs
+            )
+            listed.add_row(row, ", ".join(seen))
+        return listed
     shown = Table(" / ".join(TITLES[name]), *columns, title=name)
     for row in sorted({row for row, _ in pairs}):
         shown.add_row(row, *(str(pairs.get((row, column), ".")) for column in columns))

@@ -104,11 +104,12 @@ void Simulator::boot() {
 }
 
 void Simulator::control_step() {
+  // Before the step, not after it: so what a step does is seen before the restart that follows it.
+  if (device_->is_restart_due(board.device_us())) return reset(ResetReason::kSoftware);
   ++control_steps_;
   device_->step(board.device_us());
   next_step_us_ += device_->control_period_us();
   observe();
-  if (device_->is_restart_due(board.device_us())) reset(ResetReason::kSoftware);
 }
 
 void Simulator::service_link() {
