@@ -16,15 +16,18 @@ from typing import Any, TypeVar
 from wheelwire_protocol.board import (
     BOARD_VERSION,
     CHIPS,
+    MODULES,
     NAME_SIZE,
     NO_PIN,
     OUTPUTS,
     STAGES,
+    WARNINGS,
     BoardFault,
     BoardLine,
     BoardPin,
     ContactKind,
     EncoderPulls,
+    Module,
     Stage,
 )
 from wheelwire_protocol.codes import Board as Chip
@@ -36,6 +39,8 @@ from .errors import ConfigurationError, shown
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
 STAGE_BY_NAME = {stage.name.lower(): stage for stage in Stage}
+MODULE_BY_NAME = {table.name: module for module, table in MODULES.items()}
+_ANY_MODULE = "any"
 _LINES = {"uart": BoardLine.UART, "usb": BoardLine.USB}
 _PULLS = {"internal": EncoderPulls.INTERNAL, "external": EncoderPulls.EXTERNAL}
 _CONTACTS = {
@@ -87,6 +92,7 @@ class BoardDescription:
         led: The status LED.
         line: The line to the host.
         pulldowns: Pins with an external resistor to ground.
+        module: What carries the chip; it decides which pins its memory takes.
     """
 
     name: str
@@ -105,6 +111,7 @@ class BoardDescription:
     led: int | None = None
     line: BoardLine = BoardLine.UART
     pulldowns: frozenset[int] = field(default_factory=frozenset)
+    module: Module = Module.ANY
 
     def fingerprint(self) -> int:
         """The 32-bit checksum that names this board; another board has another one.
@@ -129,6 +136,7 @@ class BoardDescription:
         values: dict[str, Any] = {
             "version": BOARD_VERSION,
             "chip": self.chip,
+            "module": self.module,
             "stage": self.stage,
             "line": self.line,
             "name": name,
@@ -176,7 +184,18 @@ class BoardDescription:
             ConfigurationError: A value does not fit into its field.
             NativeMissingError: The firmware's core, whose rules these are, is missing.
         """
-        return [sentence(issue, self.chip, self.stage) for issue in check_board(self.packed())]
+        return self._sentences(warnings=False)
+
+    def warnings(self) -> list[str]:
+        """What is worth a look although it can be used, a sentence each; raises as `problems`."""
+        return self._sentences(warnings=True)
+
+    def _sentences(self, *, warnings: bool) -> list[str]:
+        return [
+            sentence(issue, self.chip, self.stage)
+            for issue in check_board(self.packed())
+            if (issue.fault in WARNINGS) == warnings
+        ]
 
 
 def unpacked(data: bytes) -> BoardDescription:
@@ -204,6 +223,7 @@ def unpacked(data: bytes) -> BoardDescription:
         return BoardDescription(
             name=values["name"].rstrip(b"\0").decode("ascii", "replace"),
             chip=Chip(values["chip"]),
+            module=Module(values["module"]),
             stage=Stage(values["stage"]),
             left=WheelPins(**pins("left_", wheel)),
             right=WheelPins(**pins("right_", wheel)),
@@ -250,6 +270,7 @@ def parse_board(content: object) -> BoardDescription:
     return BoardDescription(
         name=reader.name(),
         chip=reader.code("chip", CHIP_BY_NAME),
+        module=reader.code("module", {_ANY_MODULE: Module.ANY, **MODULE_BY_NAME}, _ANY_MODULE),
         stage=reader.code("stage", STAGE_BY_NAME),
         left=_wheel("left", reader.get("left")),
         right=_wheel("right", reader.get("right")),
@@ -275,6 +296,8 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
         "chip": CHIPS[board.chip].name,
         "stage": board.stage.name.lower(),
     }
+    if board.module is not Module.ANY:
+        content["module"] = MODULES[board.module].name
     for side in ("left", "right"):
         wheel: WheelPins = getattr(board, side)
         # Also pins that the stage has no input for: a board that breaks a rule is shown as it is.
@@ -303,7 +326,17 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
 
 
 _TOP = [
-    *("name", "chip", "stage", "left", "right", "standby", "pwm_frequency_hz", "encoder_pulls"),
+    *(
+        "name",
+        "chip",
+        "module",
+        "stage",
+        "left",
+        "right",
+        "standby",
+        "pwm_frequency_hz",
+        "encoder_pulls",
+    ),
     *("encoder_filter_ns", "estop", "battery", "led", "link", "pulldowns"),
 ]
 

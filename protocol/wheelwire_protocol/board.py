@@ -50,6 +50,16 @@ class BoardLine(DocumentedEnum):
     USB = 1, "The chip's own USB."
 
 
+class Module(DocumentedEnum):
+    """What carries the chip: it decides which pins flash and PSRAM take."""
+
+    ANY = 0, "Not named: the pins that any module needs for its memory stay free."
+    WROOM_32 = 1, "ESP32-WROOM-32, -32D, -32E, -32U: no PSRAM; GPIO 16 and 17 are free."
+    WROVER = 2, "ESP32-WROVER: GPIO 16 and 17 lead to its PSRAM."
+    S3_QUAD = 3, "An ESP32-S3 module with quad flash and quad or no PSRAM, as N8 and N8R2."
+    S3_OCTAL = 4, "An ESP32-S3 module with octal PSRAM or flash, as N8R8: it takes GPIO 33 to 37."
+
+
 class BoardState(DocumentedEnum):
     """Where the board in force is from."""
 
@@ -100,7 +110,8 @@ class BoardFault(DocumentedEnum):
     PIN_TWICE = 10, "{function} = {pin}: GPIO {pin} is {other} already; choose a free one"
     PIN_OF_MEMORY = (
         11,
-        "{function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM; choose another",
+        "{function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM, on some modules at "
+        "least; choose another, or name the module",
     )
     PIN_OF_LINK = (
         12,
@@ -161,8 +172,16 @@ class BoardFault(DocumentedEnum):
         "{function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a motor; "
         "choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns",
     )
+    MODULE = 31, "module: there is no such module of {chip}; leave it out, or name another"
+    LED_ON_STRAP = (
+        32,
+        "{function} = {pin}: the level of GPIO {pin} at reset selects how {chip} starts, and the "
+        "LED pulls on it; if the chip does not start, or takes no firmware, choose another",
+    )
 
 
+WARNINGS = frozenset({BoardFault.LED_ON_STRAP})
+"""What is worth a sentence, but refuses no board."""
 PIN_FUNCTIONS: tuple[str, ...] = tuple(f.name.lower() for f in BoardPin)
 """The fields of the packed struct with a pin, in the order of `BoardPin`."""
 # Their names and values are part of the group's hash: a host does not write a board to a device
@@ -173,6 +192,7 @@ CODES: tuple[type[DocumentedEnum], ...] = (
     ContactKind,
     BoardLine,
     BoardState,
+    Module,
     BoardPin,
     BoardFault,
 )
@@ -367,7 +387,7 @@ class ChipTable:
         title: As in sentences.
         existing: Those that lead out of the chip.
         strapping: Their level at reset selects how the chip starts.
-        memory: Of flash and PSRAM.
+        memory: Of flash and PSRAM, on any module.
         input_only: Without an output driver and without pull resistors.
         adc: Those that can measure a voltage while everything else runs.
         uart: Of the line through the board's USB bridge.
@@ -411,7 +431,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             # 37 and 38 are on the chip, but its usual modules do not lead them out.
             existing=_span(0, 39) - {20, 24, 28, 29, 30, 31, 37, 38},
             strapping=frozenset({0, 2, 5, 12, 15}),
-            memory=_span(6, 11) | {16, 17},  # 16 and 17: the PSRAM of a WROVER module
+            memory=_span(6, 11) | {16, 17},
             input_only=_span(34, 39),
             adc=_span(32, 39),
             uart=frozenset({1, 3}),
@@ -429,7 +449,7 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             title="the ESP32-S3",
             existing=_span(0, 48) - _span(22, 25),
             strapping=frozenset({0, 3, 45, 46}),
-            memory=_span(26, 37),  # 33 to 37: octal flash or PSRAM (modules N..R8)
+            memory=_span(26, 37),
             input_only=frozenset(),
             adc=_span(1, 10),
             uart=frozenset({43, 44}),
@@ -479,6 +499,44 @@ CHIPS: Mapping[Board, ChipTable] = MappingProxyType(
             counters=28,
             pwm_outputs=28,
             has_led=False,
+        ),
+    }
+)
+
+
+@dataclass(frozen=True)
+class ModuleTable:
+    """A module, where it has other pins to spare than the others of its chip.
+
+    Attributes:
+        name: As in a board's file.
+        chip: On it.
+        memory: GPIOs of its flash and PSRAM.
+        source: Where these are from.
+    """
+
+    name: str
+    chip: Board
+    memory: frozenset[int]
+    source: str
+
+
+MODULES: Mapping[Module, ModuleTable] = MappingProxyType(
+    {
+        Module.WROOM_32: ModuleTable(
+            "wroom-32", Board.ESP32, _span(6, 11), "ESP32-WROOM-32 data sheet, pin definitions"
+        ),
+        Module.WROVER: ModuleTable(
+            "wrover",
+            Board.ESP32,
+            _span(6, 11) | {16, 17},
+            "ESP32-WROVER data sheet, pin definitions",
+        ),
+        Module.S3_QUAD: ModuleTable(
+            "s3-quad", Board.ESP32S3, _span(26, 32), "ESP32-S3 data sheet, mapping of flash pins"
+        ),
+        Module.S3_OCTAL: ModuleTable(
+            "s3-octal", Board.ESP32S3, _span(26, 37), "ESP32-S3 data sheet, mapping of flash pins"
         ),
     }
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from construct import Bytes, Int8sl, Int8ul, Int16ul, Int32ul, Int64ul, Struct
 
-from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Stage
+from .board import NAME_SIZE, PIN_FUNCTIONS, BoardLine, ContactKind, EncoderPulls, Module, Stage
 from .codes import Board
 from .message import Field, field
 from .units import Unit
@@ -19,6 +19,7 @@ def board_fields() -> list[Field]:
     return [
         field("version", Int8ul, Unit.NONE, "Of this struct."),
         field("chip", Int8ul, Unit.NONE, "The chip whose pins these are.", Board),
+        field("module", Int8ul, Unit.NONE, "What carries the chip.", Module),
         field("stage", Int8ul, Unit.NONE, "The power stage of both wheels.", Stage),
         field("line", Int8ul, Unit.NONE, "The line to the host.", BoardLine),
         field("name", Bytes(NAME_SIZE), Unit.NONE, "ASCII, filled up with zeros."),

@@ -248,6 +248,8 @@ class BoardWrite(NamedTuple):
     """Of this struct."""
     chip: int
     """The chip whose pins these are. See `codes.Board`."""
+    module: int
+    """What carries the chip. See `codes.Module`."""
     stage: int
     """The power stage of both wheels. See `codes.Stage`."""
     line: int
@@ -564,6 +566,8 @@ class BoardValue(NamedTuple):
     """Of this struct."""
     chip: int
     """The chip whose pins these are. See `codes.Board`."""
+    module: int
+    """What carries the chip. See `codes.Module`."""
     stage: int
     """The power stage of both wheels. See `codes.Stage`."""
     line: int
@@ -683,7 +687,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x13, Restart, "LH"),
     (0x14, ContradictionsGet, "LH"),
     (0x20, BoardGet, "LH"),
-    (0x21, BoardWrite, "LHBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
+    (0x21, BoardWrite, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
     (0x22, BoardConfirm, "LHL"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
@@ -697,13 +701,14 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x89, ControlCounters, "LHLLLLL"),
     (0x8A, GroupInfo, "LHBL"),
     (0x8B, Contradictions, "LHLL"),
-    (0xA0, BoardValue, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
+    (0xA0, BoardValue, "LHBBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
 BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
     ("version", "B"),
     ("chip", "B"),
+    ("module", "B"),
     ("stage", "B"),
     ("line", "B"),
     ("name", "24s"),
@@ -737,7 +742,7 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
 
 GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
-    Group.BOARD: 0x011C7829,
+    Group.BOARD: 0x4CD2F265,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 

@@ -31,6 +31,7 @@ from wheelwire_protocol.board import (
     ContactKind,
     EncoderPulls,
     Level,
+    Module,
     Stage,
 )
 from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
@@ -55,6 +56,7 @@ BOARDS = st.builds(
     battery_divider=st.integers(1, 65_535).map(lambda permille: permille / 1000),
     led=PINS,
     line=st.sampled_from(BoardLine),
+    module=st.sampled_from(Module),
     pulldowns=st.frozensets(st.integers(0, 63)),
 )
 
@@ -64,6 +66,12 @@ PULLED_UP = r"{0} = {1}: .* pulls GPIO {1} up while it starts, which may drive a
 HELD_HIGH = r"{0} = {1}: GPIO {1} of .* is high while it starts, which may drive a motor"
 
 WRONG: list[tuple[str, dict[str, Any], str]] = [
+    # The module
+    (ESP32, {"module": "s3-quad"}, r"module: there is no such module of the ESP32; leave it out"),
+    (C6, {"module": "wrover"}, r"module: there is no such module of the ESP32-C6"),
+    (ESP32, {"module": "wrover", "right.encoder_a": 16}, r"GPIO 16 of the ESP32 leads to its"),
+    (ESP32, {"module": "wroom-32", "left.in2": 6}, r"GPIO 6 of the ESP32 leads to its flash"),
+    (S3, {"module": "s3-octal", "left.in2": 35}, r"GPIO 35 of the ESP32-S3 leads to its flash"),
     # The chip's pins
     (ESP32, {"left.enable": 34}, r"left\.enable = 34: GPIO 34 of the ESP32 is an input only"),
     (ESP32, {"right.in2": 39}, r"right\.in2 = 39: GPIO 39 of the ESP32 is an input only"),
@@ -78,7 +86,7 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
         {"left.in1": 45},
         r"left\.in1 = 45: the level of GPIO 45 at reset selects how the ESP32-S3",
     ),
-    (C6, {"led": 8}, r"led = 8: the level of GPIO 8 at reset selects how the ESP32-C6 starts"),
+    (C6, {"left.in1": 8}, r"left\.in1 = 8: the level of GPIO 8 at reset selects how the ESP32-C6"),
     (ESP32, {"left.in2": 6}, r"left\.in2 = 6: GPIO 6 of the ESP32 leads to its flash or PSRAM"),
     (ESP32, {"right.encoder_a": 16}, r"right\.encoder_a = 16: GPIO 16 of the ESP32 leads to its"),
     (S3, {"left.in2": 35}, r"left\.in2 = 35: GPIO 35 of the ESP32-S3 leads to its flash or PSRAM"),
@@ -247,6 +255,30 @@ def test_a_wrong_board_is_refused_by_its_own_sentence(
     assert all("pulldowns: GPIO" in p or "drives whenever" in p for p in others), others
 
 
+@pytest.mark.parametrize(
+    ("name", "module", "pins"), [(ESP32, "wroom-32", (16, 17)), (S3, "s3-quad", range(33, 38))]
+)
+def test_a_module_that_is_named_leaves_its_pins_free(
+    name: str, module: str, pins: tuple[int, ...]
+) -> None:
+    for pin in pins:
+        on_any = parse_board(changed(name, {"left.encoder_a": pin}))
+        assert "name the module" in on_any.problems()[0]
+        named = parse_board(changed(name, {"left.encoder_a": pin, "module": module}))
+        assert named.problems() == []
+        assert board_mapping(named)["module"] == module
+        assert unpacked(named.packed()) == named
+        assert named.fingerprint() != on_any.fingerprint()
+
+
+@pytest.mark.parametrize(("name", "pin"), [(ESP32, 2), (S3, 45), (C6, 8)])
+def test_an_led_on_a_strap_is_a_warning(name: str, pin: int) -> None:
+    board = parse_board(changed(name, {"led": pin}))
+    assert board.problems() == []
+    (warning,) = board.warnings()
+    assert f"led = {pin}: the level of GPIO {pin} at reset" in warning
+
+
 def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
     beyond_files = {
         BoardFault.NONE,
@@ -260,6 +292,7 @@ def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
         # No chip of today has too few for two wheels: firmware/esp32/test/board_rules_test.cpp.
         BoardFault.COUNTERS,
         BoardFault.PWM_OUTPUTS,
+        BoardFault.LED_ON_STRAP,  # a warning
     }
     broken = set()
     for name, changes, _ in WRONG:

@@ -61,9 +61,23 @@ constexpr PinMask release_pins(const BoardDescription& board) {
   return pins;
 }
 
-/// The GPIOs that some board may drive.
-constexpr PinMask drivable_pins(const ChipTable& chip) {
-  return chip.existing & ~(chip.memory | chip.uart | chip.usb | chip.strapping | chip.input_only);
+/// nullptr if it is unknown, or not named.
+constexpr const ModuleTable* table_of(Module module) {
+  for (const ModuleTable& table : kModuleTables)
+    if (table.module == module) return &table;
+  return nullptr;
+}
+
+/// The GPIOs of flash and PSRAM: those of the board's module; of any, if it names none.
+constexpr PinMask memory_pins(const ChipTable& chip, Module module) {
+  const ModuleTable* table = table_of(module);
+  return table != nullptr && table->chip == chip.chip ? table->memory : chip.memory;
+}
+
+/// The GPIOs that some board on this module may drive.
+constexpr PinMask drivable_pins(const ChipTable& chip, Module module = Module::kAny) {
+  return chip.existing &
+         ~(memory_pins(chip, module) | chip.uart | chip.usb | chip.strapping | chip.input_only);
 }
 
 /// Checks one board against the tables; `report` is called with each BoardIssue.
@@ -72,7 +86,12 @@ class BoardCheck {
  public:
   constexpr BoardCheck(const BoardDescription& board, const ChipTable& chip,
                        const StageTable& stage, Report& report)
-      : board_(board), chip_(chip), stage_(stage), report_(report) {}
+      : board_(board),
+        chip_(chip),
+        stage_(stage),
+        memory_(memory_pins(chip, board.module)),
+        drivable_(drivable_pins(chip, board.module)),
+        report_(report) {}
 
   constexpr void run() {
     check_name();
@@ -112,6 +131,9 @@ class BoardCheck {
         board_.estop_contact > ContactKind::kNormallyOpen || board_.line > BoardLine::kUsb)
       tell(BoardFault::kCode);
     if (board_.line == BoardLine::kUsb && chip_.usb == 0) tell(BoardFault::kLine);
+    const ModuleTable* module = table_of(board_.module);
+    if (board_.module != Module::kAny && (module == nullptr || module->chip != chip_.chip))
+      tell(BoardFault::kModule);
   }
 
   constexpr void check_stage(size_t wheel) {
@@ -145,11 +167,11 @@ class BoardCheck {
   constexpr void check_low_at_reset(BoardPin function, bool floats) {
     const PinMask pin = mask_of(board_.pin(function));
     const bool is_pulled_down = (board_.pulldowns & pin) != 0;
-    if (chip_.held_high & drivable_pins(chip_) & pin) {
+    if (chip_.held_high & drivable_ & pin) {
       tell(BoardFault::kPinHeldHigh, function);
     } else if (floats && !is_pulled_down) {
       tell(BoardFault::kNoPullDown, function);
-    } else if ((chip_.pulled_up & drivable_pins(chip_) & pin) && !is_pulled_down) {
+    } else if ((chip_.pulled_up & drivable_ & pin) && !is_pulled_down) {
       tell(BoardFault::kPinPulledUp, function);
     }
   }
@@ -221,12 +243,13 @@ class BoardCheck {
     const PinMask mask = mask_of(pin);
     if (!(chip_.existing & mask)) {
       tell(BoardFault::kPinAbsent, function);
-    } else if (chip_.memory & mask) {
+    } else if (memory_ & mask) {
       tell(BoardFault::kPinOfMemory, function);
     } else if ((chip_.uart | chip_.usb) & mask) {
       tell(BoardFault::kPinOfLink, function);
     } else if (chip_.strapping & mask) {
-      tell(BoardFault::kPinStrapping, function);
+      tell(function == BoardPin::kLed ? BoardFault::kLedOnStrap : BoardFault::kPinStrapping,
+           function);
     }
     for (size_t i = 0; i < static_cast<size_t>(function); ++i) {
       const auto other = static_cast<BoardPin>(i);
@@ -240,11 +263,13 @@ class BoardCheck {
   const BoardDescription& board_;
   const ChipTable& chip_;
   const StageTable& stage_;
+  PinMask memory_;
+  PinMask drivable_;
   Report& report_;
 };
 
-/// Calls `report` with each BoardIssue; with none for a board that can be used. The checksum is not
-/// looked at: see read_board().
+/// Calls `report` with each BoardIssue; with none, or only warnings, for a board that can be used.
+/// The checksum is not looked at: see read_board().
 template <typename Report>
 constexpr void check_board(const BoardDescription& board, Report&& report) {
   if (board.version != kBoardVersion) {
@@ -263,7 +288,7 @@ constexpr void check_board(const BoardDescription& board, Report&& report) {
 constexpr BoardIssue first_issue(const BoardDescription& board) {
   BoardIssue first;
   check_board(board, [&first](const BoardIssue& issue) {
-    if (first.fault == BoardFault::kNone) first = issue;
+    if (first.fault == BoardFault::kNone && !is_warning(issue.fault)) first = issue;
   });
   return first;
 }

@@ -12,10 +12,11 @@ constexpr size_t kBoardPinCount = 18;
 
 /// A board as it travels and is kept. Fields that are codes may be unknown ones.
 struct BoardDescription {
-  static constexpr size_t kSize = 66;
+  static constexpr size_t kSize = 67;
 
   uint8_t version{};                    ///< Of this struct.
   Board chip{};                         ///< The chip whose pins these are.
+  Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
   char name[24]{};                      ///< ASCII, filled up with zeros.
@@ -94,6 +95,7 @@ struct BoardDescription {
   void encode(uint8_t* out) const {
     wire::put(out, version);
     wire::put(out, chip);
+    wire::put(out, module);
     wire::put(out, stage);
     wire::put(out, line);
     wire::put(out, name);
@@ -129,6 +131,7 @@ struct BoardDescription {
     BoardDescription board;
     wire::get(in, board.version);
     wire::get(in, board.chip);
+    wire::get(in, board.module);
     wire::get(in, board.stage);
     wire::get(in, board.line);
     wire::get(in, board.name);
@@ -273,7 +276,7 @@ struct ChipTable {
   Board chip;
   PinMask existing;
   PinMask strapping;   ///< Their level at reset selects how the chip starts.
-  PinMask memory;      ///< Flash and PSRAM.
+  PinMask memory;      ///< Flash and PSRAM, on any module.
   PinMask input_only;  ///< No output driver and no pull resistors.
   PinMask adc;
   PinMask uart;
@@ -294,5 +297,22 @@ constexpr ChipTable kChipTables[] = {
      0x10000, 4, 6, true},
     {Board::kLinux, 0xfffffff, 0x0, 0x0, 0x0, 0x0, 0x0, 0x0, 0x1f0, 0x400f, 28, 28, false},
 };
+
+/// A module that is named has these pins of its chip for flash and PSRAM, and no others.
+struct ModuleTable {
+  Module module;
+  Board chip;
+  PinMask memory;
+};
+
+constexpr ModuleTable kModuleTables[] = {
+    {Module::kWroom32, Board::kEsp32, 0xfc0},
+    {Module::kWrover, Board::kEsp32, 0x30fc0},
+    {Module::kS3Quad, Board::kEsp32s3, 0x1fc000000},
+    {Module::kS3Octal, Board::kEsp32s3, 0x3ffc000000},
+};
+
+/// What is worth a sentence, but refuses no board.
+constexpr bool is_warning(BoardFault fault) { return fault == BoardFault::kLedOnStrap; }
 
 }  // namespace wheelwire

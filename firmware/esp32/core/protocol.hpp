@@ -14,7 +14,7 @@ constexpr uint32_t kHash = 0x5d587965;
 }  // namespace schema
 
 /// Bytes of the longest payload: id, seq, body, CRC.
-constexpr size_t kMaxPayload = 80;
+constexpr size_t kMaxPayload = 81;
 
 enum class SupervisorState : uint8_t {
   kBoot = 0,      ///< Starting; the outputs coast.
@@ -196,7 +196,7 @@ constexpr uint32_t hash_of(Group group) {
     case Group::kBase:
       return 0x5d587965;
     case Group::kBoard:
-      return 0x011c7829;
+      return 0x4cd2f265;
   }
   return 0;
 }
@@ -229,6 +229,14 @@ enum class BoardState : uint8_t {
   kBuiltIn = 1,  ///< It is the image's own, which nobody confirmed: nothing is driven.
   kStored = 2,   ///< It was confirmed.
   kTrial = 3,    ///< It was written, and waits for its confirmation: nothing drives.
+};
+
+enum class Module : uint8_t {
+  kAny = 0,      ///< Not named: the pins that any module needs for its memory stay free.
+  kWroom32 = 1,  ///< ESP32-WROOM-32, -32D, -32E, -32U: no PSRAM; GPIO 16 and 17 are free.
+  kWrover = 2,   ///< ESP32-WROVER: GPIO 16 and 17 lead to its PSRAM.
+  kS3Quad = 3,   ///< An ESP32-S3 module with quad flash and quad or no PSRAM, as N8 and N8R2.
+  kS3Octal = 4,  ///< An ESP32-S3 module with octal PSRAM or flash, as N8R8: it takes GPIO 33 to 37.
 };
 
 enum class BoardPin : uint8_t {
@@ -265,8 +273,8 @@ enum class BoardFault : uint8_t {
   kPinWithoutUse = 8,  ///< {function} = {pin}: the stage {stage} has no such input; leave it out
   kPinAbsent = 9,      ///< {function} = {pin}: {chip} has no GPIO {pin} on its pins
   kPinTwice = 10,      ///< {function} = {pin}: GPIO {pin} is {other} already; choose a free one
-  kPinOfMemory =
-      11,  ///< {function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM; choose another
+  kPinOfMemory = 11,   ///< {function} = {pin}: GPIO {pin} of {chip} leads to its flash or PSRAM, on
+                       ///< some modules at least; choose another, or name the module
   kPinOfLink = 12,  ///< {function} = {pin}: GPIO {pin} of {chip} carries the line to the computer;
                     ///< choose another
   kPinStrapping = 13,  ///< {function} = {pin}: the level of GPIO {pin} at reset selects how {chip}
@@ -300,6 +308,10 @@ enum class BoardFault : uint8_t {
   kPinPulledUp =
       30,  ///< {function} = {pin}: {chip} pulls GPIO {pin} up while it starts, which may drive a
            ///< motor; choose another, or fit some 10 kOhm to ground and add {pin} to pulldowns
+  kModule = 31,      ///< module: there is no such module of {chip}; leave it out, or name another
+  kLedOnStrap = 32,  ///< {function} = {pin}: the level of GPIO {pin} at reset selects how {chip}
+                     ///< starts, and the LED pulls on it; if the chip does not start, or takes no
+                     ///< firmware, choose another
 };
 
 /// Opens a session. Repeating it with the same nonce changes nothing.
@@ -888,12 +900,13 @@ struct BoardGet {
 /// Stores a board, to be tried from the next restart on. Only while stopped.
 struct BoardWrite {
   static constexpr uint8_t kId = 0x21;
-  static constexpr size_t kSize = 72;
+  static constexpr size_t kSize = 73;
 
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
   uint8_t version{};                    ///< Of this struct.
   Board chip{};                         ///< The chip whose pins these are.
+  Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
   char name[24]{};                      ///< ASCII, filled up with zeros.
@@ -931,6 +944,7 @@ struct BoardWrite {
     wire::put(out, request_id);
     wire::put(out, version);
     wire::put(out, chip);
+    wire::put(out, module);
     wire::put(out, stage);
     wire::put(out, line);
     wire::put(out, name);
@@ -968,6 +982,7 @@ struct BoardWrite {
     wire::get(in, message.request_id);
     wire::get(in, message.version);
     wire::get(in, message.chip);
+    wire::get(in, message.module);
     wire::get(in, message.stage);
     wire::get(in, message.line);
     wire::get(in, message.name);
@@ -1522,13 +1537,14 @@ struct Contradictions {
 /// The board in force.
 struct BoardValue {
   static constexpr uint8_t kId = 0xa0;
-  static constexpr size_t kSize = 73;
+  static constexpr size_t kSize = 74;
 
   uint32_t session_id{};                ///< Nonce XOR boot_id of the session.
   uint16_t request_id{};                ///< Counts up in a session; the answer returns it.
   BoardState state{};                   ///< Where it is from.
   uint8_t version{};                    ///< Of this struct.
   Board chip{};                         ///< The chip whose pins these are.
+  Module module{};                      ///< What carries the chip.
   Stage stage{};                        ///< The power stage of both wheels.
   BoardLine line{};                     ///< The line to the host.
   char name[24]{};                      ///< ASCII, filled up with zeros.
@@ -1567,6 +1583,7 @@ struct BoardValue {
     wire::put(out, state);
     wire::put(out, version);
     wire::put(out, chip);
+    wire::put(out, module);
     wire::put(out, stage);
     wire::put(out, line);
     wire::put(out, name);
@@ -1605,6 +1622,7 @@ struct BoardValue {
     wire::get(in, message.state);
     wire::get(in, message.version);
     wire::get(in, message.chip);
+    wire::get(in, message.module);
     wire::get(in, message.stage);
     wire::get(in, message.line);
     wire::get(in, message.name);

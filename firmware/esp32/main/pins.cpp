@@ -7,7 +7,7 @@
 namespace wheelwire {
 namespace {
 
-constexpr PinMask kDrivable = drivable_pins(*table_of(kImageBoard.chip));
+constexpr const ChipTable& kChip = *table_of(kImageBoard.chip);
 
 /// A reset of the CPU, as by a restart, a panic or a watchdog, leaves GPIO_ENABLE, GPIO_OUT and the
 /// GPIO matrix as they were: an output stays one, at its level or on its PWM. Nothing else ends
@@ -18,9 +18,9 @@ constexpr PinMask kDrivable = drivable_pins(*table_of(kImageBoard.chip));
 /// GPIO_ENABLE_W1TC, which disables the output; SIG_GPIO_OUT in the pin's FUNC_OUT_SEL_CFG, which
 /// takes it from any peripheral; both pulls off; interrupt off; IO_MUX to the GPIO matrix, away
 /// from JTAG and the like.
-bool let_all_float_except(PinMask held) {
+bool let_float(PinMask pins) {
   const gpio_config_t config = {
-      .pin_bit_mask = kDrivable & ~held,
+      .pin_bit_mask = pins,
       .mode = GPIO_MODE_INPUT,
       .pull_up_en = GPIO_PULLUP_DISABLE,
       .pull_down_en = GPIO_PULLDOWN_DISABLE,
@@ -31,14 +31,16 @@ bool let_all_float_except(PinMask held) {
 
 }  // namespace
 
-bool float_pins() { return let_all_float_except(saved_release_pins()); }
+// Before a board is read no module is known, and the pins of an octal flash must stay as they are.
+bool float_pins() { return let_float(drivable_pins(kChip) & ~saved_release_pins()); }
 
 bool take_pins(BoardState state, const BoardDescription& board) {
   const PinMask held = is_confirmed(state) ? release_pins(board) : 0;
   // A board on trial may be the wrong one: after a reset its pins float, too.
   set_release_pins(held, state == BoardState::kStored ? held : 0);
   release_motors();
-  return let_all_float_except(held);
+  const Module module = is_confirmed(state) ? board.module : Module::kAny;
+  return let_float(drivable_pins(kChip, module) & ~held);
 }
 
 }  // namespace wheelwire

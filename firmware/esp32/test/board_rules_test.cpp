@@ -54,8 +54,31 @@ TEST(board_without_a_fault_has_no_issue) {
   CHECK(issues([](BoardDescription&) {}).empty());
 }
 
+TEST(board_of_a_named_module_has_the_pins_that_this_one_leaves_free) {
+  CHECK(only(BoardFault::kPinOfMemory, [](auto& b) { b.left_encoder_a = 16; }));
+  for (const int8_t pin : {int8_t{16}, int8_t{17}}) {
+    const auto with = [pin](Module module) {
+      return [pin, module](BoardDescription& b) {
+        b.left_encoder_a = pin;
+        b.module = module;
+      };
+    };
+    CHECK(issues(with(Module::kWroom32)).empty());
+    CHECK(only(BoardFault::kPinOfMemory, with(Module::kWrover)));
+  }
+}
+
+TEST(board_with_an_led_on_a_strap_can_be_used) {
+  CHECK(only(BoardFault::kLedOnStrap, [](auto& b) { b.led = 2; }));
+  BoardDescription board = good();
+  board.led = 2;
+  CHECK(first_issue(board).fault == BoardFault::kNone);
+}
+
 TEST(board_faults_are_found_one_by_one) {
   using B = BoardDescription;
+  CHECK(only(BoardFault::kModule, [](B& b) { b.module = Module::kS3Quad; }));
+  CHECK(only(BoardFault::kModule, [](B& b) { b.module = static_cast<Module>(99); }));
   CHECK(only(BoardFault::kVersion, [](B& b) { b.version = 2; }));
   CHECK(only(BoardFault::kChip, [](B& b) { b.chip = Board::kSimulated; }));
   CHECK(only(BoardFault::kStage, [](B& b) { b.stage = static_cast<Stage>(9); }));

@@ -164,14 +164,13 @@ def check(file: FileArgument, as_json: JsonFlag = False) -> None:
 
     _refuse_port(file)
     found = load_board(file)
-    problems = found.problems()
+    problems, warnings = found.problems(), found.warnings()
     if as_json:
-        print_json({"board": found.name, "problems": problems})
-    elif problems:
-        for problem in problems:
-            console.print(f"{file}: {problem}", soft_wrap=True)
+        print_json({"board": found.name, "problems": problems, "warnings": warnings})
     else:
-        console.print(f"{file}: nothing is wrong with this board", soft_wrap=True)
+        verdict = [] if problems else ["nothing is wrong with this board"]
+        for line in (*problems, *(f"warning: {warning}" for warning in warnings), *verdict):
+            console.print(f"{file}: {line}", soft_wrap=True)
     if problems:
         raise typer.Exit(ConfigurationError.exit_code)
 
@@ -396,6 +395,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     stage = STAGE_BY_NAME[_choose("stage", list(STAGE_BY_NAME), default_stage.name.lower())]
     name = _ask("name", str, base.name if base else None)
     made = BoardDescription(name, chip, stage, WheelPins(), WheelPins(), encoder_filter_ns=1000)
+    made = _ask_for_module(made, base)
     if base is not None:
         made = replace(
             made,
@@ -434,6 +434,21 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     return _ask_for_pull_downs(made, base)
 
 
+def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
+    """Ask what carries the chip, if modules with different pins do."""
+    from wheelwire.board import MODULE_BY_NAME
+    from wheelwire_protocol.board import MODULES, Module
+
+    names = {name: m for name, m in MODULE_BY_NAME.items() if MODULES[m].chip is made.chip}
+    if not names:
+        return made
+    for module in names.values():
+        typer.echo(f"{MODULES[module].name}: {module.doc}", err=True)
+    likely = MODULES[base.module].name if base and base.module in names.values() else "any"
+    answer = _choose("module", ["any", *names], likely)
+    return replace(made, module=names.get(answer, Module.ANY))
+
+
 def _most_hz(made: BoardDescription) -> int:
     from wheelwire_protocol.board import STAGES
 
@@ -458,11 +473,11 @@ def _ask_for_pin(
             typer.echo("give the number of a GPIO", err=True)
             continue
         tried = _with_pin(made, function, int(text))
-        problems = _problems_of(tried, function)
+        problems, warnings = _issues_of(tried, function)
+        for text in (*problems, *(f"warning: {warning}" for warning in warnings)):
+            typer.echo(text, err=True)
         if not problems:
             return tried
-        for problem in problems:
-            typer.echo(problem, err=True)
         # Not offered again: Enter would only repeat the mistake.
         default = None
 
@@ -476,18 +491,18 @@ def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDesc
     return replace(made, **{side: wheel})
 
 
-def _problems_of(made: BoardDescription, function: BoardPin) -> list[str]:
-    """What is wrong with this pin; that others are missing or unheld is for later."""
+def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], list[str]]:
+    """What is wrong with this pin, and warnings; that others are missing or unheld is for later."""
     from wheelwire.board import sentence
-    from wheelwire_protocol.board import BoardFault
+    from wheelwire_protocol.board import WARNINGS, BoardFault
     from wheelwire_protocol.native import check_board
 
     later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
-    return [
-        sentence(issue, made.chip, made.stage)
-        for issue in check_board(made.packed())
-        if issue.pin >= 0 and issue.function == function and issue.fault not in later
-    ]
+    found: tuple[list[str], list[str]] = ([], [])
+    for issue in check_board(made.packed()):
+        if issue.pin >= 0 and issue.function == function and issue.fault not in later:
+            found[issue.fault in WARNINGS].append(sentence(issue, made.chip, made.stage))
+    return found
 
 
 def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:

@@ -9,8 +9,10 @@ from ..board import (
     CHIPS,
     MAX_FILTER_NS,
     MIN_FREQUENCY_HZ,
+    MODULES,
     OUTPUTS,
     STAGES,
+    WARNINGS,
     Action,
     BoardPin,
     ChipTable,
@@ -152,7 +154,7 @@ def generate() -> str:
         "  Board chip;",
         "  PinMask existing;",
         "  PinMask strapping;   ///< Their level at reset selects how the chip starts.",
-        "  PinMask memory;      ///< Flash and PSRAM.",
+        "  PinMask memory;      ///< Flash and PSRAM, on any module.",
         "  PinMask input_only;  ///< No output driver and no pull resistors.",
         "  PinMask adc;",
         "  PinMask uart;",
@@ -167,6 +169,28 @@ def generate() -> str:
         "constexpr ChipTable kChipTables[] = {",
         *[_chip_row(chip, table) for chip, table in CHIPS.items()],
         "};",
+        "",
+        "/// A module that is named has these pins of its chip for flash and PSRAM, and no others.",
+        "struct ModuleTable {",
+        "  Module module;",
+        "  Board chip;",
+        "  PinMask memory;",
+        "};",
+        "",
+        "constexpr ModuleTable kModuleTables[] = {",
+        *[
+            f"    {{Module::{constant_name(module.name)}, "
+            f"Board::{constant_name(table.chip.name)}, {_mask(table.memory)}}},"
+            for module, table in MODULES.items()
+        ],
+        "};",
+        "",
+        "/// What is worth a sentence, but refuses no board.",
+        "constexpr bool is_warning(BoardFault fault) {",
+        "  return "
+        + " || ".join(f"fault == BoardFault::{constant_name(f.name)}" for f in sorted(WARNINGS))
+        + ";",
+        "}",
         "",
         "}  // namespace wheelwire",
         "",

@@ -14,7 +14,7 @@ from wheelwire.board import board_mapping
 from wheelwire.board_file import load_board, shipped_boards
 
 ANSWERS = [
-    *("esp32", "pwm_in1_in2", "mine"),
+    *("esp32", "pwm_in1_in2", "mine", "any"),
     "y",  # the chip's own pull-ups
     *("25", "26", "27", "18", "19"),  # left: pwm, in1, in2, encoder
     *("33", "32", "4", "23", "13"),  # right
@@ -51,7 +51,11 @@ def test_a_board_is_shown_with_its_pins_and_its_truth_table() -> None:
 def test_a_good_board_is_found_good() -> None:
     result = run("board", "check", "l298n")
     assert (result.returncode, result.stdout) == (0, "l298n: nothing is wrong with this board\n")
-    assert run_json("board", "check", "l298n") == {"board": "L298N, ESP32-DevKitC", "problems": []}
+    assert run_json("board", "check", "l298n") == {
+        "board": "L298N, ESP32-DevKitC",
+        "problems": [],
+        "warnings": [],
+    }
 
 
 def test_all_that_is_wrong_is_told_a_line_each(tmp_path: Path) -> None:
@@ -84,7 +88,7 @@ def test_the_answers_make_a_file_that_can_be_used(tmp_path: Path) -> None:
 
 def test_a_pin_that_cannot_be_used_is_asked_for_again(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    answers = [*ANSWERS[:4], "34", "twelve", "12", *ANSWERS[4:]]
+    answers = [*ANSWERS[:5], "34", "twelve", "12", *ANSWERS[5:]]
     result = ask("init", str(file), answers=answers)
     assert result.returncode == 0, result.stderr
     assert "GPIO 34 of the ESP32 is an input only" in result.stderr
@@ -103,7 +107,7 @@ def test_a_board_like_another_is_made_by_enter_alone(tmp_path: Path) -> None:
 
 def test_a_missing_resistor_is_told_and_the_answers_are_kept(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
-    answers = [""] * 17 + ["n", "n"]  # no resistor on either enable
+    answers = [""] * 18 + ["n", "n"]  # no resistor on either enable
     result = ask("init", str(file), "--like", "l298n", answers=answers)
     assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
     assert result.stdout.count("fit some 10 kOhm to ground") == 2
