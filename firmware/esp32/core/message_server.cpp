@@ -137,24 +137,24 @@ void MessageServer::on(const Estop& estop, uint64_t now_us) {
 // --- setpoints -----------------------------------------------------------------------------------
 
 void MessageServer::on(const SetWheelVelocity& message, uint64_t now_us) {
-  if (!is_newest(message)) return;
+  if (!is_newest(message, now_us)) return;
   if (!__builtin_isfinite(message.left_mps) || !__builtin_isfinite(message.right_mps))
-    return refuse(message.kId, message.session_id, message.command_seq, RefusalCode::kNotFinite);
+    return refuse_setpoint(message, RefusalCode::kNotFinite, now_us);
   obey(message, ControlMode::kVelocity, {to_umps(message.left_mps), to_umps(message.right_mps)},
        now_us);
 }
 
 void MessageServer::on(const SetDuty& message, uint64_t now_us) {
-  if (!is_newest(message)) return;
+  if (!is_newest(message, now_us)) return;
   obey(message, ControlMode::kDuty, {message.left_duty_q15, message.right_duty_q15}, now_us);
 }
 
 /// True for a setpoint of this session that is newer than all before it. Its number is used up even
 /// if it is refused afterwards: a repeat of it that comes after a ClearEstop, say, must not drive.
 template <typename Message>
-bool MessageServer::is_newest(const Message& message) {
+bool MessageServer::is_newest(const Message& message, uint64_t now_us) {
   if (session_.matches(message.session_id)) return session_.take_command(message.command_seq);
-  refuse(message.kId, message.session_id, message.command_seq, RefusalCode::kNoSession);
+  refuse_setpoint(message, RefusalCode::kNoSession, now_us);
   return false;
 }
 
@@ -171,8 +171,13 @@ void MessageServer::obey(const Message& message, ControlMode mode, WheelPair whe
   } else if (session_.clock_synchronised()) {
     refusal = robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us);
   }
-  if (refusal != RefusalCode::kNone)
-    refuse(message.kId, message.session_id, message.command_seq, refusal);
+  if (refusal != RefusalCode::kNone) refuse_setpoint(message, refusal, now_us);
+}
+
+template <typename Message>
+void MessageServer::refuse_setpoint(const Message& message, RefusalCode code, uint64_t now_us) {
+  robot_.note_refused_setpoint(now_us);
+  refuse(message.kId, message.session_id, message.command_seq, code);
 }
 
 // --- the clock -----------------------------------------------------------------------------------

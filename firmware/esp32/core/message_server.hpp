@@ -80,9 +80,11 @@ class MessageServer final : public RobotObserver {
   void on(const BoardConfirm& request, uint64_t now_us);
 
   template <typename Message>
-  bool is_newest(const Message& message);
+  bool is_newest(const Message& message, uint64_t now_us);
   template <typename Message>
   void obey(const Message& message, ControlMode mode, WheelPair wheels, uint64_t now_us);
+  template <typename Message>
+  void refuse_setpoint(const Message& message, RefusalCode code, uint64_t now_us);
   bool is_new(uint8_t message_id, uint32_t session_id, uint16_t request_id);
 
   template <typename Message>

@@ -67,6 +67,8 @@ class Robot {
   /// or there is no board.
   void report_failure(uint32_t faults) { failures_ |= faults; }
 
+  /// A setpoint came, and is refused: its program has not paused.
+  void note_refused_setpoint(uint64_t now_us) { quiet_since_us_ = now_us; }
   /// Drives the wheels by this setpoint, for ttl_max at most. Returns kNone, or why not.
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
   /// Reverts a trial; nothing drives until the next setpoint.

@@ -112,6 +112,7 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
     task_->answers = true;
     task_->codes = RefusalCode::kNoSession;
     denied_ = task_->codes;
+    setpoint_us_ = now_us();
     return;
   }
   if (message.command_seq <= newest_command_) return;  // Dropped without an answer.
@@ -119,6 +120,7 @@ void Witness::read_setpoint(const Setpoint& message, bool duty, double left, dou
   task_->is_new = true;
   if (!std::isfinite(left) || !std::isfinite(right)) {
     task_->codes = RefusalCode::kNotFinite;
+    setpoint_us_ = now_us();
   } else {
     // In the device's own resolution: a setpoint below it is zero.
     const auto is_zero = [duty](double value) { return std::abs(value) < (duty ? 1e-9 : 0.5e-6); };
@@ -145,10 +147,9 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   if (!synchronised_) codes |= RefusalCode::kClockUnsynchronised;
   const auto gap_us =
       static_cast<uint64_t>(static_cast<double>(value(ParameterId::kRearmGapS)) * 1e6);
-  const bool is_gap = now >= any_setpoint_us_ + gap_us;
-  const bool may_be_gap = now + 1 >= counted_setpoint_us_ + gap_us;
-  any_setpoint_us_ = now;
-  if (codes.empty()) counted_setpoint_us_ = now;
+  const bool is_gap = now >= setpoint_us_ + gap_us;
+  const bool may_be_gap = now + 1 >= setpoint_us_ + gap_us;
+  setpoint_us_ = now;
   if (expiry_us <= now) codes |= RefusalCode::kExpired;
   if (trial_ == Trial::kExpired) codes |= RefusalCode::kNoTrial;
   if (task_->before == SupervisorState::kEstopped) codes |= RefusalCode::kEstopped;
@@ -441,7 +442,7 @@ void Witness::acts(const Seen& message) {
           message.id == ClearEstop::kId ? SupervisorState::kEstopped : SupervisorState::kFault;
       if (task_->before != latched) return;
       unarmed_ = true;
-      any_setpoint_us_ = counted_setpoint_us_ = now_us();
+      setpoint_us_ = now_us();
       return;
     }
     case ParameterSet::kId: {
@@ -649,7 +650,7 @@ Finding Witness::starts() {
   if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
   note_state();
   memory_kept_ = false;
-  any_setpoint_us_ = counted_setpoint_us_ = now_us();
+  setpoint_us_ = now_us();
   return problem;
 }
 

@@ -201,8 +201,7 @@ class Witness {
 
   bool restarting_ = false;
   bool unarmed_ = false;
-  uint64_t any_setpoint_us_ = 0;      ///< When the last one arrived, or a latch was cleared.
-  uint64_t counted_setpoint_us_ = 0;  ///< One that came so far that it certainly counts.
+  uint64_t setpoint_us_ = 0;  ///< When the last one arrived, or a latch was cleared.
 
   Values values_{};
   Values before_trial_{};

@@ -236,6 +236,30 @@ TEST(a_gap_arms_and_starts_at_the_latest_setpoint) {
   CHECK(bench.driven());
 }
 
+TEST(a_setpoint_counts_as_having_come_whatever_it_is_refused_for) {
+  for (const int refused_for : {0, 1, 2, 3}) {
+    RobotBench bench;
+    clear_under_a_program(bench);
+    if (refused_for == 0) bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+    const uint32_t session = bench.session_id() + (refused_for == 0 ? 1 : 0);
+    for (int i = 0; i < 12; ++i) {
+      SetWheelVelocity setpoint = bench.velocity(0.2f, 0.2f);
+      setpoint.session_id = session;
+      if (refused_for == 1) setpoint.left_mps = __builtin_nanf("");
+      if (refused_for == 2) setpoint.session_id = 99;
+      if (refused_for == 3) setpoint.expiry_us = 0;
+      bench.send(setpoint);
+      bench.run(50);
+    }
+    if (refused_for == 0) bench.send(Ping{session, 1, 0});
+    SetWheelVelocity setpoint = bench.velocity(0.2f, 0.2f);
+    setpoint.session_id = session;
+    bench.send(setpoint);
+    bench.run(5);
+    CHECK(!bench.driven() && last_refusal(bench) == RefusalCode::kUnarmed);
+  }
+}
+
 TEST(neither_a_stop_nor_a_new_session_arms) {
   RobotBench bench;
   clear_under_a_program(bench);
