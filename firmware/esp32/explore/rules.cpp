@@ -138,12 +138,16 @@ double Judge::target(Side side) const {
   return scale * (side == kLeft ? granted->left : granted->right);
 }
 
-/// Its encoder is dead, its feedback inverted, or it cannot turn.
+/// Its encoder is dead, its feedback inverted, or it cannot turn. A wheel without a motor may: what
+/// pulls the robot downhill turns it, too.
 bool Judge::is_wrong(Side side) const {
   const sim::EncoderModel& encoder = simulator_.board.encoders[side].model;
-  const sim::WheelModel& wheel = simulator_.board.plant.model().wheels[side];
-  return encoder.dead || encoder.reversed != wheel.motor_reversed || wheel.motor_open ||
-         wheel.blocked;
+  const sim::PlantModel& plant = simulator_.board.plant.model();
+  const sim::WheelModel& wheel = plant.wheels[side];
+  const bool is_level = plant.slope_rad == 0.0 && plant.wheels[kLeft].load_nm == 0.0 &&
+                        plant.wheels[kRight].load_nm == 0.0;
+  return encoder.dead || encoder.reversed != wheel.motor_reversed ||
+         (wheel.motor_open && is_level) || wheel.blocked;
 }
 
 /// All that a wheel's monitoring depends on is as it comes, but for the limits.
