@@ -199,8 +199,9 @@ void Run::send(const Bytes& bytes) {
 
 // --- flash ---------------------------------------------------------------------------------------
 
-bool Run::allow_write(const sim::Store& store) {
-  if (dead_) return false;
+sim::WriteFate Run::fate_of_write(const sim::Store& store) {
+  using enum sim::WriteFate;
+  if (dead_) return kUntouched;
   const Witness::Written what = &store == &simulator_.board.store ? Witness::Written::kParameters
                                 : &store == &simulator_.board.board_store
                                     ? Witness::Written::kBoard
@@ -210,11 +211,11 @@ bool Run::allow_write(const sim::Store& store) {
     cut_in_ = -1;
     dead_ = true;
     witness_.cut_at_write(what);
-    return cut_keeps_;
+    return cut_fate_;
   }
   if (cut_in_ > 0) --cut_in_;
   if (what == Witness::Written::kLatch) witness_.notes_latch();
-  return true;
+  return kDone;
 }
 
 // --- operations ----------------------------------------------------------------------------------
@@ -406,7 +407,9 @@ void Run::change_robot(const Operation& operation) {
       return reset(code_of<ResetReason>(std::min(values[0], 7.0)));
     case Kind::kPowerCut:
       cut_in_ = static_cast<int>(values[0]);
-      cut_keeps_ = values[1] != 0.0;
+      cut_fate_ = values[1] == 0.0   ? sim::WriteFate::kUntouched
+                  : values[1] == 1.0 ? sim::WriteFate::kDone
+                                     : sim::WriteFate::kLost;
       return;
     case Kind::kStoreFails: {
       const bool fails = values[1] != 0.0;

@@ -30,7 +30,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch {
 
   void on_read(const uint8_t* data, size_t size) override;
   void on_write(const uint8_t* data, size_t size) override;
-  bool allow_write(const sim::Store& store) override;
+  sim::WriteFate fate_of_write(const sim::Store& store) override;
 
  private:
   /// On its way to the device.
@@ -81,7 +81,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch {
   uint32_t impaired_at_ = 0;
   uint64_t impaired_us_ = 0;
   int cut_in_ = -1;  ///< Writes until the power goes; -1: never.
-  bool cut_keeps_ = false;
+  sim::WriteFate cut_fate_ = sim::WriteFate::kUntouched;
   bool dead_ = false;  ///< The power went in the middle of what the firmware was doing.
   bool started_ = false;
   uint32_t boot_id_;

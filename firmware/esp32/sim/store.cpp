@@ -44,32 +44,57 @@ bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
 }  // namespace
 
 size_t Store::load(uint8_t* out, size_t capacity) {
-  if (faults() != 0) return 0;
-  const Bytes block = path_ ? read_file(*path_) : block_;
+  if ((unreadable | partition_faults()) != 0) return 0;
+  if (!path_) return twin_.load(out, capacity);
+  const Bytes block = read_file(*path_);
   std::copy_n(block.begin(), std::min(capacity, block.size()), out);
   return block.size();
 }
 
 bool Store::save(const uint8_t* data, size_t size) {
-  if (partition_faults() != 0 || refuses()) return false;
-  if (path_) return replace_file(*path_, data, size);
-  block_.assign(data, data + size);
-  return true;
+  if (partition_faults() != 0) return false;
+  if (!path_) return twin_.save(data, size);
+  return fate() == WriteFate::kDone && replace_file(*path_, data, size);
 }
 
 bool Store::erase() {
-  if (refuses()) return false;
-  if (partition_faults() == 0) return remove();
+  if (partition_faults() == 0 && !path_) {
+    if (!twin_.erase()) return false;
+    unreadable = 0;
+    return true;
+  }
+  if (fate() != WriteFate::kDone) return false;
+  if (partition_faults() == 0) return format();
   partition_->faults = 0;
-  bool removed = true;
-  for (Store* const store : partition_->stores) removed = store->remove() && removed;
-  return removed;
+  bool formatted = true;
+  for (Store* const store : partition_->stores) formatted = store->format() && formatted;
+  return formatted;
 }
 
-bool Store::remove() {
+/// Nothing is left of it.
+bool Store::format() {
   unreadable = 0;
-  block_.clear();
+  first_.format();
+  second_.format();
   return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;
+}
+
+size_t Store::Slot::load(uint8_t* out, size_t capacity) {
+  std::copy_n(bytes_.begin(), std::min(capacity, bytes_.size()), out);
+  return bytes_.size();
+}
+
+bool Store::Slot::save(const uint8_t* data, size_t size) {
+  const WriteFate fate = store_.fate();
+  if (fate == WriteFate::kDone) bytes_.assign(data, data + size);
+  if (fate == WriteFate::kLost) bytes_.clear();
+  return fate == WriteFate::kDone;
+}
+
+bool Store::Slot::erase() {
+  const WriteFate fate = store_.fate();
+  if (fate != WriteFate::kUntouched) bytes_.clear();
+  return fate == WriteFate::kDone;
 }
 
 size_t RetainedMemory::load(uint8_t* out, size_t capacity) {

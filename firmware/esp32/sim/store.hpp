@@ -1,5 +1,5 @@
-// The flash: one block in memory, or in a file that outlives the program; and the memory that a
-// reset of the processor leaves alone.
+// The flash: one block in two slots in memory, as on the chip, or in a file that outlives the
+// program; and the memory that a reset of the processor leaves alone.
 #pragma once
 
 #include <optional>
@@ -7,17 +7,20 @@
 #include <vector>
 
 #include "hal.hpp"
+#include "twin_store.hpp"
 #include "uart.hpp"
 
 namespace wheelwire::sim {
 
 class Store;
 
-/// Asked before each save and erase.
+/// What becomes of a write. Where the power goes in the middle of it, what was there is lost.
+enum class WriteFate { kDone, kUntouched, kLost };
+
+/// Asked before each write to a slot, or to a file: saving makes one, erasing both slots two.
 class StoreWatch {
  public:
-  /// False: it fails and changes nothing, as where the power has gone before it.
-  virtual bool allow_write(const Store& store) = 0;
+  virtual WriteFate fate_of_write(const Store& store) = 0;
 
  protected:
   ~StoreWatch() = default;
@@ -44,19 +47,42 @@ class Store final : public ParameterStore {
   /// From now on the block is kept in this file.
   void use_file(const std::string& path) { path_ = path; }
 
+  Store() = default;
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
+
   size_t load(uint8_t* out, size_t capacity) override;
   bool save(const uint8_t* data, size_t size) override;
   bool erase() override;
-  uint32_t faults() override { return unreadable | partition_faults(); }
+  uint32_t faults() override { return unreadable | partition_faults() | twin_.faults(); }
 
  private:
+  class Slot final : public ParameterStore {
+   public:
+    explicit Slot(Store& store) : store_(store) {}
+    size_t load(uint8_t* out, size_t capacity) override;
+    bool save(const uint8_t* data, size_t size) override;
+    bool erase() override;
+    void format() { bytes_.clear(); }
+
+   private:
+    Store& store_;
+    Bytes bytes_;
+  };
+
   uint32_t partition_faults() const { return partition_ != nullptr ? partition_->faults : 0; }
-  bool remove();
-  bool refuses() { return failing || (watch != nullptr && !watch->allow_write(*this)); }
+  bool format();
+  WriteFate fate() {
+    if (failing) return WriteFate::kUntouched;
+    return watch != nullptr ? watch->fate_of_write(*this) : WriteFate::kDone;
+  }
 
   Partition* partition_ = nullptr;
   std::optional<std::string> path_;
-  Bytes block_;  ///< Used when there is no file.
+  // Used when there is no file.
+  Slot first_{*this};
+  Slot second_{*this};
+  TwinStore twin_{first_, second_};
 };
 
 /// As the chip's RTC memory.

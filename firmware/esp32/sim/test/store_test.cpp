@@ -10,6 +10,7 @@
 using wheelwire::sim::Partition;
 using wheelwire::sim::Store;
 using wheelwire::sim::StoreWatch;
+using wheelwire::sim::WriteFate;
 
 namespace {
 
@@ -78,9 +79,19 @@ namespace {
 
 struct Deny final : StoreWatch {
   int asked = 0;
-  bool allow_write(const Store&) override {
+  WriteFate fate_of_write(const Store&) override {
     ++asked;
-    return false;
+    return WriteFate::kUntouched;
+  }
+};
+
+/// The power goes in the middle of a write, and comes back with nothing lost but what was there.
+struct Cut final : StoreWatch {
+  explicit Cut(int writes) : writes_left(writes) {}
+  int writes_left;
+  WriteFate fate_of_write(const Store&) override {
+    if (writes_left < 0) return WriteFate::kUntouched;
+    return writes_left-- > 0 ? WriteFate::kDone : WriteFate::kLost;
   }
 };
 
@@ -95,4 +106,25 @@ TEST(a_watch_may_refuse_each_write) {
   CHECK(deny.asked == 2);
   uint8_t out[8] = {};
   CHECK(store.load(out, sizeof out) == 3);
+}
+
+TEST(a_cut_in_a_write_leaves_the_block_before_or_after_it) {
+  const uint8_t first[] = {1};
+  const uint8_t second[] = {2, 2};
+  const uint8_t third[] = {3, 3, 3};
+  uint8_t out[8] = {};
+  for (const int writes : {0, 1, 2}) {
+    Store store;
+    CHECK(store.save(first, sizeof first) && store.save(second, sizeof second));
+    Cut cut{writes};
+    store.watch = &cut;
+    CHECK(store.erase() == (writes == 2));
+    CHECK(store.load(out, sizeof out) == (writes == 0 ? 2u : 0u));
+  }
+  Store store;
+  CHECK(store.save(first, sizeof first) && store.save(second, sizeof second));
+  Cut cut{0};
+  store.watch = &cut;
+  CHECK(!store.save(third, sizeof third));
+  CHECK(store.load(out, sizeof out) == sizeof second);
 }
