@@ -152,8 +152,24 @@ class Generator {
 
   void rest() { add(Kind::kVelocity, {host_, 0, 0, 200e3, 1, 0}); }
 
+  /// A stop, and at once the other way: read in one call, or before the next step.
+  void turn_round() {
+    const bool duty = chance(50);
+    const double speed = duty ? between(0.05, 0.6) : spread(0.05, 0.5);
+    add(Kind::kHold,
+        {host_, speed, speed, std::floor(spread(50e3, 600e3)), 50e3, duty ? 1.0 : 0.0});
+    for (size_t i = 1 + below(2); i > 0; --i) {
+      add(Kind::kStop, {host_, static_cast<double>(below(4)), 1});
+      if (chance(30)) moment();
+      add(chance(70) ? Kind::kDuty : Kind::kVelocity, {host_, -speed, -speed, 300e3, 1, 0});
+      if (chance(30)) moment();
+    }
+    wait();
+  }
+
   /// Something ends, or disturbs, the drive.
   void interrupt() {
+    if (chance(5)) return turn_round();
     switch (below(12)) {
       case 0:
       case 1:
@@ -210,6 +226,7 @@ class Generator {
       add(Kind::kClearFault, {host_, 1});
       moment();
     }
+    if (chance(20)) persist();
     if (chance(30)) rest();
     if (chance(20)) add(Kind::kRun, {std::floor(spread(100e3, 1.5e6))});
     if (chance(10)) add(Kind::kRepeat, {host_, static_cast<double>(below(4))});
@@ -221,6 +238,29 @@ class Generator {
       rest();
       drive(std::floor(spread(100e3, 2e6)));
     }
+  }
+
+  /// A program that does not pause after a clear, whatever its setpoints are refused for.
+  void persist() {
+    const size_t wrong = below(5);
+    const double every_us = std::floor(spread(20e3, 400e3));
+    const double life_us = wrong == 0 ? 0 : 500e3;
+    const double speed_mps = wrong == 1 ? std::numeric_limits<double>::quiet_NaN() : 0.2;
+    const double session = wrong == 2 ? 2 : 0;
+    if (wrong == 3) {
+      add(Kind::kHello, {host_, 1});
+      add(Kind::kRun, {3e3});
+    }
+    for (size_t i = 2 + below(12); i > 0; --i) {
+      add(Kind::kVelocity, {host_, speed_mps, speed_mps, life_us, 1, session});
+      add(Kind::kRun, {every_us});
+    }
+    if (wrong == 3) {
+      add(Kind::kPing, {host_, 0});
+      add(Kind::kRun, {3e3});
+    }
+    add(Kind::kVelocity, {host_, 0.2, 0.2, 500e3, 1, 0});
+    moment();
   }
 
   // --- parameters --------------------------------------------------------------------------------
@@ -290,6 +330,7 @@ class Generator {
       parameter(chance(50));
       moment();
     }
+    if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
     if (chance(60)) drive(std::floor(spread(50e3, 1e6)));
     if (chance(20)) add(Kind::kTrial, {host_, 2, spread(0.2, 3)});
     switch (below(7)) {
@@ -399,7 +440,9 @@ class Generator {
   // --- flash -------------------------------------------------------------------------------------
 
   void flash() {
-    if (chance(70)) add(Kind::kPowerCut, {static_cast<double>(below(3)), side()});
+    if (chance(50)) fill_flash();
+    if (chance(70))
+      add(Kind::kPowerCut, {static_cast<double>(below(3)), static_cast<double>(below(3))});
     if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(3)), side()});
     switch (below(4)) {
       case 0:
@@ -425,6 +468,16 @@ class Generator {
     wait();
     reset();
     if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
+  }
+
+  /// Both slots of the parameters hold a block, and these differ.
+  void fill_flash() {
+    if (chance(70)) add(Kind::kStop, {host_, 0, 1});
+    for (int i = 0; i < 2; ++i) {
+      set(ParameterId::kBrakeTimeS, between(0.1, 2));
+      add(Kind::kSave, {host_, 0});
+      moment();
+    }
   }
 
   /// The cure that the fault's text proposes, and what the device is then.

@@ -50,6 +50,8 @@ constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
 constexpr uint64_t kMeasuredSlowUs = 300'000;
+/// What the firmware may take for the speed of a wheel that stopped a moment ago.
+constexpr double kMeasuredAtRestUmps = 20'000;
 /// A counter is exact up to half of its range.
 constexpr int64_t kMostTicksInAStep = 16'000;
 
@@ -67,6 +69,11 @@ Rule rule_of(Codes denied) {
 }
 
 double sign_of(double value) { return value > 0.0 ? 1.0 : value < 0.0 ? -1.0 : 0.0; }
+
+int direction_of(sim::BridgeState bridge) {
+  if (!bridge.drives()) return 0;
+  return bridge.is_forward() ? 1 : -1;
+}
 
 bool is_latched(SupervisorState state) {
   return state == SupervisorState::kEstopped || state == SupervisorState::kFault;
@@ -334,6 +341,23 @@ void Judge::slew_within_limit() {
   }
 }
 
+/// S11: wheels that stand are commanded from standstill on.
+void Judge::begins_gently() {
+  const bool begins = memory_.state != SupervisorState::kDriving || memory_.restarting_steps > 0;
+  const auto& granted = witness_.granted();
+  if (!begins || !granted || granted->duty || memory_.stood_since_us == 0 ||
+      now_us() < memory_.stood_since_us + kMeasuredSlowUs)
+    return;
+  const double step_umps = static_cast<double>(value(kMaxAccelerationMps2)) /
+                           static_cast<double>(value(kControlRateHz)) * 1e6;
+  for (const Side side : kSides) {
+    const double commanded = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
+    check(Rule::kSlewWithinLimit, commanded <= 1.3 * 2.0 * step_umps + kMeasuredAtRestUmps,
+          "a wheel that stands is commanded at " + text_of(commanded) + " um/s in a step of " +
+              text_of(step_umps));
+  }
+}
+
 /// S19.
 void Judge::within_limits() {
   if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
@@ -348,11 +372,25 @@ void Judge::within_limits() {
   }
 }
 
-/// S18.
+/// S18, whenever the inputs change.
 void Judge::no_hard_switch() {
   check(Rule::kNoHardSwitch,
         !world_.wired_as_believed || simulator_.board.hard_switches() <= memory_.hard_switches,
         "a winding's direction changed without a pause");
+}
+
+/// S18, at the end of a control step: a pause within a step is none, as current still flows.
+void Judge::pauses_for_a_period() {
+  if (!world_.wired_as_believed) return;
+  const bool can_coast = kStageTables[static_cast<size_t>(witness_.board().stage)].can_coast;
+  for (const Side side : kSides) {
+    const int before = memory_.directions[side];
+    const sim::BridgeState now = simulator_.board.bridges()[side];
+    check(Rule::kNoHardSwitch, before * direction_of(now) >= 0,
+          "a winding is driven the other way one control period later");
+    check(Rule::kNoHardSwitch, before == 0 || now.drives() || now.shorted() < 0.5 || !can_coast,
+          "a winding that was driven is shorted one control period later");
+  }
 }
 
 /// S12, S14, S15.
@@ -561,6 +599,8 @@ void Judge::after_call(bool stepped) {
     wheel_fault_in_time();
     sound_robot_drives_on();
     slew_within_limit();
+    begins_gently();
+    pauses_for_a_period();
     late_step_is_a_fault();
     estop_is_noted();
     rolling_is_reported();
@@ -580,7 +620,12 @@ void Judge::remember() {
   for (const Side side : kSides) {
     memory_.duty[side] = simulator_.board.bridges()[side].signed_duty();
     memory_.commanded_umps[side] = simulator_.commanded_umps(side);
+    memory_.directions[side] = direction_of(simulator_.board.bridges()[side]);
   }
+  if (!simulator_.board.plant.stands_still())
+    memory_.stood_since_us = 0;
+  else if (memory_.stood_since_us == 0)
+    memory_.stood_since_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = witness_.values();

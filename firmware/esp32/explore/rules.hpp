@@ -36,6 +36,9 @@ struct Memory {
   uint64_t step_us = 0;
   Values values{};
   uint32_t hard_switches = 0;
+  /// Which way each winding was driven at the end of the last step: 1, -1 or 0.
+  std::array<int, 2> directions{};
+  uint64_t stood_since_us = 0;  ///< 0: a wheel turns.
 
   // S06 and S07.
   struct Wheel {
@@ -118,8 +121,10 @@ class Judge {
   void stop_at_once();
   void board_stays_while_estopped();
   void slew_within_limit();
+  void begins_gently();
   void within_limits();
   void no_hard_switch();
+  void pauses_for_a_period();
   void values_are_as_acknowledged();
   void contradictions_never_drive();
   void late_step_is_a_fault();
