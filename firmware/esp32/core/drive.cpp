@@ -118,8 +118,12 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
 }
 
 void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
-  slewed_ = approach(slewed_, target, config.velocity_slew_umps);
-  command_ = config.path.follows() ? command(config) : slewed_;
+  const int32_t slew = config.velocity_slew_umps;
+  slewed_ = approach(slewed_, target, slew);
+  // Slewed here, too: the correction may have been switched off in this step.
+  command_ = config.path.follows() ? command(config)
+                                   : WheelPair{step_towards(command_.left, slewed_.left, slew),
+                                               step_towards(command_.right, slewed_.right, slew)};
   left_.drive_velocity(slewed_.left, command_.left, config.left_motor_inverted, supply_q12_,
                        config);
   right_.drive_velocity(slewed_.right, command_.right, config.right_motor_inverted, supply_q12_,

@@ -294,6 +294,30 @@ TEST(a_fault_below_an_estop_latches_at_once_when_that_is_cleared) {
   CHECK(!bench.driven());
 }
 
+TEST(a_correction_that_is_switched_off_while_driving_is_slewed_away) {
+  constexpr int32_t kSlewUmps = 1500;  // 1.5 m/s^2 at 1 kHz.
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.set(kPathGain, 0) == RefusalCode::kNone);
+  CHECK(bench.set(kPathCatchUp, 0.1f) == RefusalCode::kNone);
+  // The left wheel stays behind, and the heading is corrected.
+  for (int i = 0; i < 250; ++i) {
+    bench.turn(0, i % 2);
+    bench.drive(0.3f, 0.2f, 1);
+  }
+  const WheelPair corrected = bench.device.commanded();
+  CHECK(corrected.left > 300'000 + 5 * kSlewUmps);
+  CHECK(bench.set(kHeadingGain, 0) == RefusalCode::kNone);
+  int32_t before = corrected.left;
+  for (int i = 0; i < 40; ++i) {
+    bench.drive(0.3f, 0.2f, 1);
+    const int32_t now = bench.device.commanded().left;
+    CHECK(before - now <= kSlewUmps && now <= before);
+    before = now;
+  }
+  CHECK(before == 300'000);
+}
+
 // --- extremes ------------------------------------------------------------------------------------
 
 /// With sanitizers: each sum of values from the wire, a parameter or a counter stays within its
