@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 COMMAND_TYPES = ("Twist", "TwistStamped")
 """What can be published on cmd_vel, of geometry_msgs."""
 AUTO = "auto"
-"""Instead of one of them: what the first publisher publishes."""
+"""Instead of one of them: what the first message is of."""
 
 
 class Ignored(enum.Enum):
@@ -65,7 +67,28 @@ class CommandGate:
         self.ignored[ignored.reason] += 1
 
 
-def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
+class LogPace:
+    """Decides what is logged of something that happens again and again.
+
+    Each key for itself: two that alternate at 50 Hz are still two lines in a period.
+
+    Args:
+        period_s: Between two lines of one key.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due_s: dict[Any, float] = {}
+
+    def is_due(self, key: Any, now_s: float) -> bool:
+        """Whether to log it now."""
+        if now_s < self._due_s.get(key, -math.inf):
+            return False
+        self._due_s[key] = now_s + self._period_s
+        return True
+
+
+def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int, rate: float = 1.0) -> float:
     """A command's age in seconds: since its stamp, but at least since it was received.
 
     So a sender whose clock is ahead does not make its commands valid for longer.
@@ -74,7 +97,8 @@ def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int) -> float:
         stamp_ns: From the message's header; None or 0: use the time of reception.
         now_ns: The current time on the clock of the stamps.
         waited_ns: Time since it was received by this computer.
+        rate: How fast that clock runs; a command lives in real time.
     """
-    since_stamped_ns = now_ns - stamp_ns if stamp_ns else 0
+    since_stamped_ns = (now_ns - stamp_ns) / rate if stamp_ns else 0
     # At least 0: the clock that measured the wait may have been set back meanwhile.
     return max(0, waited_ns, since_stamped_ns) / 1e9

@@ -14,10 +14,16 @@ from wheelwire import BaseDriver, WheelSample, WheelwireError
 from .connection import RobotConnection
 from .time_base import WAITING_FOR_CLOCK
 
+TWIN = (
+    "another node has this node's name: both publish, and which of them answers a service, ~/estop "
+    "among them, is left to chance; end one of them, or rename it (-r __node:=..., -r __ns:=...)"
+)
+
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 
-NORMAL_STATES = ("IDLE", "DRIVING")
+NORMAL_STATES = ("IDLE", "DRIVING", "TIMED_OUT")
+"""TIMED_OUT as well: that is how every drive by hand ends, and stays until the next command."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,11 @@ class Report:
 def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
     """The status when the robot is not open, with the reason."""
     return [_status(f"{name}: link", ERROR, reason, "", {"driver": driver_type})]
+
+
+def twin_status(name: str) -> DiagnosticStatus:
+    """That another node has this one's name."""
+    return _status(f"{name}: name", ERROR, TWIN, "", {})
 
 
 def open_statuses(name: str, driver_type: str, report: Report) -> list[DiagnosticStatus]:

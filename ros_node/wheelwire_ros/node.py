@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from abc import abstractmethod
 from collections.abc import Iterable
@@ -22,8 +23,10 @@ from .parameters import Setting, is_set
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, RobotServices
 from .threads import NodeThreads
+from .twins import TwinWatch
 
 DIAGNOSTICS_PERIOD_S = 1.0
+ESTOP_WAITS = "the e-stop is noted and is the first thing that the robot gets"
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -49,6 +52,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._bridge = ParameterBridge(self, settings, self._use_settings, problem)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
+        self._twins = TwinWatch()
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -109,6 +113,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             raise LinkLost(f"the robot is not open: {self._closed_because}")
         return open_robot
 
+    @property
+    def _closed_reason(self) -> str:
+        """Why the robot is not open, and what waits for it."""
+        waits = f"; {ESTOP_WAITS}" if self._estopped else ""
+        return f"{self._closed_because}{waits}"
+
     def set_estop(self) -> None:
         """Set the e-stop of the robot, or of the one that will be opened.
 
@@ -116,16 +126,33 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
         """
         self._estopped = True  # first: the robot may be about to be opened
-        self.open_robot().connection.estop()
+        try:
+            self.open_robot().connection.estop()
+        except WheelwireError as error:
+            raise WheelwireError(
+                f"the stop is not confirmed: {error}. {ESTOP_WAITS[0].upper()}{ESTOP_WAITS[1:]}; "
+                "wheels that a lost robot still turns stop when their last command expires"
+            ) from error
 
-    def clear_estop(self) -> None:
-        """Clear the e-stop; raises `WheelwireError` while its cause is present."""
+    def clear_estop(self) -> str:
+        """Clear the e-stop; returns what was cleared.
+
+        Raises:
+            WheelwireError: Its cause is present, or the robot cannot be reached.
+        """
         open_robot = self._open
         if open_robot is None:
             self._estopped = False
-        else:
+            return (
+                "no robot is open: this node sets no e-stop when it opens one, but an e-stop that "
+                "the robot itself holds stays set"
+            )
+        try:
             open_robot.connection.clear_estop()
-            self._estopped = open_robot.connection.estopped  # perhaps it was set again meanwhile
+        except LinkLost as error:
+            raise LinkLost(f"nothing was cleared, the e-stop stays set: {error}") from error
+        self._estopped = open_robot.connection.estopped  # perhaps it was set again meanwhile
+        return "the e-stop is cleared"
 
     def report(self) -> None:
         """Publish /diagnostics; called every second, and at once when something changes."""
@@ -133,6 +160,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is not None:
             # Once a second another attempt, if the last one to prepare the session failed.
             open_robot.prepare_soon()
+        self._look_for_twins()
         message = DiagnosticArray(status=self._statuses(open_robot))
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
@@ -222,6 +250,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if self._autostart is not None:
             self._autostart.end()
 
+    def _look_for_twins(self) -> None:
+        own = (self.get_name(), self.get_namespace())
+        count = self.get_node_names_and_namespaces().count(own)
+        if self._twins.look(count, time.monotonic()):
+            self.get_logger().error(diagnostics.TWIN)
+
     # --- what the parts report -----------------------------------------------------------------
 
     def _use_settings(self) -> None:
@@ -233,7 +267,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def _present_state(self) -> RobotState:
         open_robot = self._open
         if open_robot is None:
-            return robot_state.closed(self._closed_because)
+            return robot_state.closed(self._closed_reason)
         return open_robot.state()
 
     def _hardware_id(self) -> str:
@@ -242,6 +276,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def _statuses(self, open_robot: OpenRobot | None) -> list[Any]:
         name = self.get_fully_qualified_name().lstrip("/")
+        twins = [diagnostics.twin_status(name)] if self._twins.has_twin else []
         if open_robot is None:
-            return diagnostics.closed_status(name, self.driver_type, self._closed_because)
-        return open_robot.statuses(name, self.driver_type)
+            closed = diagnostics.closed_status(name, self.driver_type, self._closed_reason)
+            return closed + twins
+        return open_robot.statuses(name, self.driver_type) + twins

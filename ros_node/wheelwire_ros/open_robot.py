@@ -67,7 +67,9 @@ class OpenRobot:
         self._preparing = False
         """The preparation of a session is under way, or will be."""
         self._time_base = TimeBase(
-            lambda: int(node.get_clock().now().nanoseconds), node.get_logger()
+            lambda: int(node.get_clock().now().nanoseconds),
+            node.get_logger(),
+            is_simulated=lambda: bool(node.get_clock().ros_time_is_active),
         )
         # An error below closes in reverse order what has been opened; `pop_all` keeps it open.
         with ExitStack() as resources:
@@ -196,6 +198,7 @@ class OpenRobot:
             threads,
             self.prepare_soon,
             robot_settings.command_type(node.setting),
+            self._time_base,
             limited,
         )
         resources.callback(self._commands.destroy)

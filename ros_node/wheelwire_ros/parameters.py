@@ -88,7 +88,7 @@ def _shown(value: Value) -> str:
 SETTINGS: tuple[Setting, ...] = (
     Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
     Setting("cmd_vel_type", "auto",
-            "Twist, TwistStamped, or auto: what the first publisher of cmd_vel publishes.",
+            "Twist, TwistStamped, or auto: of whichever type the first message is.",
             check=checks.one_of(*COMMAND_TYPES, AUTO)),
     Setting("use_stamped_vel", False, "True is cmd_vel_type TwistStamped."),
     Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",

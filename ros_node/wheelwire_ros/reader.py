@@ -21,8 +21,9 @@ class SampleReader:
     Args:
         robot: An open driver.
         on_sample: Called with each sample, in this thread, in order.
-        on_change: Called in this thread when samples stop coming, and before the first sample after
-            that or after a reset of the device: the session may be a new one.
+        on_change: Called in this thread when samples stop coming, when the reason of that is
+            another one, and before the first sample after that or after a reset of the device: the
+            session may be a new one.
         on_failure: Called with an error of this thread or of those callbacks; reading has ended.
     """
 
@@ -97,7 +98,8 @@ class SampleReader:
             self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
 
     def _note_silence(self, error: WheelwireError) -> None:
-        began, self.silence = self.silence is None, error
-        if began:
+        # Another cause is news as well: a device that is silent at first, and then unplugged.
+        is_news, self.silence = str(error) != str(self.silence), error
+        if is_news:
             self._on_change()
         self._closing.wait(PAUSE_S)

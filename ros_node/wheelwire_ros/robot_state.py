@@ -7,12 +7,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from wheelwire import Fault, SupervisorState, WheelSample, WheelwireError
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""A subscriber that comes later gets the last message, too."""
+from .qos import LATCHED
+
 NOT_CONFIGURED = "not configured"
 PREPARING = "a new session is being prepared"
 ESTOP_BY_NODE = "the e-stop was set by ~/estop of this node"

@@ -44,8 +44,7 @@ class RobotServices:
             if request.data:
                 self._node.set_estop()
                 return "e-stopped"
-            self._node.clear_estop()
-            return "the e-stop is cleared"
+            return str(self._node.clear_estop())
 
         answer = _answer(act, response)
         # After a failure as well: the e-stop is noted even where the robot cannot be reached.

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 ATTEMPTS = 5
+RATE_WINDOW_NS = 4_000_000_000
+RATE_STEP_NS = 100_000_000
+SLOWEST = 0.01
+"""What /clock is taken to do at least: where it stands still, no command would ever grow old."""
 WAITING_FOR_CLOCK = (
     "waiting for /clock: use_sim_time is true and nothing publishes it; "
     "commands are obeyed, motion is published once it runs"
@@ -18,10 +24,12 @@ class TimeBase:
 
     Samples are stamped with the monotonic clock. NTP may step the ROS clock, but never that one,
     so the offset does not stay the same. With `use_sim_time` the ROS clock reads 0 until the first
-    message on /clock: until then no time can be converted.
+    message on /clock: until then no time can be converted. Then it advances by steps, as messages
+    come, and at any speed: the speed is measured, too.
 
     Args:
         ros_ns: Reads the ROS clock. [ns]
+        is_simulated: Whether that is /clock.
         log: The node's logger; it is told if the clock does not run yet, and when it begins to.
         monotonic_ns: Reads the clock of the samples' stamps. [ns]
     """
@@ -31,8 +39,15 @@ class TimeBase:
         ros_ns: Callable[[], int],
         log: Any,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
+        is_simulated: Callable[[], bool] = lambda: False,
     ) -> None:
         self._ros_ns = ros_ns
+        self._is_simulated = is_simulated
+        self._seen: deque[tuple[int, int]] = deque()
+        """Readings of the monotonic clock and of /clock, the newest last, over `RATE_WINDOW_NS`."""
+        self._lock = threading.Lock()
+        self._step_ns = self._last_ros_ns = 0
+        """Of the last conversion: what /clock said, and the result."""
         self._log = log
         self._monotonic_ns = monotonic_ns
         self._offset_ns = 0
@@ -40,25 +55,33 @@ class TimeBase:
         """Error bound of the offset when it was measured. [s]"""
         self.runs = True
         """Whether the ROS clock has a time."""
+        self.rate = 1.0
+        """How fast the ROS clock runs: seconds of it in a second."""
         self.measure()
 
     def measure(self) -> None:
         """Measure the offset: of several readings the quickest, which was interrupted least."""
         self._note_whether_it_runs()
-        if self.runs:
+        if self.runs and self._is_simulated():
+            self._follow_simulation()
+        elif self.runs:
+            self.rate = 1.0
             width_ns, self._offset_ns = min(self._read() for _ in range(ATTEMPTS))
             self.error_s = width_ns / 2e9
 
     def to_ros_ns(self, stamp_s: float) -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
 
-        None if that was before the ROS clock's beginning.
+        None if that was before the ROS clock's beginning, or if /clock has not advanced since the
+        last conversion: of all samples between two of its steps only the first has a time.
         """
         if not self.runs:
             self.measure()
             if not self.runs:
                 return None
         stamp_ns = round(stamp_s * 1e9)
+        if self._is_simulated():
+            return self._to_simulated_ns(stamp_ns)
         ros_ns = stamp_ns + self._offset_ns
         # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
         # was set back since the offset was measured.
@@ -67,6 +90,35 @@ class TimeBase:
             ros_ns = min(stamp_ns + self._offset_ns, self._ros_ns())
         # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
         return ros_ns if ros_ns > 0 else None
+
+    def _to_simulated_ns(self, stamp_ns: int) -> int | None:
+        now_ns, ros_now_ns = self._follow_simulation()
+        if ros_now_ns == self._step_ns:
+            return None
+        is_later = ros_now_ns > self._step_ns
+        self._step_ns = ros_now_ns
+        ros_ns = min(ros_now_ns - round((now_ns - stamp_ns) * self.rate), ros_now_ns)
+        # Where the speed of /clock changes, the ages of two samples are of different speeds.
+        if is_later and ros_ns <= self._last_ros_ns:
+            ros_ns = ros_now_ns
+        self._last_ros_ns = ros_ns
+        return ros_ns if ros_ns > 0 else None
+
+    def _follow_simulation(self) -> tuple[int, int]:
+        """Read both clocks, and measure how fast the ROS clock runs."""
+        with self._lock:
+            now_ns, ros_ns = self._monotonic_ns(), self._ros_ns()
+            if self._seen and ros_ns < self._seen[-1][1]:  # a recording that begins anew
+                self._seen.clear()
+            if not self._seen or now_ns - self._seen[-1][0] >= RATE_STEP_NS:
+                self._seen.append((now_ns, ros_ns))
+                while now_ns - self._seen[0][0] > RATE_WINDOW_NS:
+                    self._seen.popleft()
+            then_ns, ros_then_ns = self._seen[0]
+            if now_ns - then_ns >= RATE_WINDOW_NS / 4:
+                self.rate = max((ros_ns - ros_then_ns) / (now_ns - then_ns), SLOWEST)
+            self.error_s = 0.0
+            return now_ns, ros_ns
 
     def _note_whether_it_runs(self) -> None:
         runs = self._ros_ns() > 0

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.lines import simulator_on
+from support.pty_device import PtyDevice
 from support.reconnect import is_lost
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
@@ -90,5 +91,12 @@ def test_a_board_that_is_not_there_is_named_with_those_that_are(cables: Cables) 
 
 
 def test_no_port_matches(tmp_path: Path) -> None:
-    with pytest.raises(PortUnavailable, match="no board answers"):
+    with pytest.raises(PortUnavailable, match="nor any such port"):
         SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")
+
+
+def test_a_silent_port_is_told_from_an_absent_board(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "tty0") as silent:
+        silent.device.mute = True
+        with pytest.raises(PortUnavailable, match=r"no board answers at .*tty0: .* power"):
+            SerialDriver(str(tmp_path / "tty*"), board_id="0123456789ab")

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TwistStamped
 
-from support import stop_host
-from support.ros import Graph, Repeater, wait
+from support.ros import Repeater, wait
 from support.ros_process import RobotNode
-from support.ros_rig import TRUTH_HZ, Rig, open_rig, twist
+from support.ros_rig import Rig, open_rig, twist
 from support.stop_host import stopped
-from wheelwire.simulation.simulator import Simulator
+from wheelwire_ros.command_subscriber import LOG_PERIOD_S
 
 CMD_VEL_TIMEOUT_S = 0.5
 CLOCK_ERROR_US = 10_000
@@ -31,21 +28,6 @@ from geometry_msgs.msg import Twist
 rclpy.init()
 node = rclpy.create_node("teleoperation")
 node.create_publisher(Twist, "cmd_vel", 1)
-try:
-    rclpy.spin(node)
-except KeyboardInterrupt:
-    pass
-"""
-
-DRIVING = """
-import rclpy
-from geometry_msgs.msg import Twist, TwistStamped
-rclpy.init()
-node = rclpy.create_node("driving")
-publisher = node.create_publisher({type}, "cmd_vel", 1)
-message = {type}()
-(message if {type} is Twist else message.twist).linear.x = 0.3
-node.create_timer(0.05, lambda: publisher.publish(message))
 try:
     rclpy.spin(node)
 except KeyboardInterrupt:
@@ -92,36 +74,28 @@ def test_no_stamp_means_now_and_one_from_the_future_gains_no_life(
     rig.truth(stopped)
 
 
+def test_stale_and_good_commands_together_do_not_flood_the_log(rig: Rig) -> None:
+    before = rig.warnings("s old")
+    with rig.driving_stamped(), Repeater(rig.commands, lambda: rig.stamped(0.3, age_s=0.6)):
+        rig.truth(lambda state: state.drive_on)
+        time.sleep(LOG_PERIOD_S)
+    assert rig.ignored("stale") > 100
+    assert rig.warnings("s old") <= before + 2
+
+
+def test_a_drive_that_ended_by_silence_is_no_warning(rig: Rig) -> None:
+    with rig.driving_stamped():
+        rig.truth(lambda state: state.drive_on)
+    values = rig.diagnostics.wait("robot", lambda _, v: v["state"] == "TIMED_OUT")
+    assert values["state"] == "TIMED_OUT"
+    rig.diagnostics.wait(
+        "robot", lambda s, v: v["state"] == "TIMED_OUT" and s.level == DiagnosticStatus.OK
+    )
+
+
 def test_what_is_not_finite_is_ignored_and_counted(rig: Rig) -> None:
     rig.commands.publish(rig.stamped(math.nan))
     assert rig.ignored("invalid") == 1
-
-
-@pytest.mark.parametrize("type_", [Twist, TwistStamped])
-def test_the_first_publisher_decides_the_type(tmp_path: Path, graph: Graph, type_: Any) -> None:
-    """And a second type is an error in the log, until the first one is gone."""
-    other = TwistStamped if type_ is Twist else Twist
-    name = f"geometry_msgs/msg/{other.__name__}"
-    with (
-        Simulator(link=tmp_path / "port", truth_hz=TRUTH_HZ) as simulator,
-        RobotNode(graph, port=simulator.port) as node,
-        ExitStack() as later,
-    ):
-        graph.wait_active()
-        publisher = graph.publisher(type_, "cmd_vel")
-        with Repeater(publisher, lambda: message_of(type_)):
-            stop_host.wait(simulator, lambda state: state.drive_on)
-            later.enter_context(RobotNode(graph, DRIVING.format(type=other.__name__)))
-            wait(lambda: f"type {name} are dropped" in node.errors(), "the error")
-        graph.destroy(publisher)
-        wait(lambda: f"cmd_vel is {name}\n" in node.errors(), "the new type")
-        simulator.take_states()
-        stop_host.wait(simulator, lambda state: state.drive_on)
-
-
-def message_of(type_: Any) -> Any:
-    """A command of either type, without a stamp."""
-    return twist(0.3) if type_ is Twist else TwistStamped(twist=twist(0.3))
 
 
 def test_commands_of_the_other_type_are_reported(rig: Rig) -> None:

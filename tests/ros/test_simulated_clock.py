@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,36 @@ def test_it_waits_for_the_clock_and_obeys_meanwhile(graph: Graph, tmp_path: Path
         assert stamp_s(odometry[0]) > START_S - 1
         assert stamp_s(joints[0]) > START_S - 1
         assert node.errors().count("waiting for /clock") == 1
+
+
+@pytest.mark.parametrize("speed", [2.0, 0.5])
+def test_stamps_follow_a_clock_of_another_speed(
+    graph: Graph, simulator: Simulator, speed: float
+) -> None:
+    """Up to its last step, which is where a subscriber's own clock stands."""
+    late_s: list[float] = []
+    stamps_s: list[float] = []
+    clock_s = [0.0]
+    begin_s = time.monotonic()
+
+    def tick() -> Clock:
+        clock_s[0] = START_S + speed * (time.monotonic() - begin_s)
+        return Clock(clock=Time(sec=int(clock_s[0]), nanosec=int(clock_s[0] % 1 * 1e9)))
+
+    def take(message: Odometry) -> None:
+        stamps_s.append(stamp_s(message))
+        late_s.append(clock_s[0] - stamps_s[-1])
+
+    with RobotNode(graph, port=simulator.port, use_sim_time=True):
+        graph.wait_active()
+        with Repeater(graph.publisher(Clock, "/clock"), tick, rate_hz=20):
+            graph.node.create_subscription(Odometry, "odom", take, 100)
+            wait(lambda: late_s, "odom")
+            time.sleep(3.0)  # it knows the speed
+            seen = len(late_s)
+            time.sleep(4.0)
+    late_s = late_s[seen:]
+    assert len(late_s) > 40
+    # A quarter of them: the two processes share the computer with others.
+    assert sorted(late_s)[len(late_s) * 3 // 4] < 0.1 * speed + 0.05
+    assert all(b > a for a, b in pairwise(stamps_s))

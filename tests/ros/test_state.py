@@ -255,3 +255,45 @@ def test_a_device_whose_board_nobody_confirmed_says_so(graph: Graph, tmp_path: P
     ):
         graph.wait_active()
         wait(lambda: "wheelwire board confirm" in node.errors(), "the line")
+
+
+def test_a_silent_port_is_told_from_an_absent_one(graph: Graph, tmp_path: Path) -> None:
+    state, path = State(graph), tmp_path / "port"
+    with RobotNode(graph, port=path):
+        state.wait(lambda v: "there is no such port" in v["cause"])
+        with PtyDevice(path) as device:
+            device.device.mute = True
+            state.wait(lambda v: f"{path} is silent" in v["cause"])
+            device.device.mute = False
+            state.wait(lambda v: v["link"] == "connected")
+            device.device.mute = True
+            state.wait(lambda v: "the port is there" in v["cause"])
+            device.unplug()
+            state.wait(lambda v: "the port is gone" in v["cause"])
+            device.device.mute = False
+            device.plug()
+            state.wait(lambda v: v["link"] == "connected")
+
+
+def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: Path) -> None:
+    state, path = State(graph), tmp_path / "port"
+    with RobotNode(graph, port=path):
+        answer = graph.call(SetBool, f"{NODE}/estop", data=True)
+        assert not answer.success
+        assert "not confirmed" in answer.message
+        assert "first thing that the robot gets" in answer.message
+        state.wait(lambda v: "the e-stop is noted" in v["cause"])
+        answer = graph.call(SetBool, f"{NODE}/estop", data=False)
+        assert answer.success
+        assert "no robot is open" in answer.message
+        assert "is cleared" not in answer.message
+        state.wait(lambda v: "the e-stop is noted" not in v["cause"])
+        assert graph.call(SetBool, f"{NODE}/estop", data=True).message
+        with Simulator(link=path) as simulator:
+            state.wait(lambda v: v["state"] == "ESTOPPED")
+            assert simulator.get("state") == SupervisorState.ESTOPPED
+            simulator.unplug()
+            state.wait(lambda v: v["link"] == "lost")
+            answer = graph.call(SetBool, f"{NODE}/estop", data=False)
+            assert not answer.success
+            assert "stays set" in answer.message

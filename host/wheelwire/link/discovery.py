@@ -42,7 +42,8 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
     Raises:
         PortUnavailable: It answers at none of the ports that are free.
     """
-    asked = [_Asked(transport) for transport in _open_free(ports, baud_rate)]
+    names = _names(ports)
+    asked = [_Asked(transport) for transport in _open_free(names, baud_rate)]
     found = None
     try:
         found = _first_answer(asked, board_id.lower())
@@ -51,11 +52,7 @@ def open_board(ports: str, board_id: str, baud_rate: int) -> Transport:
             if one.transport is not found:
                 one.transport.close()
     if found is None:
-        known = ", ".join(
-            f"{one.board_id} at {one.transport.port}" for one in asked if one.board_id
-        )
-        heard = f"there is {known}" if known else "no board answers at those that are free"
-        raise PortUnavailable(ports, f"board {board_id} is not there; {heard}")
+        raise PortUnavailable(ports, _why_not(board_id, names, asked))
     return found
 
 
@@ -88,11 +85,35 @@ class _Asked:
         return bool(data)
 
 
-def _open_free(ports: str, baud_rate: int) -> Iterable[Transport]:
+def _why_not(board_id: str, names: list[str], asked: list[_Asked]) -> str:
+    """An absent board, a silent one and one that another program holds are mended differently."""
+    if not names:
+        return f"board {board_id} is not there, nor any such port: plug it in"
+    heard = [f"{one.board_id} at {one.transport.port}" for one in asked if one.board_id]
+    silent = [one.transport.port for one in asked if not one.board_id]
+    opened = {one.transport.port for one in asked}
+    held = [name for name in names if name not in opened]
+    found = []
+    if heard:
+        found.append(f"there is {', '.join(heard)}")
+    if silent:
+        found.append(
+            f"no board answers at {', '.join(silent)}: if it is there, check its power and that "
+            "the firmware is flashed"
+        )
+    if held:
+        found.append(f"{', '.join(held)} cannot be opened or is in use")
+    return f"board {board_id} was not found: {'; '.join(found)}"
+
+
+def _names(ports: str) -> list[str]:
     # Path.glob takes no absolute pattern.
     # A set, because a port that several patterns match can be opened only once.
-    names = {name for pattern in ports.split(",") for name in glob(pattern.strip())}  # noqa: PTH207
-    for name in sorted(names):
+    return sorted({name for pattern in ports.split(",") for name in glob(pattern.strip())})  # noqa: PTH207
+
+
+def _open_free(names: list[str], baud_rate: int) -> Iterable[Transport]:
+    for name in names:
         if _is_free(name):
             with suppress(PortUnavailable):
                 yield open_transport(name, baud_rate)

@@ -265,7 +265,9 @@ class Session:
         self._encoder = Encoder()
         self._decoder.restart()
         self._output.clear()
-        self._begin_hello(LinkLost("the device has not answered yet"), now_us)
+        self._begin_hello(
+            LinkLost("the port is there, but the device has not answered yet"), now_us
+        )
 
     def renew(self, error: WheelwireError, now_us: int) -> None:
         """Begin a new session if one was begun: its state is no longer valid."""

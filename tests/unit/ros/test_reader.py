@@ -57,8 +57,9 @@ def events(*script: Any, count: int) -> list[Any]:
 def test_a_silence_its_end_and_another_boot_are_changes() -> None:
     one, two, three = sample(t_us=1), sample(t_us=2), sample(t_us=3)
     other = sample(boot_id=2)
-    script = (one, two, LinkLost("gone"), LinkLost("still gone"), three, other)
-    expected = ["change", one, two, "change", "change", three, "change", other]
+    silence = LinkLost("silent"), LinkLost("silent"), LinkLost("gone")
+    script = (one, two, *silence, three, other)
+    expected = ["change", one, two, "change", "change", "change", three, "change", other]
     assert events(*script, count=len(expected)) == expected
 
 

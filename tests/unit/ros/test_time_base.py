@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
 
 from wheelwire_ros.time_base import WAITING_FOR_CLOCK, TimeBase
 
@@ -113,3 +116,52 @@ def test_a_clock_that_is_switched_to_a_simulation_is_waited_for() -> None:
     assert base.to_ros_ns(clocks.now_ns / 1e9) is None
     assert not base.runs
     assert log.lines == [("warning", WAITING_FOR_CLOCK)]
+
+
+def simulated(speed: float, step_ns: int) -> tuple[list[int], TimeBase]:
+    """The monotonic clock's time, to be set, and a base on a /clock of this speed and steps."""
+    now_ns = [10**12]
+
+    def ros_ns() -> int:
+        return 5 * 10**9 + int((now_ns[0] - 10**12) * speed) // step_ns * step_ns
+
+    return now_ns, TimeBase(ros_ns, Log(), lambda: now_ns[0], is_simulated=lambda: True)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 10.0])
+def test_the_speed_of_a_simulated_clock_is_measured(speed: float) -> None:
+    now_ns, base = simulated(speed, 1_000_000)
+    for _ in range(300):
+        now_ns[0] += 20_000_000
+        stamp = base.to_ros_ns((now_ns[0] - 4_000_000) / 1e9)
+    assert base.rate == pytest.approx(speed, rel=0.01)
+    assert stamp is not None
+    true_ns = 5 * 10**9 + (now_ns[0] - 4_000_000 - 10**12) * speed
+    assert stamp == pytest.approx(true_ns, abs=2_000_000)
+
+
+def test_between_two_steps_of_a_simulated_clock_one_sample_has_a_time() -> None:
+    now_ns, base = simulated(2.0, 200_000_000)
+    stamps = []
+    for _ in range(500):
+        now_ns[0] += 10_000_000
+        stamps.append(base.to_ros_ns((now_ns[0] - 1_000_000) / 1e9))
+    found = [stamp for stamp in stamps if stamp is not None]
+    assert len(found) in (50, 51)
+    assert all(b > a for a, b in pairwise(found))
+
+
+def test_a_recording_that_begins_anew_is_followed() -> None:
+    now_ns, start_ns = [10**12], [10**10]
+    base = TimeBase(
+        lambda: now_ns[0] - 10**12 + start_ns[0], Log(), lambda: now_ns[0], lambda: True
+    )
+    for _ in range(100):
+        now_ns[0] += 20_000_000
+        base.to_ros_ns(now_ns[0] / 1e9)
+    start_ns[0] = -(10**9)  # below 2 s, from 12
+    now_ns[0] += 20_000_000
+    stamp = base.to_ros_ns(now_ns[0] / 1e9)
+    assert stamp is not None
+    assert 0 < stamp < 2 * 10**9
+    assert base.rate > 0
