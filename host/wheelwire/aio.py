@@ -45,6 +45,7 @@ from .drivers.device_parameters import (
 )
 from .drivers.factory import check_options
 from .drivers.linked import LinkedRobot
+from .drivers.loop_callbacks import LoopCallbacks
 from .errors import (
     DeviceRefused,
     DriverUnavailable,
@@ -101,6 +102,7 @@ class Driver(LinkedRobot):
 
     def __init__(self, options: LinkOptions) -> None:
         self._latest_sample = LatestSample()
+        self._callbacks: LoopCallbacks = LoopCallbacks()
         # All are watched, so that each has a value without waiting: no subscript can be awaited.
         everything = tuple(definition.id for definition in PARAMETERS)
         self._link: AsyncLink = AsyncLink(replace(options, watched=everything), self._latest_sample)
@@ -209,9 +211,11 @@ class Driver(LinkedRobot):
 
         When it is cancelled, the robot is stopped and the port closed all the same.
         """
+        self._callbacks.close()
         # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         await self._link.close()
+        await self._callbacks.wait()
         # Skipped when this is cancelled: the finaliser stays, and finishing twice is harmless.
         self._finalizer.detach()
 

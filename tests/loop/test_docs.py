@@ -7,12 +7,14 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S
-from wheelwire import open_driver
+from wheelwire import WheelwireError, open_driver
+from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
@@ -54,12 +56,29 @@ def test_the_programs_for_python_drive(number: int) -> None:
 
 
 def test_the_parameters_are_used_as_the_page_for_python_says() -> None:
-    uses = blocks("docs/python.md", "python")[1]
+    uses = blocks("docs/python.md", "python")[2]
     with Simulator() as simulator, open_driver("serial", port=simulator.port) as robot:
         results = [eval(line, {"robot": robot}) for line in uses.splitlines()]  # noqa: S307
     assert results[0] == 0.033
     assert results[2]["integral_gain"] == results[1]
     assert results[3] is True
+
+
+def test_the_callbacks_are_used_as_the_page_for_python_says() -> None:
+    program = blocks("docs/python.md", "python")[1]
+    with MockDriver(realtime=False) as robot:
+        rings: list[None] = []
+        exec(program, {"robot": robot, "horn": lambda: rings.append(None)})  # noqa: S102
+        robot.unplug()
+        robot.plug()
+        robot.advance(1.0)
+        assert robot.parameters["max_duty"] == 0.5
+        robot.simulator.set("left.encoder_dead", 1)
+        for _ in range(100):
+            with suppress(WheelwireError):
+                robot.set_velocity(0.2, 0.0)
+            robot.advance(0.05)
+        assert rings == [None]
 
 
 TUTORIAL = sorted(page.relative_to(ROOT).as_posix() for page in ROOT.glob("docs/tutorial/*.md"))

@@ -12,6 +12,7 @@ from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..parameters import Parameters
 from ..samples import WheelSample
+from .callbacks import InlineCallbacks, ThreadCallbacks
 from .driving import Driving
 
 FIRST_SAMPLE_S = 1.0
@@ -33,6 +34,7 @@ class BaseDriver(Driving):
 
     def __init__(self) -> None:
         self._latest_sample = LatestSample()
+        self._callbacks: ThreadCallbacks | InlineCallbacks = ThreadCallbacks()
 
     # --- stopping ------------------------------------------------------------------------------
 
@@ -54,9 +56,11 @@ class BaseDriver(Driving):
 
     def close(self) -> None:
         """Same as `shutdown`; the name that files and sockets use."""
+        self._callbacks.close()
         # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         self.shutdown()
+        self._callbacks.wait()
 
     @abstractmethod
     def shutdown(self) -> None:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from math import isfinite
+from typing import Any
 
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..arguments import LONGEST_WAIT_S, is_number
 from ..errors import NO_FAULT, Expired, InvalidCommand, WheelwireError, shown
 from ..link.clock import host_clock_us
-from ..link.info import Health, LinkStatistics
+from ..link.info import DeviceInfo, Health, LinkStatistics
 from ..link.latest_sample import Latest, LatestSample
+from ..link.news import Happening
 from ..motion.kinematics import DifferentialDrive, Twist, WheelVelocities
+from .callbacks import Callbacks
 
 DEFAULT_TTL_S = 0.5
 
@@ -145,9 +149,60 @@ class Driving(ABC):
             ttl_max_s=self.ttl_max_s,
         )
 
+    # --- what is reported ----------------------------------------------------------------------
+
+    @property
+    def on_lost(self) -> Callable[[WheelwireError], object] | None:
+        """Called with the error when the robot is out of reach, whatever the reason.
+
+        This and the other two are functions to assign, or None. They may call the robot: they run
+        on a thread of their own, one after the other and in order; with asyncio in the loop, where
+        they may be coroutines; in virtual time in whichever call lets it pass. What they raise is
+        logged. None is called once `close` has returned. One that is assigned while the robot is
+        out of reach, or a fault is latched, is called for that.
+        """
+        return self._callbacks.handlers.get(Happening.LOST)
+
+    @on_lost.setter
+    def on_lost(self, handler: Callable[[WheelwireError], object] | None) -> None:
+        self._set_callback(Happening.LOST, handler)
+
+    @property
+    def on_opened(self) -> Callable[[DeviceInfo], object] | None:
+        """Called with the device when a session was opened again; see `on_lost`.
+
+        Parameters have the values that the device has saved then, if it was reset.
+        """
+        return self._callbacks.handlers.get(Happening.OPENED)
+
+    @on_opened.setter
+    def on_opened(self, handler: Callable[[DeviceInfo], object] | None) -> None:
+        self._set_callback(Happening.OPENED, handler)
+
+    @property
+    def on_fault(self) -> Callable[[Fault], object] | None:
+        """Called with all latched faults when one more is latched; see `on_lost`."""
+        return self._callbacks.handlers.get(Happening.FAULT)
+
+    @on_fault.setter
+    def on_fault(self, handler: Callable[[Fault], object] | None) -> None:
+        self._set_callback(Happening.FAULT, handler)
+
+    def _set_callback(self, happening: Happening, handler: Callable[[Any], object] | None) -> None:
+        self._callbacks.set(happening, handler)
+        if handler is not None:
+            self._listen(happening)
+
     # --- for drivers ---------------------------------------------------------------------------
 
     _latest_sample: LatestSample
+    _callbacks: Callbacks
+
+    def _listen(self, happening: Happening) -> None:
+        """Have the listener of `_callbacks` told what happens; of `happening` what is so, too."""
+        raise InvalidCommand(
+            f"{self._name} does not report {happening.name} by itself: ask `is_open` and `read`"
+        )
 
     @abstractmethod
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:

@@ -11,6 +11,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..link.base_link import BaseLink, LinkInfo
 from ..link.info import LinkStatistics
+from ..link.news import Happening
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
 from .driving import Driving
@@ -113,6 +114,9 @@ class LinkedRobot(Driving):
         elif board is not None and board.has_contact and not values[_ESTOP_INPUT]:
             found.append(CONTACT_IGNORED)
         return tuple(found)
+
+    def _listen(self, happening: Happening) -> None:
+        self._link.listen(self._callbacks.listener, happening)
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
         self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)

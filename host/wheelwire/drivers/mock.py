@@ -29,6 +29,7 @@ from ..samples import WheelSample
 from ..simulation.library import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
+from .callbacks import InlineCallbacks
 from .linked import WATCHED
 from .transport_driver import DeviceDriver
 
@@ -66,6 +67,7 @@ class MockDriver(DeviceDriver):
         else:
             self._sim = _powered_on(checked_values(parameters), _converted(store))
             super().__init__(self._open_virtual_link)
+            self._callbacks = InlineCallbacks()
 
     @property
     def simulator(self) -> Simulator | FwSim:

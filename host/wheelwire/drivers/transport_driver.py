@@ -34,6 +34,7 @@ from ..link.requests import Answer
 from ..link.served_port import OpenPort
 from ..parameters import Parameters, checked_values
 from .base import BaseDriver
+from .callbacks import Inbox, ThreadCallbacks
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .linked import WATCHED, LinkedRobot
@@ -58,8 +59,9 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         super().__init__()
         self._link: DeviceLink = open_link(self._latest_sample)
         link = self._link
+        inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
-        self._finalizer = weakref.finalize(self, link.close)
+        self._finalizer = weakref.finalize(self, _close, inbox, link)
         self._parameters = DeviceParameters(link)
         # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
@@ -125,10 +127,18 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Safe to call more than once."""
         # Also for those who call this in place of `close`: iterators then end.
+        self._callbacks.close()
         self._latest_sample.close()
         # Not by the finalizer: one that was interrupted would do nothing the next time.
         self._link.close()
         self._finalizer.detach()
+        self._callbacks.wait()
+
+
+def _close(inbox: Inbox | None, link: DeviceLink) -> None:
+    if inbox is not None:
+        inbox.close()
+    link.close()
 
 
 class TransportDriver(DeviceDriver):

@@ -22,6 +22,7 @@ from ..errors import LinkClosed, LinkLost, WheelwireError
 from .base_link import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .clock import host_clock_us
 from .latest_sample import LatestSample
+from .news import Happening, Listener
 from .requests import Answer, RequestMessage
 from .served_port import CLOSED, Changed, Done, OpenPort, ServedPort, Task
 from .session import Session
@@ -430,6 +431,10 @@ class AsyncLink(BaseLink):
         self._port.call(
             lambda done, now_us: self._session.request(message, done, now_us), lambda _: None
         )
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """As `BaseLink.listen`; called in the loop."""
+        self._port.listen(listener, happening)
 
     async def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.

@@ -21,6 +21,7 @@ from ..errors import (
 )
 from .clock import host_clock_us
 from .info import ActiveBoard, DeviceInfo, ExpectedBoard, LinkStatistics
+from .news import Happening, Listener
 from .served_port import OpenPort, ServedPort
 from .session import Phase, Session
 
@@ -189,6 +190,10 @@ class BaseLink(ABC):
         self._served.check_room()
         setpoints = self._session.setpoints
         self._write(setpoints.duty_frame(left, right, expiry_us, now_us), now_us)
+
+    @abstractmethod
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Tell `listener` what happens from now on; of `happening` also what is so already."""
 
     @abstractmethod
     def _write(self, frame: bytes, now_us: int) -> None:

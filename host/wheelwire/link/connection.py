@@ -21,6 +21,7 @@ from ..errors import LinkLost, WheelwireError
 from .base_link import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, PORT_TIMEOUT_S, BaseLink, LinkOptions
 from .clock import host_clock_us
 from .latest_sample import LatestSample
+from .news import Happening, Listener
 from .port_loop import PortLoop
 from .requests import Answer, Done, RequestMessage
 from .served_port import Done as Told
@@ -100,6 +101,20 @@ class Link(BaseLink):
                 done(result)
 
         self._loop.call(lambda done, now_us: self._session.request(message, done, now_us), answered)
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """As `BaseLink.listen`; the link's thread calls it."""
+
+        def begin(done: Told, _now_us: int) -> None:
+            self._loop.listen(listener, happening)
+            done(None)
+
+        def answered(result: Answer | WheelwireError | None) -> None:
+            # The thread has ended, and nothing else will be told.
+            if isinstance(result, WheelwireError) and happening is Happening.LOST:
+                listener((happening, result))
+
+        self._loop.call(begin, answered)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement. Without a session it is sent all the same.

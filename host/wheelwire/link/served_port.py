@@ -22,6 +22,7 @@ from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import SuspendWatch, host_clock_us
 from .forking import abandon_in_child
 from .latest_sample import LatestSample
+from .news import Happening, Listener
 from .reconnect import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
@@ -115,6 +116,7 @@ class ServedPort(ABC):
         self._last_stop = LastStop()
         self._closing_us: int | None = None
         """When the closing began."""
+        self._listener: Listener | None = None
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
@@ -218,6 +220,8 @@ class ServedPort(ABC):
             or self._session.phase is not Phase.OPEN
         ):  # most reads bring state frames, which need none of this
             self._advance(transport, now_us)
+        if self._session.news:
+            self._tell_listener()
         if self._frames or self._output:
             self._write(transport)
 
@@ -354,8 +358,28 @@ class ServedPort(ABC):
             else:
                 self._latest_sample.interrupt()
                 _link_log.warning("%s: %s", self.port, self._session.error)
+        self._tell_listener()
         # Even if it did not change: who opens a link also waits for an error that is final.
         self._changed.notify_all()
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Tell what happens from now on, and of `happening` also what is so already.
+
+        To be called as a task.
+        """
+        self._tell_listener()  # of what was before
+        self._listener = listener
+        standing = self._session.standing_news(happening)
+        if standing is not None:
+            listener(standing)
+
+    def _tell_listener(self) -> None:
+        """Pass on what has happened; samples of a lost link are gone by then."""
+        news, listener = self._session.news, self._listener
+        while news:
+            happened = news.popleft()
+            if listener is not None:
+                listener(happened)
 
     def _is_ending(self) -> bool:
         return self._finishing or not self._is_wanted()
@@ -392,4 +416,5 @@ class ServedPort(ABC):
         self._session.disconnect(end)
         self._refuse_calls(end)
         self._latest_sample.fail(end)
+        self._tell_listener()
         self._changed.notify_all()

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import enum
 import logging
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -69,6 +70,7 @@ from wheelwire_protocol.types import (
 )
 
 from ..errors import (
+    NO_FAULT,
     BoardMismatch,
     DeviceRefused,
     LinkLost,
@@ -87,6 +89,7 @@ from .info import (
     device_of_session,
 )
 from .liveness import Liveness
+from .news import Happening, News
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
@@ -142,6 +145,7 @@ class Session:
         bytes_received: Since the start.
         frames_received: Good frames of known messages, since the start.
         setpoints: Makes the frames of setpoints, for any thread.
+        news: What has happened, in order; whoever serves the session takes it out.
         every_state: Whether each state frame counts, or only the newest of those that arrive
             together.
     """
@@ -169,6 +173,7 @@ class Session:
         self.bytes_received = 0
         self.frames_received = 0
         self.every_state = False
+        self.news: deque[News] = deque()
 
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
@@ -189,6 +194,8 @@ class Session:
         self._refused = 0
         self._round_trips = RoundTrips()
         self._recent = RecentCounts()
+        self._latched = NO_FAULT
+        """Faults that the device has reported to be latched. They outlast sessions and resets."""
 
         self._nonce = 0
         self._hello_due_us = 0
@@ -420,6 +427,14 @@ class Session:
         """The application has left its trial of parameters; from any thread."""
         self._trial.release()
 
+    def standing_news(self, happening: Happening) -> News | None:
+        """That the robot is out of reach, or that a fault is latched, if it is so by now."""
+        if happening is Happening.LOST and self.phase is not Phase.OPEN:
+            return happening, self.error
+        if happening is Happening.FAULT and self._latched:
+            return happening, self._latched
+        return None
+
     def withdraw(self, done: Done) -> None:
         """Whoever waits for `done` has given up: no copy of the request is sent any more."""
         self._requests.withdraw(done)
@@ -461,6 +476,8 @@ class Session:
 
     def _end(self, error: WheelwireError) -> None:
         self.error = error  # first: other threads read it as soon as they see the phase
+        if self.phase is Phase.OPEN:
+            self.news.append((Happening.LOST, error))
         self.phase = Phase.CLOSED
         self.watched_values = None
         self.rolling_mps = None
@@ -500,6 +517,8 @@ class Session:
     def _begin(self, device: DeviceInfo, now_us: int) -> None:
         """The device has opened a session: synchronise the clock, send preparing requests."""
         self._boots.enter(device.boot_id)
+        if self.device is None or self.device.board_id != device.board_id:
+            self._latched = NO_FAULT
         self.device = device
         self.phase = Phase.PREPARING
         self.unanswered_since_us = None
@@ -590,6 +609,7 @@ class Session:
                 self._id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
             self.phase = Phase.OPEN
+            self.news.append((Happening.OPENED, self.device))
 
     def _collect_watched(self) -> None:
         """Replace the watched values, unless a device's answers have left one out."""
@@ -638,6 +658,8 @@ class Session:
                     self.rolling_mps = None
                 self.setpoints.supervisor = newest.supervisor
                 self.setpoints.faults = newest.faults
+                if newest.faults != self._latched:
+                    self._note_latched(newest.faults)
                 self.setpoints.on_obeyed(newest.state.command_seq)
         states.clear()
 
@@ -668,8 +690,14 @@ class Session:
         try:
             self.setpoints.supervisor = SupervisorState(event.after)
             self.setpoints.faults = Fault(event.faults)
+            self._note_latched(self.setpoints.faults)
         except ValueError:
             self._invalid += 1
+
+    def _note_latched(self, faults: Fault) -> None:
+        if faults & ~self._latched:
+            self.news.append((Happening.FAULT, faults))
+        self._latched = faults
 
     def _on_refuse(self, refuse: Refuse, now_us: int) -> None:
         if not self._is_ours(refuse.session_id, now_us):
@@ -711,6 +739,8 @@ class Session:
             # Until the next state frame tells, assume that the device is no longer latched: else
             # the first setpoint after a clear would be refused here.
             self.setpoints.clear()
+            if isinstance(request, ClearFault):
+                self._latched = NO_FAULT  # the same fault may be latched before the next frame
         self._requests.on_answer(answer, now_us)
 
     def _take_value(self, parameter: int, value: float) -> None:

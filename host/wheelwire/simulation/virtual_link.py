@@ -14,6 +14,7 @@ from ..link.base_link import LinkInfo
 from ..link.connection import Heard
 from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
+from ..link.news import Happening, Listener
 from ..link.requests import Answer, Done, RequestMessage
 from ..link.session import Phase, Session
 from .library import FwSim
@@ -48,6 +49,7 @@ class VirtualLink:
         # The first connection, in `plug` below, is no reconnection.
         self._reconnects = -1
         self._end: LinkClosed | None = None
+        self._listener: Listener | None = None
         self.plug()
         self._pass_until(lambda: self._session.phase is Phase.OPEN, OPEN_S)
         self._check_open()
@@ -65,6 +67,7 @@ class VirtualLink:
         self._plugged = False
         self._session.disconnect(LinkLost("the cable of the simulated robot is unplugged"))
         self._latest_sample.interrupt()
+        self._tell_listener()
 
     def plug(self) -> None:
         """Plug the cable in again."""
@@ -125,6 +128,13 @@ class VirtualLink:
         """Raise the reason if the link is not open."""
         self._check_open()
         self._session.check_open()
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """As `BaseLink.listen`."""
+        self._listener = listener
+        standing = self._session.standing_news(happening)
+        if standing is not None:
+            listener(standing)
 
     def release_trial(self) -> None:
         """The application has left its trial of parameters."""
@@ -191,6 +201,15 @@ class VirtualLink:
             if self._session.phase is not Phase.OPEN:
                 self._latest_sample.interrupt()  # the device was reset, or has fallen silent
             self._latest_sample.notify_all()
+        # Last: what is called may let time pass, or close the link.
+        self._tell_listener()
+
+    def _tell_listener(self) -> None:
+        news = self._session.news
+        while news:
+            happened = news.popleft()
+            if self._listener is not None:
+                self._listener(happened)
 
     def _answer(self, submit: Callable[[Done], None]) -> Answer:
         self._check_open()

@@ -1,0 +1,214 @@
+"""Functions of the application that a driver calls: `on_lost`, `on_opened`, `on_fault`."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import weakref
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from inspect import iscoroutinefunction
+from queue import SimpleQueue
+from typing import Any, TypeAlias
+
+from ..errors import InvalidArgument, WheelwireError, shown
+from ..link.news import Happening, Listener, News
+from ..link.waiting import Notifier
+
+LAST_CALL_S = 1.0
+"""How long closing waits for a callback that runs. What it asks of the robot ends at once then."""
+
+Handler: TypeAlias = Callable[[Any], object]
+
+_log = logging.getLogger("wheelwire")
+
+
+class Callbacks(ABC):
+    """At most one function for each happening; they are called one after the other, in order."""
+
+    def __init__(self) -> None:
+        self.handlers: dict[Happening, Handler] = {}
+
+    def set(self, happening: Happening, handler: Handler | None) -> None:
+        """Call `handler` from now on; None: nothing.
+
+        Raises:
+            InvalidArgument: It cannot be called.
+        """
+        if handler is None:
+            self.handlers.pop(happening, None)
+            return
+        if not callable(handler):
+            raise InvalidArgument(f"{happening.value} = {shown(handler)}: give a function, or None")
+        self._check(happening, handler)
+        self.handlers[happening] = handler
+
+    @property
+    @abstractmethod
+    def listener(self) -> Listener:
+        """Takes what happens; refers to no function of the application."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Begin no call from now on. Never waits."""
+
+    @abstractmethod
+    def _check(self, happening: Happening, handler: Handler) -> None:
+        """Raise `InvalidArgument` for a function that cannot be called here."""
+
+
+def refuse_coroutine(happening: Happening, handler: Handler) -> None:
+    """Raise `InvalidArgument` if it would have to be awaited."""
+    if iscoroutinefunction(handler):
+        raise InvalidArgument(
+            f"{happening.value} = {shown(handler)}: give a plain function; coroutines are for "
+            "robots of wheelwire.aio"
+        )
+
+
+def log_failure(happening: Happening) -> None:
+    """Log the exception that a function of the application has raised."""
+    _log.exception("%s raised an exception; the link goes on", happening.value)
+
+
+class Inbox:
+    """What has happened and was not told yet; refers to no function of the application."""
+
+    def __init__(self) -> None:
+        self.news: SimpleQueue[News | None] = SimpleQueue()
+        self.closed = False
+
+    def close(self) -> None:
+        """Begin no call from now on, and end the thread. Never waits."""
+        self.closed = True
+        self.news.put(None)
+
+
+class ThreadCallbacks(Callbacks):
+    """Called on a thread of their own, which may call the robot.
+
+    It starts with the first function that is set, and ends when the driver is closed or forgotten.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.inbox = Inbox()
+        self._thread: threading.Thread | None = None
+        self._calling = False
+        self._changed = Notifier()
+
+    @property
+    def listener(self) -> Listener:
+        """Queues it."""
+        return self.inbox.news.put
+
+    def set(self, happening: Happening, handler: Handler | None) -> None:
+        """As `Callbacks.set`; starts the thread."""
+        super().set(happening, handler)
+        if handler is None or self._thread is not None or self.inbox.closed:
+            return
+        # Weakly, for the functions commonly refer to the driver: one that is forgotten ends it.
+        self._thread = threading.Thread(
+            target=_run,
+            args=(weakref.ref(self), self.inbox.news),
+            name="wheelwire callbacks",
+            daemon=True,
+        )
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            self._thread = None
+            raise WheelwireError(
+                f"the thread that calls {happening.value} cannot be started ({error}): "
+                "close other programs"
+            ) from error
+
+    def close(self) -> None:
+        """As `Callbacks.close`; the thread ends after the call that it is in."""
+        self.inbox.close()
+
+    def wait(self) -> None:
+        """Wait a moment for the end of a call, unless it is that call which waits."""
+        thread = self._thread
+        if thread is None or threading.current_thread() is thread:
+            return
+        if self._changed.wait_for(lambda: not self._calling, LAST_CALL_S):
+            thread.join(LAST_CALL_S)
+
+    def call(self, news: News) -> bool:
+        """Call the function for what has happened; False once closed."""
+        happening, told = news
+        # In this order: `close` looks at the one after it has set the other.
+        self._calling = True
+        try:
+            if self.inbox.closed:
+                return False
+            handler = self.handlers.get(happening)
+            if handler is not None:
+                handler(told)
+        except BaseException:  # also an exit: it would end this thread alone, and without a word
+            log_failure(happening)
+        finally:
+            self._calling = False
+            self._changed.notify_all()
+        return True
+
+    def _check(self, happening: Happening, handler: Handler) -> None:
+        refuse_coroutine(happening, handler)
+
+
+def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[News | None]) -> None:
+    """The thread's main function."""
+    while (news := queue.get()) is not None:
+        this = callbacks()
+        if this is None or not this.call(news):
+            return
+        # While it waits it must keep neither alive.
+        del this, news
+
+
+class InlineCallbacks(Callbacks):
+    """Called by whoever lets virtual time pass, for only one thread may use such a robot."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._news: deque[News] = deque()
+        self._calling = False
+        self._closed = False
+
+    @property
+    def listener(self) -> Listener:
+        """Calls at once; what happens during a call comes after it."""
+        return self._tell
+
+    def _tell(self, news: News) -> None:
+        self._news.append(news)
+        if self._calling:
+            return
+        self._calling = True
+        try:
+            while self._news and not self._closed:
+                happening, told = self._news.popleft()
+                handler = self.handlers.get(happening)
+                if handler is not None:
+                    self._call(happening, handler, told)
+        finally:
+            self._calling = False
+
+    def close(self) -> None:
+        """As `Callbacks.close`."""
+        self._closed = True
+
+    def wait(self) -> None:
+        """No call is under way, except one that this is called from."""
+
+    @staticmethod
+    def _call(happening: Happening, handler: Handler, told: object) -> None:
+        try:
+            handler(told)
+        except Exception:
+            log_failure(happening)
+
+    def _check(self, happening: Happening, handler: Handler) -> None:
+        refuse_coroutine(happening, handler)

@@ -1,0 +1,92 @@
+"""Functions and coroutines of the application that a driver for asyncio calls."""
+
+from __future__ import annotations
+
+import asyncio
+import weakref
+from collections import deque
+from collections.abc import Awaitable
+from contextlib import suppress
+from inspect import isawaitable
+
+from ..link.news import Happening, Listener, News
+from .callbacks import LAST_CALL_S, Callbacks, Handler, log_failure
+
+
+class LoopCallbacks(Callbacks):
+    """Called by a task of the loop; a coroutine is awaited before the next call."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._news: deque[News] = deque()
+        self._task: asyncio.Task[None] | None = None
+        self._awaited: asyncio.Future[object] | None = None
+        self._closed = False
+
+    @property
+    def listener(self) -> Listener:
+        """Queues it, and has a task call."""
+        # Weakly: the functions commonly refer to the driver, which the port must not keep alive.
+        this = weakref.ref(self)
+
+        def tell(news: News) -> None:
+            callbacks = this()
+            if callbacks is not None:
+                callbacks.tell(news)
+
+        return tell
+
+    def tell(self, news: News) -> None:
+        """Call the function for it, once those before it have been called."""
+        if self._closed or news[0] not in self.handlers:
+            return
+        self._news.append(news)
+        if self._task is None or self._task.done():  # an eager task is done at once
+            with suppress(RuntimeError):  # there is no loop any more
+                self._task = asyncio.get_running_loop().create_task(
+                    self._run(), name="wheelwire callbacks"
+                )
+
+    def close(self) -> None:
+        """As `Callbacks.close`."""
+        self._closed = True
+
+    async def wait(self) -> None:
+        """Wait a moment for the end of a call, unless it is that call which waits."""
+        task, current = self._task, asyncio.current_task()
+        if task is not None and current is not task and current is not self._awaited:
+            await asyncio.wait([task], timeout=LAST_CALL_S)
+
+    async def _run(self) -> None:
+        try:
+            while self._news and not self._closed:
+                happening, told = self._news.popleft()
+                handler = self.handlers.get(happening)
+                if handler is not None:
+                    await self._call(happening, handler, told)
+        finally:
+            # Nothing is awaited between the last look at the queue and this.
+            self._task = None
+
+    async def _call(self, happening: Happening, handler: Handler, told: object) -> None:
+        try:
+            result = handler(told)
+            if isawaitable(result):
+                await self._finish(result)
+        except Exception:
+            log_failure(happening)
+
+    async def _finish(self, result: Awaitable[object]) -> None:
+        # A task of its own: one that cancels itself does not end the calls after it.
+        self._awaited = awaited = asyncio.ensure_future(result)
+        try:
+            await asyncio.wait([awaited])
+        finally:
+            awaited.cancel()  # when this task was cancelled; else it is done
+            self._awaited = None
+        if awaited.cancelled():
+            raise RuntimeError("it was cancelled")
+        awaited.result()
+
+    def _check(self, happening: Happening, handler: Handler) -> None:
+        """A coroutine is as good as a plain function."""

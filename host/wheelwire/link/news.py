@@ -1,0 +1,23 @@
+"""What a link reports by itself, to whoever listens."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from typing import TypeAlias
+
+
+class Happening(enum.Enum):
+    """What has happened. The value is the name of a driver's callback."""
+
+    LOST = "on_lost"
+    """The robot is out of reach; told with the error that every call raises."""
+    OPENED = "on_opened"
+    """A session was opened; told with the device."""
+    FAULT = "on_fault"
+    """A fault was latched; told with all that are."""
+
+
+News: TypeAlias = "tuple[Happening, object]"
+Listener: TypeAlias = Callable[[News], object]
+"""Takes what has happened, in order. Never waits."""
