@@ -27,7 +27,9 @@ def main() -> int:
         console.print(f"{run.__name__}: {ends}; the longest call took {outcome.longest_s:.2f} s")
         for line in outcome.unbounded:
             console.print(f"  not bounded: {line}")
-        failed = failed or bool(outcome.unbounded)
+        for line in outcome.unheard:
+            console.print(f"  not told: {line}")
+        failed = failed or bool(outcome.unbounded or outcome.unheard)
     return int(failed)
 
 

@@ -9,7 +9,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from random import Random
@@ -31,6 +30,31 @@ ROBOTS = 10
 LONGEST_DELAY_S = 0.004
 """After the call begins: most calls are answered within a millisecond."""
 
+
+def _drive(robot: Any) -> Any:
+    if isinstance(robot, aio.Driver):
+        return _drive_in_loop(robot)
+    return robot.set_velocity(0.1, 0.0)
+
+
+async def _drive_in_loop(robot: aio.Driver) -> None:
+    robot.set_velocity(0.1, 0.0)
+
+
+def _try_value(robot: Any) -> Any:
+    if isinstance(robot, aio.Driver):
+        return _try_value_in_loop(robot)
+    with robot.parameters.trial() as trial:
+        robot.parameters.set("integral_gain", 7.5)
+        return trial.keep()
+
+
+async def _try_value_in_loop(robot: aio.Driver) -> None:
+    async with robot.parameters.trial() as trial:
+        await robot.parameters.set("integral_gain", 7.5)
+        await trial.keep()
+
+
 CALLS: dict[str, Callable[[Any], Any]] = {
     "stop": lambda robot: robot.stop(),
     "estop": lambda robot: robot.estop(),
@@ -45,6 +69,9 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "reset": lambda robot: robot.parameters.reset(),
     "read": lambda robot: robot.read(0.05),
     "get_encoder_ticks": lambda robot: robot.get_encoder_ticks(),
+    "contradictions": lambda robot: robot.contradictions(),
+    "trial": _try_value,
+    "set_velocity": _drive,
 }
 
 
@@ -57,6 +84,8 @@ class Outcome:
     longest_s: float = 0.0
     unbounded: list[str] = field(default_factory=list)
     """What did not end in time, or with another error than a WheelwireError; nothing follows it."""
+    unheard: list[str] = field(default_factory=list)
+    """Losses and returns that the callbacks were not called for, or in another order."""
 
     def add(self, name: str, error: BaseException | None, begin_s: float) -> None:
         """A call that began at `begin_s` has ended."""
@@ -65,6 +94,24 @@ class Outcome:
         self.ends["returned" if error is None else type(error).__name__] += 1
         if duration_s > BOUND_S or not (error is None or isinstance(error, WheelwireError)):
             self.unbounded.append(f"{name}: {error!r} after {duration_s:.1f} s")
+
+
+class Heard:
+    """Hears of each loss and each return of a robot."""
+
+    def __init__(self, robot: Any) -> None:
+        self.calls: list[str] = []
+        robot.on_lost = lambda _: self.calls.append("lost")
+        robot.on_opened = lambda _: self.calls.append("opened")
+
+    def waits(self, unplugs: int, begin_s: float) -> bool:
+        """Whether the last return is still to be told of."""
+        return len(self.calls) < 2 * unplugs and time.monotonic() < begin_s + BOUND_S
+
+    def judge(self, unplugs: int, outcome: Outcome) -> None:
+        """Of each unplug a loss and a return has to be told."""
+        if self.calls != ["lost", "opened"] * unplugs:
+            outcome.unheard.append(f"{unplugs} unplugs: {Counter(self.calls)}")
 
 
 class _Pluggable(Port):
@@ -123,6 +170,7 @@ def in_parallel(run: Callable[[int, int], Outcome], count: int, seed: int) -> Ou
             total.ends += outcome.ends
             total.longest_s = max(total.longest_s, outcome.longest_s)
             total.unbounded += outcome.unbounded
+            total.unheard += outcome.unheard
     return total
 
 
@@ -136,7 +184,8 @@ def with_threads(count: int, seed: int) -> Outcome:
     random, outcome = Random(seed), Outcome()
     socket = Socket(random)
     with DeviceDriver(partial(Link, options(socket))) as robot:
-        for _ in range(count):
+        heard = Heard(robot)
+        for number in range(1, count + 1):
             name = random.choice(list(CALLS))
             delay_s = random.uniform(0, LONGEST_DELAY_S)
             thread = threading.Thread(target=_unplug_after, args=(socket, delay_s))
@@ -151,8 +200,23 @@ def with_threads(count: int, seed: int) -> Outcome:
             if outcome.unbounded:
                 break
             socket.plug()
-            _wait_until_open(robot)
+            while heard.waits(number, begin_s):
+                time.sleep(0.001)
+        heard.judge(number, outcome)
+        _close(robot, socket, random, outcome)
     return outcome
+
+
+def _close(robot: DeviceDriver, socket: Socket, random: Random, outcome: Outcome) -> None:
+    """Unplug while it is closed."""
+    thread = threading.Thread(
+        target=_unplug_after, args=(socket, random.uniform(0, LONGEST_DELAY_S))
+    )
+    thread.start()
+    begin_s = time.monotonic()
+    robot.close()
+    outcome.add("close", None, begin_s)
+    thread.join()
 
 
 def with_asyncio(count: int, seed: int) -> Outcome:
@@ -164,8 +228,9 @@ async def _with_asyncio(count: int, seed: int) -> Outcome:
     random, outcome = Random(seed), Outcome()
     socket = Socket(random)
     async with aio.Opening(lambda: aio.Driver(options(socket))) as robot:
+        heard = Heard(robot)
         loop = asyncio.get_running_loop()
-        for _ in range(count):
+        for number in range(1, count + 1):
             name = random.choice(list(CALLS))
             if random.random() < 0.5:  # the loss is found by the call itself
                 socket.unplug()
@@ -181,8 +246,13 @@ async def _with_asyncio(count: int, seed: int) -> Outcome:
                 break
             await asyncio.sleep(LONGEST_DELAY_S)  # until it is unplugged for certain
             socket.plug()
-            while not _is_open(robot):
+            while heard.waits(number, begin_s):
                 await asyncio.sleep(0.001)
+        heard.judge(number, outcome)
+        loop.call_later(random.uniform(0, LONGEST_DELAY_S), socket.unplug)
+        begin_s = time.monotonic()
+        await robot.close()
+        outcome.add("close", None, begin_s)
     return outcome
 
 
@@ -192,15 +262,3 @@ def _unplug_after(socket: Socket, delay_s: float) -> None:
     while host_clock_us() < end_us:
         select.select([], [], [], 0)
     socket.unplug()
-
-
-def _wait_until_open(robot: DeviceDriver) -> None:
-    while not _is_open(robot):
-        time.sleep(0.001)
-
-
-def _is_open(robot: Any) -> bool:
-    with suppress(LinkLost):
-        robot._check_link()
-        return True
-    return False

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.timeout(120)
 def test_every_call_ends_at_an_unplug(run: Callable[[int, int], unplugs.Outcome]) -> None:
     outcome = run(150, 1)
     assert not outcome.unbounded
+    assert not outcome.unheard
     # Both kinds of ends have to occur, or no unplug came during a call.
     assert outcome.ends["returned"] > 5
     assert outcome.ends["LinkLost"] > 5
