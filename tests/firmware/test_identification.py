@@ -127,7 +127,7 @@ def test_a_weak_motor_is_said() -> None:
     with plant_robot("25ga-1440", raised=True, settings={"left.motor_scale": 0.7}) as robot:
         found = identify(robot, quiet, on_the_floor=False)
     assert len(found.problems) == 1
-    assert found.problems[0].startswith("the wheels are unequal: left 0.5")
+    assert found.problems[0].startswith("the motors are unequal: left 0.5")
 
 
 def test_a_curve_that_no_line_fits_is_said_and_gets_no_gains() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.commissioning import plant_robot
 from support.defects import DEFECTS, DefectiveRobot, named
 from support.wiring_runs import (
     UNTUNED,
@@ -24,11 +25,14 @@ from support.wiring_runs import (
     set_up_raised,
 )
 from wheelwire.commissioning import problems, proof, setup
+from wheelwire.commissioning.identification import identify
+from wheelwire.commissioning.inspection import check_wheels
 from wheelwire.commissioning.progress import Progress
 from wheelwire.commissioning.pulses import pulse
 from wheelwire.commissioning.questions import Question, SimulatedPerson
 from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, set_up
 from wheelwire.commissioning.wiring import Wiring
+from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from wheelwire.parameter_file import load_parameter_file
 from wheelwire.simulation.plant import load_plant, shipped_plants
@@ -137,6 +141,132 @@ def test_all_of_a_robot_is_found_by_hand_and_saved() -> None:
     }
     assert {name: values[name] for name in expected} == expected
     assert values["proportional_gain"] != 1.2
+
+
+BLOCKED = {"left.blocked": 1.0, "right.blocked": 1.0}
+
+
+def against_a_wall(robot: MockDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its wheels are stuck from the test drives on."""
+
+    def measured(*given: object, **options: object) -> object:
+        found = identify(*given, **options)  # type: ignore[arg-type]
+        for name, value in BLOCKED.items():
+            robot.simulator.set(name, value)
+        return found
+
+    monkeypatch.setattr(setup, "identify", measured)
+
+
+@pytest.mark.parametrize("raised", [1, 0])
+def test_test_drives_that_end_in_a_fault_are_no_success(
+    monkeypatch: pytest.MonkeyPatch, raised: int
+) -> None:
+    said: list[str] = []
+    with raised_robot({"wheels_free": raised}) as robot:
+        against_a_wall(robot, monkeypatch)
+        before = {name: robot.parameters[name] for name in CHANGED}
+        options = Options(on_the_floor=not raised)
+        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
+        robot.parameters.refresh()
+        assert {name: robot.parameters[name] for name in CHANGED} == before
+    assert not findings.is_complete
+    assert not findings.saved
+    (problem,) = findings.problems
+    assert problem.startswith("a drive ended in a fault: with the previous values, too. LEFT_NOT")
+    assert "RIGHT_NOT_COUNTING" in problem
+    assert not any("track as well" in line for line in said)
+
+
+def test_a_fault_with_the_new_values_alone_is_no_success_either(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bad = {"velocity_feedforward": 0.0, "static_feedforward": 0.0, "plausibility_margin": 0.05}
+    monkeypatch.setattr(setup, "tuned", lambda *_: bad)
+    with raised_robot(load_plant("tt-1-48").settings) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+    assert (findings.is_complete, findings.saved) == (False, False)
+    assert "a drive ended in a fault: with the new values. " in findings.problems[-1]
+
+
+def test_a_fault_with_the_previous_values_is_said_and_mended() -> None:
+    said: list[str] = []
+    with raised_robot({"left.motor_scale": 0.5, "right.motor_scale": 0.5}) as robot:
+        robot.parameters.set("plausibility_margin", 0.1)
+        findings = set_up(robot, SimulatedPerson(robot), said.append)
+    assert findings.rms_before_mps is None
+    assert findings.rms_after_mps is not None
+    assert findings.saved
+    assert any("with the previous values a fault ended the drive: LEFT_" in line for line in said)
+
+
+@pytest.mark.parametrize("raised", [1, 0])
+def test_a_fault_while_the_motors_are_measured_is_named(raised: int) -> None:
+    with raised_robot({"wheels_free": raised}) as robot:
+
+        def say(text: str) -> None:
+            if text.startswith("step response"):
+                robot.simulator.set("left.blocked", 1)
+
+        findings = set_up(robot, SimulatedPerson(robot), say, Options(on_the_floor=not raised))
+    assert (findings.is_complete, findings.saved) == (False, False)
+    assert findings.problems[-1].startswith("a drive ended in a fault: LEFT_NOT_COUNTING: ")
+
+
+def test_a_wheel_that_stops_while_both_are_compared_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def blocked_first(robot: MockDriver, *given: object) -> object:
+        robot.simulator.set("left.encoder_dead", 1)
+        return check_wheels(robot, *given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(setup, "check_wheels", blocked_first)
+    with raised_robot(load_plant("tt-1-48").settings) as robot:
+        findings = set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None)
+    assert (findings.is_complete, findings.saved) == (False, False)
+    assert findings.problems[0].startswith("a drive ended in a fault: LEFT_NOT_COUNTING: ")
+
+
+@pytest.mark.parametrize("plant", ["25ga-1440", "tt-1-48"])
+@pytest.mark.parametrize("raised", [1, 0])
+def test_a_missing_magnet_is_named_once_wherever_the_robot_stands(plant: str, raised: int) -> None:
+    with plant_robot(plant, raised=bool(raised), settings={"right.magnet_missing": 1}) as robot:
+        options = Options(on_the_floor=not raised)
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+    named = [text for text in findings.problems if "misses a magnet" in text]
+    assert len(named) == 1
+    assert named[0].startswith("right encoder")
+
+
+@pytest.mark.parametrize("plant", shipped_plants())
+@pytest.mark.parametrize("raised", [1, 0])
+def test_an_empty_battery_is_no_weak_motor(plant: str, raised: int) -> None:
+    empty = {"supply_v": 3.0, "battery_v": 3.0}
+    with plant_robot(plant, raised=bool(raised), settings=empty) as robot:
+        options = Options(on_the_floor=not raised)
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None, options)
+    (problem,) = findings.problems
+    assert problem.startswith("battery low: it measures 3.0 V, and nominal_supply_v is 7.4: charge")
+    assert findings.is_complete == bool(raised)
+    assert findings.velocity_feedforward is None
+
+
+def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
+    with raised_robot({"supply_v": 3.3, "battery_v": 3.3, "motor.supply_v": 3.3}) as robot:
+        robot.parameters.set("nominal_supply_v", 3.3)
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+    assert findings.saved
+    assert findings.velocity_feedforward is not None
+    assert not any("battery low" in text for text in findings.problems)
+
+
+def test_unequal_wheels_are_said_to_be_what_it_cannot_find() -> None:
+    said: list[str] = []
+    with raised_robot({"left.radius_scale": 1.1}) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), said.append)
+    assert findings.problems == ()
+    assert setup.UNEQUAL_WHEELS in said
+    assert "unequal ones cannot be found" in setup.UNEQUAL_WHEELS
 
 
 def test_gains_that_are_no_better_are_not_saved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,7 @@ from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed
 from ..samples import WheelSample
 from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
+from .gaps import has_gap
 from .motion import (
     SIDES,
     Pair,
@@ -38,6 +39,7 @@ from .motion import (
     require_ready,
     uninterrupted,
 )
+from .problems import MAGNET_MISSING, Problem
 
 STAIRS = (0.15, 0.60)
 """The staircase's lowest and highest duty."""
@@ -67,6 +69,8 @@ _BENT = 0.05
 """A line further off than this fraction of the greatest speed does not describe the curve."""
 _HEADROOM = 0.9
 """Of full duty: the rest is for the loop."""
+_FEWEST_GAPS = 2
+"""Duties at which an encoder's counts have gaps: once may be an obstacle."""
 _UNEQUAL = 0.15
 """Difference between wheels or directions, as a fraction, that is worth a word."""
 
@@ -203,6 +207,7 @@ class _Bench:
         # Below the duty at which a wheel that stands trips a fault.
         self._most_breakaway = min(_MOST_BREAKAWAY, 0.98 * values["stall_duty"], self._most_duty)
         self._supply: list[float] = []
+        self._gaps = [0, 0]
         # Assumed if the steps cannot be measured: a slow drive, so that each stair settles.
         self._time_constant_s = 0.15
 
@@ -227,7 +232,11 @@ class _Bench:
             right=wheels[1],
             on_the_floor=self._on_the_floor,
             supply_v=supply_v,
-            problems=(*_problems(wheels, stairs), *self._too_fast(wheels)),
+            problems=(
+                *self._missing_magnets(),
+                *_problems(wheels, stairs),
+                *self._too_fast(wheels),
+            ),
         )
 
     # --- breakaway -----------------------------------------------------------------------------
@@ -416,6 +425,8 @@ class _Bench:
         record = follow_duty(self._robot, lambda _: both, self._is_enough(settle_s))
         if settling.lapsed or record.lapsed:
             return None
+        for side in (0, 1):
+            self._gaps[side] += has_gap(record.samples, side)
         # While the wheels turn: the feed-forward will hold at the voltage of a loaded battery.
         self._supply += [sample.battery_v for sample in record.samples if sample.battery_v]
         return Pair(self._speed_mps(record, 0), self._speed_mps(record, 1))
@@ -465,6 +476,10 @@ class _Bench:
             delay_s=lag.delay_s if lag else None,
             time_constant_s=lag.time_constant_s if lag else None,
         )
+
+    def _missing_magnets(self) -> list[str]:
+        sides = [side for side in (0, 1) if self._gaps[side] >= _FEWEST_GAPS]
+        return [str(Problem(MAGNET_MISSING, side)) for side in sides]
 
     def _too_fast(self, wheels: Sequence[WheelIdentification]) -> list[str]:
         """Whether the robot's own limit leaves the loop nothing to correct with."""
@@ -569,7 +584,7 @@ def _problems(wheels: Sequence[WheelIdentification], stairs: Sequence[_Stairs]) 
     left, right = (1 / wheel.velocity_feedforward for wheel in wheels)
     if _differ(left, right):
         found.append(
-            f"the wheels are unequal: left {left:.2f}, right {right:.2f} m/s per duty. The "
+            f"the motors are unequal: left {left:.2f}, right {right:.2f} m/s per duty. The "
             "feed-forward is their mean, the loop makes up for the rest"
         )
     return tuple(found)

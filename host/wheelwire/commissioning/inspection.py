@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
-from statistics import median
 
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample
+from .gaps import has_gap
 from .motion import SIDES, BoardReset, arm, fresh
 from .problems import (
     BLOCKED,
     CONTACT_OPEN,
+    FAULTED,
+    LOW_BATTERY,
     MAGNET_MISSING,
     NO_ENCODER,
     NO_MOTOR,
@@ -25,6 +26,7 @@ from .problems import (
     SAGS,
     WEAK,
     Problem,
+    named,
 )
 from .pulses import (
     COUNTED_TICKS,
@@ -72,6 +74,8 @@ FLOOR = Question(
 )
 
 _LOWEST_SUPPLY_V = 2.0
+_LOW_SUPPLY = 0.6
+"""Of `nominal_supply_v`: no battery that is worth measuring motors with is as empty."""
 _STILL_S = 0.5
 _REPEATS = 3
 _CONFIRM_S = 0.3
@@ -84,8 +88,6 @@ _STARTED_S = 0.4
 _STEADY_DUTY = (0.25, 0.6)
 _UNEQUAL = 0.7
 _UNEQUAL_START = 1.9
-_BUNCH_TICKS = 5
-"""Fewer than that could be an uneven encoder."""
 
 
 class Unfit(CommissioningFailed):
@@ -116,12 +118,14 @@ def check_floor(robot: BaseDriver, person: Person) -> None:
     """Ask for a free metre; otherwise as `check_ready`.
 
     Raises:
-        Unfit: The contact is open, or there is no supply.
+        Unfit: The contact is open, or there is no supply or too little.
         CommissioningFailed: There is no room, a fault cannot be cleared, or a wheel turns.
     """
     if person.answer(FLOOR) != YES:
         raise CommissioningFailed("make room for the robot, then begin again")
     _check_still(robot)
+    if low := find_low_battery(robot):
+        raise Unfit(low)
 
 
 def _check_still(robot: BaseDriver) -> None:
@@ -136,6 +140,16 @@ def _check_still(robot: BaseDriver) -> None:
     # An encoder that rests on an edge may toggle by one tick.
     if max(map(abs, ticks_since(sample, start))) > 1:
         raise CommissioningFailed("a wheel turns though it is not driven: hold it still")
+
+
+def find_low_battery(robot: BaseDriver) -> list[Problem]:
+    """Whether the battery, as far as it is measured, is too empty to judge a motor by."""
+    measured_v, nominal_v = fresh(robot).battery_v, robot.parameters["nominal_supply_v"]
+    if measured_v is None or measured_v >= _LOW_SUPPLY * nominal_v:
+        return []
+    return [
+        Problem(LOW_BATTERY, detail=f"{measured_v:.1f} V, and nominal_supply_v is {nominal_v:g}")
+    ]
 
 
 def clear(robot: BaseDriver) -> None:
@@ -196,7 +210,8 @@ def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Se
     if not problems or any(one.answer == NONE for one in (first, second)):
         problems += _motionless(robot, person, first, second)
     if problems:
-        raise Unfit(problems)
+        # A wheel that hardly moves looks like many things.
+        raise Unfit(find_low_battery(robot) or problems)
     return deduce(first, second), (first.pulsed, second.pulsed)
 
 
@@ -333,16 +348,22 @@ def check_wheels(robot: BaseDriver, pulsed: Sequence[float], turning: float) -> 
         turning: A duty at which both turn.
 
     Raises:
+        Unfit: A fault of a wheel stopped the robot.
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     low, high = _STEADY_DUTY
     # Well beyond what starts them, so that both turn steadily.
     duty = max(min(max(3 * max(pulsed, default=high), low), high), turning)
     driven = run(robot, (duty, duty), _STEADY_S)
-    bunched = [side for side in (0, 1) if _is_bunched(driven, side, duty)]
+    if driven.faults:
+        raise Unfit([Problem(FAULTED, detail=named(driven.faults))])
+    gaps = [side for side in (0, 1) if has_gap(_at_steady_speed(driven, side, duty), side)]
     # Where no edge comes, a wheel seems to start late.
-    unequal = _unequal(driven, () if bunched else pulsed)
-    return unequal + [Problem(MAGNET_MISSING, side) for side in bunched]
+    unequal = _unequal(driven, () if gaps else pulsed)
+    # At a low voltage a little more friction is a great difference.
+    if find_low_battery(robot):
+        unequal = []
+    return unequal + [Problem(MAGNET_MISSING, side) for side in gaps]
 
 
 def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
@@ -361,34 +382,14 @@ def _unequal(driven: Run, pulsed: Sequence[float]) -> list[Problem]:
     return []
 
 
-def _is_bunched(driven: Run, side: int, duty: float) -> bool:
-    """Whether counts stop for a while at speed, and what was missed comes at once."""
-    # Only at steady speed: not while the wheels start, nor while they roll out.
-    samples = [
+def _at_steady_speed(driven: Run, side: int, duty: float) -> list[WheelSample]:
+    """Not while the wheels start, nor while they roll out."""
+    first = driven.samples[0]
+    return [
         sample
         for sample in driven.samples
-        if sample.since(driven.samples[0]).dt_s > _STARTED_S and _duty(sample, side) > 0.9 * duty
+        if sample.since(first).dt_s > _STARTED_S and _duty(sample, side) > 0.9 * duty
     ]
-    steps = [
-        (later.since(earlier)[side], later.since(earlier).dt_s)
-        for earlier, later in pairwise(samples)
-    ]
-    if not steps:
-        return False
-    rate = sum(ticks for ticks, _ in steps) / sum(seconds for _, seconds in steps)
-    typical = median(ticks for ticks, _ in steps)
-    still_s, still_samples = 0.0, 0
-    for ticks, seconds in steps:
-        if ticks == 0:
-            still_s, still_samples = still_s + seconds, still_samples + 1
-            continue
-        # Where a magnet is missing, the counts come later and all at once. A wheel that hesitated
-        # does not make up for them.
-        missed = rate * still_s
-        if still_samples > 1 and missed >= _BUNCH_TICKS and ticks > typical + missed / 2:
-            return True
-        still_s, still_samples = 0.0, 0
-    return False
 
 
 def _duty(sample: WheelSample, side: int) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from wheelwire_protocol.codes import Fault
+
 
 @dataclass(frozen=True)
 class Defect:
@@ -55,6 +57,12 @@ NO_SUPPLY = Defect(
     "the bridge's supply and enable pins",
     "supply_v",
 )
+LOW_BATTERY = Defect(
+    "battery low",
+    "it measures {detail}: charge it, then begin again; the motors are not measured with it. If "
+    "the robot is meant for so little, set nominal_supply_v first",
+    "battery_v",
+)
 SAGS = Defect(
     "supply sags",
     "the motors pull the supply down{detail}: charge the battery, use thicker and shorter leads, "
@@ -96,6 +104,7 @@ DEFECTS = (
     SAME_ENCODER,
     CHANNELS_MIXED,
     NO_SUPPLY,
+    LOW_BATTERY,
     SAGS,
     CONTACT_OPEN,
     ON_THE_FLOOR,
@@ -128,12 +137,23 @@ NOT_CONFIRMED = Defect(
     "contact is loose; begin again",
     "",
 )
+FAULTED = Defect(
+    "a drive ended in a fault",
+    "{detail} Mend it, then begin again; to save what was found before without tuning, answer no "
+    "to the question for it",
+    "",
+)
 WRONG_WHEEL = Defect(
     "answers and hand disagree",
     "{detail} when the {side} wheel was turned forward by hand: one of the two answers was wrong, "
     "or another wheel was turned, or backward; begin again",
     "",
 )
+
+
+def named(faults: Fault) -> str:
+    """Each of these faults, and what it means."""
+    return " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults)
 
 
 @dataclass(frozen=True)

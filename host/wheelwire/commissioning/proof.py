@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..drivers.base import BaseDriver
 from ..errors import DeviceRefused
@@ -187,6 +187,7 @@ class Proof:
         rms_before_mps: Tracking error of both wheels; None: a fault ended the drive.
         rms_after_mps: The same, with the new parameters.
         traces: Before and after, as far as there is one.
+        faults: That ended the drive before and the one after; none of a drive that reached its end.
     """
 
     left: WheelProof
@@ -194,6 +195,7 @@ class Proof:
     rms_before_mps: float | None
     rms_after_mps: float | None
     traces: tuple[Trace | None, Trace | None]
+    faults: tuple[Fault, Fault]
 
     @property
     def better(self) -> bool:
@@ -277,14 +279,15 @@ def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, fl
     course = _course(robot, {**before, **after})
     with one_session(robot):
         try:
-            traces = _drive_with(robot, before, course), _drive_with(robot, after, course)
+            drives = _drive_with(robot, before, course), _drive_with(robot, after, course)
         finally:
             # The stop first: while the robot drives, some of the former values would be refused.
             robot.stop()
             _set(robot, before)
+    traces = drives[0].trace, drives[1].trace
     left, right = (_wheel_proof(traces, course, wheel) for wheel in (0, 1))
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
-    return Proof(left, right, rms[0], rms[1], traces)
+    return Proof(left, right, rms[0], rms[1], traces, (drives[0].faults, drives[1].faults))
 
 
 def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
@@ -308,23 +311,33 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
     return Course(top_mps, ramp_mps2)
 
 
-def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) -> Trace | None:
-    """None if a fault ends the drive; it is cleared then."""
+class _Drive(NamedTuple):
+    trace: Trace | None
+    faults: Fault
+    """That ended it, if there is no trace."""
+
+
+def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) -> _Drive:
+    """A fault that ends the drive is cleared."""
     # The setpoint of the drive before may still be in force, and some parameters change only while
     # the robot stands.
     robot.stop()
     _set(robot, values)
     try:
-        return uninterrupted(partial(_drive, robot, course))
-    except _Faulted:
+        return _Drive(uninterrupted(partial(_drive, robot, course)), Fault(0))
+    except _Faulted as ended:
         come_to_rest(robot)
         robot.clear_fault()
         arm(robot)
-        return None
+        return _Drive(None, ended.faults)
 
 
 class _Faulted(Exception):  # noqa: N818
     """A fault ended the drive."""
+
+    def __init__(self, faults: Fault) -> None:
+        super().__init__(faults)
+        self.faults = faults
 
 
 def _drive(robot: BaseDriver, course: Course) -> Trace | None:
@@ -343,12 +356,12 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
             robot.set_wheel_velocity(left, right, life_s(robot))
         except DeviceRefused as error:
             if error.faults:
-                raise _Faulted from error
+                raise _Faulted(error.faults) from error
             raise
         record.add(robot.read())
         # A fault may show in a sample before a setpoint is refused because of it.
         if record.samples[-1].state is SupervisorState.FAULT:
-            raise _Faulted
+            raise _Faulted(record.samples[-1].faults)
     if record.lapsed:
         return None
     lag_s = _MEASUREMENT_LAG * robot.parameters["velocity_window_us"] / 1e6

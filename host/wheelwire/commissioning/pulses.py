@@ -20,6 +20,7 @@ TOGGLES = 3
 """Changes of a count that are more than an encoder at rest on an edge."""
 
 _RISE_S = 0.08
+_HARDER_S = 0.15
 _LOWEST_DUTY = 0.1
 _RISE = 1.25
 _HIGHEST_DUTY = 0.6
@@ -29,6 +30,7 @@ _HARDEST_DUTY = 0.98
 _SHOW_S = 0.25
 _REST_S = 0.1
 _LONGEST_REST_S = 5.0
+NO_FAULT = Fault(0)
 _OWN_FAULTS = (
     Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING | Fault.LEFT_REVERSED | Fault.RIGHT_REVERSED
 )
@@ -56,6 +58,12 @@ class Run:
         """In how many samples each counter had changed."""
         steps = [b.since(a) for a, b in pairwise(self.samples)]
         return sum(s.left != 0 for s in steps), sum(s.right != 0 for s in steps)
+
+    @property
+    def faults(self) -> Fault:
+        """That ended the drive, if any did."""
+        last = self.samples[-1]
+        return last.faults if last.state is SupervisorState.FAULT else NO_FAULT
 
     @property
     def lowest_v(self) -> float | None:
@@ -114,18 +122,18 @@ def pulse(robot: BaseDriver, side: int) -> Pulsed:
     Raises:
         CommissioningFailed: The board was reset, or an e-stop or another fault was latched.
     """
-    return _rise(robot, side, _LOWEST_DUTY, _HIGHEST_DUTY)
+    return _rise(robot, side, _RISE_S, _LOWEST_DUTY, _HIGHEST_DUTY)
 
 
 def pulse_harder(robot: BaseDriver, side: int) -> Pulsed:
     """Go on where `pulse` ended: nothing turned, or it is known which wheel does, and which way."""
-    return _rise(robot, side, _HIGHEST_DUTY * _RISE, _HARDEST_DUTY)
+    return _rise(robot, side, _HARDER_S, _HIGHEST_DUTY * _RISE, _HARDEST_DUTY)
 
 
-def _rise(robot: BaseDriver, side: int, duty: float, unnoticed: float) -> Pulsed:
+def _rise(robot: BaseDriver, side: int, seconds: float, duty: float, unnoticed: float) -> Pulsed:
     """Raise the duty until a counter counts; as long as none does anything, up to `unnoticed`."""
     while True:
-        pulsed = _pulsed(duty, run(robot, _duties(side, duty), _RISE_S))
+        pulsed = _pulsed(duty, run(robot, _duties(side, duty), seconds))
         if pulsed.was_noticed:
             # The longer pulse has more ticks. If it shows nothing, the first one is what there is.
             shown = show(robot, side, pulsed)

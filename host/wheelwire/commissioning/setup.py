@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wheelwire_protocol.codes import ResetReason
+from wheelwire_protocol.codes import Fault, ResetReason
 
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import CommissioningFailed, OutputFailed
+from ..errors import CommissioningFailed, DeviceRefused, OutputFailed
 from ..parameter_file import ParameterFile, number_text
 from ..parameters import Trial, definition_of
 from .board_choice import choose_board, tell_contradictions
@@ -25,10 +25,12 @@ from .inspection import (
     check_supply,
     check_wheels,
     confirm,
+    find_low_battery,
     find_wiring,
 )
 from .motion import BoardReset
-from .problems import SAGS, Problem
+from .problems import FAULTED, SAGS, Problem
+from .problems import named as fault_names
 from .progress import Progress
 from .proof import Proof, prove
 from .questions import NO, YES, Person, Question
@@ -45,6 +47,11 @@ TUNED = (
 )
 CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
+
+UNEQUAL_WHEELS = (
+    "Both wheels are taken for equal in size: raised, unequal ones cannot be found. A robot that "
+    "drives a curve when it is to drive straight has them."
+)
 
 TUNE = Question(
     "tune",
@@ -165,6 +172,7 @@ class _SetUp:
     def _find(self) -> None:
         self.say("1/4 Robot, supply and contact. Left and right are as seen from behind.")
         check_ready(self.robot, self.person)
+        self._note(find_low_battery(self.robot))
         resumed = self.resumed = self._ask_resume()
         self.say("2/4 Wiring")
         if "wiring" in resumed:
@@ -212,6 +220,7 @@ class _SetUp:
             "Radius of the driven wheels, in metres?",
             "From the middle of one tyre to the middle of the other, in metres?",
         )
+        self.say(UNEQUAL_WHEELS)
         sizes = {}
         for name, text in zip(SIZES, texts, strict=True):
             now = number_text(self.robot.parameters[name])
@@ -223,23 +232,22 @@ class _SetUp:
             self._set("gains", self.resumed["gains"])
             return
         self.say("4/4 Motors")
+        if find_low_battery(self.robot):
+            self.say("not measured: the battery is low")
+            return
         if self.person.answer(TUNE) != YES:
             return
         try:
-            found = identify(self.robot, self.say, on_the_floor=self.options.on_the_floor)
-            after = tuned(found, self.robot)
-            before = self._remember(after)
-            proof = prove(self.robot, before, after)
+            after, proof = self._measure()
         except BoardReset:
             raise
         except CommissioningFailed as error:
-            if self.options.on_the_floor:
-                # There the gains are all that was asked for.
+            if self.options.on_the_floor or isinstance(error, Unfit):
+                # On the floor the gains are all that was asked for.
                 raise
             # What was found before is good all the same.
             self._note([str(error)])
             return
-        self._note(found.problems)
         self.findings = replace(
             self.findings,
             velocity_feedforward=after["velocity_feedforward"],
@@ -250,10 +258,30 @@ class _SetUp:
         self.say(proof.table())
         if self.options.plot is not None:
             self._plot(proof, self.options.plot)
+        self._judge_faults(*proof.faults)
         if proof.better:
             self._set("gains", after)
         else:
             self.say("the former values track as well; they are left as they are")
+
+    def _measure(self) -> tuple[dict[str, float], Proof]:
+        """The values for the motors, and a test drive with the previous ones and with these."""
+        try:
+            found = identify(self.robot, self.say, on_the_floor=self.options.on_the_floor)
+            self._note(found.problems)
+            after = tuned(found, self.robot)
+            return after, prove(self.robot, self._remember(after), after)
+        except DeviceRefused as error:
+            if not error.faults:
+                raise
+            raise Unfit([Problem(FAULTED, detail=fault_names(error.faults))]) from error
+
+    def _judge_faults(self, before: Fault, after: Fault) -> None:
+        if after:
+            which = "with the previous values, too" if before else "with the new values"
+            raise Unfit([Problem(FAULTED, detail=f"{which}. {fault_names(after | before)}")])
+        if before:
+            self.say(f"with the previous values a fault ended the drive: {fault_names(before)}")
 
     def _plot(self, proof: Proof, file: Path) -> None:
         try:
@@ -330,7 +358,9 @@ class _SetUp:
         return now
 
     def _note(self, problems: Sequence[Problem | str]) -> None:
-        texts = tuple(map(str, problems))
+        # A gap in an encoder's counts may be found twice.
+        new = dict.fromkeys(map(str, problems))
+        texts = tuple(text for text in new if text not in self.findings.problems)
         for text in texts:
             self.say(f"problem: {text}")
         self.findings = replace(self.findings, problems=(*self.findings.problems, *texts))
