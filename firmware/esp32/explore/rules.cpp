@@ -345,6 +345,9 @@ void Judge::slew_within_limit() {
 void Judge::begins_gently() {
   const bool begins = memory_.state != SupervisorState::kDriving || memory_.restarting_steps > 0;
   const auto& granted = witness_.granted();
+  // With other values its last ticks may look like any speed.
+  for (const ParameterId id : {kWheelRadius, kCountsPerRevolution, kVelocityWindowUs})
+    if (value(id) != kParameters[index_of(id)].default_value) return;
   if (!begins || !granted || granted->duty || memory_.stood_since_us == 0 ||
       now_us() < memory_.stood_since_us + kMeasuredSlowUs)
     return;
