@@ -16,11 +16,13 @@ from geometry_msgs.msg import Quaternion, TransformStamped, TwistStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from wheelwire import Twist
+from wheelwire import Pose, Twist
 
 from .estimator import RobotMotion
 
 NANOSECONDS = 1_000_000_000
+LOOSE = 1e-3
+"""What rounding may do to a quaternion that somebody typed."""
 PLANAR = (0, 1, 5)
 """Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
 
@@ -62,6 +64,37 @@ def heading_quaternion(heading_rad: float) -> Quaternion:
     """The quaternion of a rotation about z."""
     # The heading need not be wrapped: a full turn changes both signs, which is the same rotation.
     return Quaternion(z=math.sin(heading_rad / 2), w=math.cos(heading_rad / 2))
+
+
+def planar_pose(pose: Any) -> Pose:
+    """The place and the heading of a geometry_msgs/Pose.
+
+    Raises:
+        ValueError: It is none of a robot on a floor.
+    """
+    x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
+    numbers = (pose.position.x, pose.position.y, x, y, z, w)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a number is not finite")
+    if abs(x * x + y * y + z * z + w * w - 1) > LOOSE:
+        raise ValueError("the orientation is no unit quaternion; no turn is x, y, z = 0, w = 1")
+    if max(abs(x), abs(y)) > LOOSE:
+        raise ValueError("it rolls or pitches; the odometry is that of a floor")
+    return Pose(pose.position.x, pose.position.y, 2 * math.atan2(z, w))
+
+
+def planar_covariance(covariance: Sequence[float]) -> Any:
+    """Of (x, y, heading), 3 by 3, from ROS's 6 by 6.
+
+    Raises:
+        ValueError: It is no covariance.
+    """
+    matrix = np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]
+    if not np.all(np.isfinite(matrix)):
+        raise ValueError("a covariance is not finite")
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -LOOSE:
+        raise ValueError("the covariance of x, y and yaw is not symmetrical, or below 0")
+    return matrix
 
 
 def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:

@@ -6,9 +6,12 @@ import math
 import threading
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from wheelwire import (
     DifferentialDrive,
     Odometry,
+    OdometryUpdate,
     Pose,
     PoseCovariance,
     Twist,
@@ -16,8 +19,9 @@ from wheelwire import (
     WheelVelocities,
 )
 
+from .pose_file import PoseRecord
+
 if TYPE_CHECKING:
-    import numpy as np
     import numpy.typing as npt
 
 
@@ -57,6 +61,8 @@ class MotionEstimator:
         self._covariance = PoseCovariance(wheel_variance_m, wheel_variance_m)
         self._left_ticks = self._right_ticks = 0
         self._last: WheelSample | None = None
+        self.unseen_m = 0.0
+        """How far a wheel may have travelled uncounted at the last reset of the device."""
 
     @property
     def drive(self) -> DifferentialDrive:
@@ -79,6 +85,8 @@ class MotionEstimator:
             drive = self._odometry.drive
             update = self._odometry.update(sample)
             covariance = self._covariance.update(update, drive.wheel_separation)
+            if update.rebased:
+                self.unseen_m = max(abs(update.unseen_left_m), abs(update.unseen_right_m))
             travel = sample.since(self._last or sample)
             self._last = sample
             # Summed up here, since the device's counters wrap, and begin anew after a reset.
@@ -99,6 +107,74 @@ class MotionEstimator:
         with self._lock:
             self._odometry.reset()
             self._covariance.reset()
+
+    def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> None:
+        """Say where the robot is, and how well that is known: (x, y, heading), 3 by 3."""
+        with self._lock:
+            self._odometry.reset(pose)
+            self._covariance.matrix = covariance
+
+    def record(self, board_id: str, *, is_final: bool = False) -> PoseRecord | None:
+        """The pose at the last sample, to go on from; None before the first one."""
+        with self._lock:
+            last, pose = self._last, self._odometry.pose
+            if last is None:
+                return None
+            return PoseRecord(
+                board_id=board_id,
+                boot_id=last.boot_id,
+                t_us=last.t_us,
+                left_ticks=last.left_ticks,
+                right_ticks=last.right_ticks,
+                left_total=self._left_ticks,
+                right_total=self._right_ticks,
+                pose=(pose.x_m, pose.y_m, pose.heading_rad),
+                covariance=tuple(self._covariance.matrix.ravel().tolist()),
+                is_final=is_final,
+            )
+
+    def resume(self, record: PoseRecord, first: WheelSample) -> OdometryUpdate:
+        """Go on from a record of the same boot, before the first update.
+
+        What the wheels counted since is taken for one arc. The robot may have come to its end by
+        any other path of the same count, so the covariance grows by the arc's own bend, too.
+        """
+        with self._lock:
+            self._begin(record)
+            then = first._replace(
+                t_us=record.t_us, left_ticks=record.left_ticks, right_ticks=record.right_ticks
+            )
+            self._odometry.update(then)
+            update = self._odometry.update(first)
+            self._covariance.update(update, self._odometry.drive.wheel_separation)
+            bend_m = update.distance_m * update.turn_rad / 2
+            self._widen(bend_m, 0.0)
+            travel = first.since(then)
+            self._left_ticks += travel.left
+            self._right_ticks += travel.right
+            self._last = first
+            return update
+
+    def resume_after_reset(self, record: PoseRecord, off_m: float, off_rad: float) -> None:
+        """Go on from a record of another boot, before the first update.
+
+        Args:
+            record: Where the robot was.
+            off_m: How far it may be from there.
+            off_rad: By how much it may have turned.
+        """
+        with self._lock:
+            self._begin(record)
+            self._widen(off_m, off_rad)
+
+    def _begin(self, record: PoseRecord) -> None:
+        self._odometry.reset(Pose(*record.pose))
+        self._covariance.matrix = np.array(record.covariance).reshape(3, 3)
+        self._left_ticks, self._right_ticks = record.left_total, record.right_total
+
+    def _widen(self, off_m: float, off_rad: float) -> None:
+        growth = np.diag([off_m, off_m, off_rad]) ** 2
+        self._covariance.matrix = self._covariance.matrix + growth
 
 
 def _wheel(ticks: int, rim_mps: float, drive: DifferentialDrive) -> WheelMotion:

@@ -20,6 +20,7 @@ from .lifecycle import Autostart, defer_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import Setting, is_set
+from .pose_memory import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, RobotServices
 from .threads import NodeThreads
@@ -53,6 +54,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._twins = TwinWatch()
+        self._poses = PoseMemory(self.get_logger())
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -182,6 +184,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
                 self._threads,
                 self.update_state,
                 self._threads.fail,
+                self._poses,
                 estopped=self._estopped,
             )
         except WheelwireError as error:

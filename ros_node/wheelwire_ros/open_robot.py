@@ -8,22 +8,26 @@ from typing import Any
 
 from wheelwire import BaseDriver, SupervisorState, WheelSample, WheelwireError
 
-from . import diagnostics, robot_settings, robot_state
+from . import diagnostics, pose_file, robot_settings, robot_state
 from .command_subscriber import CommandSubscriber
 from .commands import CommandGate
 from .connection import RobotConnection
 from .estimator import MotionEstimator
 from .pacing import Pacer
 from .parameter_bridge import ParameterBridge
+from .pose_memory import PoseMemory
 from .publishers import LimitedVelocityPublisher, MotionPublisher
 from .reader import SampleReader
 from .resets import ResetWatch
 from .robot_state import RobotState
 from .rolling_twist import RollingTwist
+from .set_pose import PoseSetter
 from .threads import NodeThreads
 from .time_base import TimeBase
 
 DRIVING = SupervisorState.DRIVING
+LONGEST_TTL_S = 5.0
+"""The upper bound of ttl_max_s."""
 
 
 class OpenRobot:
@@ -36,6 +40,7 @@ class OpenRobot:
         threads: The node's.
         on_change: Called in any thread when `state` may have changed.
         on_failure: Called in any thread when a thread fails; the wheels are stopped then.
+        poses: The node's, from one robot that it opens to the next.
         estopped: Latch the e-stop before anything else.
 
     Raises:
@@ -50,6 +55,7 @@ class OpenRobot:
         threads: NodeThreads,
         on_change: Callable[[], None],
         on_failure: Callable[[Exception], None],
+        poses: PoseMemory,
         *,
         estopped: bool,
     ) -> None:
@@ -58,6 +64,7 @@ class OpenRobot:
         self._threads = threads
         self._on_change = on_change
         self._on_failure = on_failure
+        self._poses = poses
         self._newest: WheelSample | None = None
         self._closing = False
         self._estopped_by_us = False
@@ -184,8 +191,12 @@ class OpenRobot:
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
         node, threads = self._node, self._threads
         # Waits for the first sample, which tells whether there is a topic for the battery.
-        has_battery = robot.read().battery_v is not None
+        first = robot.read()
+        has_battery = first.battery_v is not None
+        self._remember_pose(first, resources)
         topics = robot_settings.topics(node.setting, has_battery=has_battery)
+        setter = PoseSetter(node, threads, self.estimator, topics.frames.odom)
+        resources.callback(setter.destroy)
         self._publisher = MotionPublisher(node, threads, topics)
         resources.callback(self._publisher.destroy)
         limited = None
@@ -205,6 +216,16 @@ class OpenRobot:
         # The last to begin and the first to end: its callbacks use all of the above.
         self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
         resources.callback(self._reader.close)
+
+    def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:
+        board_id, node = self.hardware_id(), self._node
+        setting = node.setting("pose_file")
+        if setting == pose_file.AUTO and node.driver_type == "mock":
+            setting = ""  # each one is another robot, at a place of its own
+        path = pose_file.path_of(setting, node.get_fully_qualified_name(), board_id)
+        longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
+        self._poses.open(path, board_id, first, self.estimator, longest_s)
+        resources.callback(self._poses.close, self.estimator)
 
     def _prepare(self) -> None:
         """In the lane of requests."""
@@ -232,10 +253,13 @@ class OpenRobot:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
         was_reset = self._resets.note(sample, self.connection.robot)
-        if was_reset:
-            self._node.get_logger().warning(self._resets.text)
         # Each one, also while the node is inactive: the robot may be pushed, and the pose follows.
         motion = self._twist.smooth(self.estimator.update(sample), sample.boot_id)
+        if was_reset:
+            self._node.get_logger().warning(
+                f"{self._resets.text}; odom may be off by {self.estimator.unseen_m:.2f} m, "
+                "and by more if somebody moved the robot"
+            )
         # A signal may end rclpy's context at any moment, after which nothing can be published.
         if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)

@@ -98,6 +98,9 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("base_frame_id", "base_link", "Frame of the robot.", check=checks.frame),
     Setting("tf_frame_prefix", "", "Prefix of both frames, for several robots on one graph."),
     Setting("tf_frame_prefix_enable", True, "False: the frames have no prefix."),
+    Setting("pose_file", "auto",
+            "Where the pose is saved for the next start. auto: below ROS_HOME, by the name of the "
+            "node and its board. Empty: nowhere, and each start begins at the origin."),
     Setting("enable_odom_tf", True, "Publish the transform odom_frame_id -> base_frame_id."),
     Setting("left_wheel_names", ["left_wheel_joint"],
             "Names in joint_states; several wheels of a side turn together.",

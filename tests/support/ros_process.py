@@ -25,6 +25,7 @@ class RobotNode:
         namespace: With its slash, such as `/left`; empty for none.
         remappings: From a topic's name to another.
         file: A parameter file.
+        home: ROS's own folder, where the node remembers its pose; an empty one if not given.
         parameters: By name, with `__` for a dot; they take precedence over the file.
     """
 
@@ -35,6 +36,7 @@ class RobotNode:
         namespace: str = "",
         remappings: Sequence[tuple[str, str]] = (),
         file: Path | None = None,
+        home: Path | None = None,
         **parameters: Any,
     ) -> None:
         program = ["-c", code] if code else ["-m", "wheelwire_ros.hardware_robot"]
@@ -48,12 +50,16 @@ class RobotNode:
         for name, other in remappings:
             arguments += ["-r", f"{name}:={other}"]
         tests = str(Path(__file__).parents[1])
+        self.errors_at_end = ""
+        """As `errors`, once it is closed."""
+        self._home = tempfile.TemporaryDirectory()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
         self.process = subprocess.Popen(
             [sys.executable, *program, *arguments],
             env={
                 **os.environ,
                 "ROS_DOMAIN_ID": str(graph.domain),
+                "ROS_HOME": str(home or self._home.name),
                 "PYTHONPATH": os.pathsep.join([tests, *sys.path, *_python_path()]),
             },
             stderr=self._errors,
@@ -81,8 +87,10 @@ class RobotNode:
             self.process.wait()
             raise
         finally:
-            sys.stderr.write(self.errors())
+            self.errors_at_end = self.errors()
+            sys.stderr.write(self.errors_at_end)
             self._errors.close()
+            self._home.cleanup()
 
     def __enter__(self) -> RobotNode:
         return self

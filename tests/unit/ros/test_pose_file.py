@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.host_samples import sample
+from wheelwire import DifferentialDrive
+from wheelwire_ros import pose_file
+from wheelwire_ros.estimator import MotionEstimator
+from wheelwire_ros.pose_file import PoseFileError, PoseRecord
+from wheelwire_ros.pose_memory import MOVED_M, MOVED_RAD, how_far_off
+
+DRIVE = DifferentialDrive(0.2, 0.05, 1000, max_velocity_mps=0.4)
+RECORD = PoseRecord(
+    board_id="0123456789ab",
+    boot_id=7,
+    t_us=10**6,
+    left_ticks=2**32 - 100,
+    right_ticks=50,
+    left_total=-3,
+    right_total=4,
+    pose=(1.0, 2.0, 3.0),
+    covariance=(0.01, 0.0, 0.0, 0.0, 0.02, 0.0, 0.0, 0.0, 0.03),
+    saved_s=1e9,
+)
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b" / "pose.json"
+    assert pose_file.read(path) is None
+    pose_file.write(path, RECORD)
+    assert pose_file.read(path) == RECORD
+    assert list(path.parent.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pose": (1.0, 2.0)},
+        {"pose": (1.0, 2.0, math.nan)},
+        {"covariance": (-1.0, *RECORD.covariance[1:])},
+        {"boot_id": 1.5},
+        {"boot_id": True},
+        {"board_id": 7},
+        {"is_final": 1},
+        {"saved_s": math.inf},
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_files_name(
+    tmp_path: Path, change: dict[str, object]
+) -> None:
+    path = tmp_path / "pose.json"
+    pose_file.write(path, replace(RECORD, **change))  # type: ignore[arg-type]
+    with pytest.raises(PoseFileError, match=r"pose\.json: it is no pose file"):
+        pose_file.read(path)
+
+
+def test_each_name_and_board_has_a_file_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    folder = tmp_path / "wheelwire"
+    assert pose_file.path_of("auto", "/a/robot", "01") == folder / "a.robot-01.pose.json"
+    assert pose_file.path_of("auto", "/robot", "") == folder / "robot.pose.json"
+    assert pose_file.path_of("", "/robot", "01") is None
+    assert pose_file.path_of("/x/y", "/robot", "01") == Path("/x/y")
+
+
+def test_the_ticks_since_are_one_arc_also_across_a_wrap() -> None:
+    motions = MotionEstimator(DRIVE, wheel_variance_m=1e-4)
+    first = sample(boot_id=7, t_us=5 * 10**6, left_ticks=900, right_ticks=1050)
+    update = motions.resume(RECORD, first)
+    assert update.distance_m == pytest.approx(2 * math.pi * 0.05)
+    motion = motions.update(first._replace(t_us=6 * 10**6))
+    assert motion.pose.x_m == pytest.approx(1.0 + update.distance_m * math.cos(3.0))
+    assert motion.left.angle_rad == pytest.approx(997 / 1000 * 2 * math.pi)
+    assert np.all(np.diag(motion.covariance) > np.diag(np.reshape(RECORD.covariance, (3, 3))))
+
+
+def test_an_arc_that_turns_is_less_sure_than_a_straight_line() -> None:
+    variances = []
+    for right in (1050, 1250):
+        motions = MotionEstimator(DRIVE, wheel_variance_m=0.0)
+        motions.resume(RECORD, sample(boot_id=7, left_ticks=900, right_ticks=right))
+        record = motions.record("")
+        assert record is not None
+        variances.append(record.covariance[0])
+    assert variances[0] < 0.011
+    assert variances[1] > variances[0] + 0.002
+
+
+def test_a_record_of_another_boot_is_where_it_begins() -> None:
+    motions = MotionEstimator(DRIVE, wheel_variance_m=1e-4)
+    motions.resume_after_reset(RECORD, 0.5, 0.2)
+    motion = motions.update(sample(boot_id=8, left_ticks=5, right_ticks=5))
+    assert tuple(motion.pose) == RECORD.pose
+    assert np.diag(motion.covariance) == pytest.approx((0.26, 0.27, 0.07))
+    assert motions.rebases == 0
+
+
+def test_how_far_a_robot_may_be_off_is_bounded_by_its_last_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("time.time", lambda: 1e9 + 3600)
+    off_m, off_rad = how_far_off(RECORD, DRIVE, longest_drive_s=1.0)
+    assert off_m == pytest.approx(0.4 * 2.0)
+    assert off_rad == math.pi
+    assert how_far_off(replace(RECORD, is_final=True), DRIVE, 1.0) == (MOVED_M, MOVED_RAD)
