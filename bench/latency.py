@@ -123,7 +123,7 @@ def late_us(_robot: SerialDriver, states: States) -> list[float]:
 def in_virtual_time() -> str:
     """The jitter of the steps while the line is full in both directions."""
     host = RawHost()
-    host.sim.set("baud", BAUD)
+    host.sim.set("baud_rate", BAUD)
     host.open()
     host.ask(SetStreamRate(host.session_id, 1, FULL_HZ), Ack)
     # From here on there is a state for each step, whose times are compared below.

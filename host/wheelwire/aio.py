@@ -338,12 +338,12 @@ class Parameters(ParameterMapping):
         """Go back to the defaults, and forget what was saved. Only while stopped."""
         await self._run(self._operations.reset())
 
-    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+    def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
         """Try values: `async with robot.parameters.trial() as trial: ...; await trial.keep()`.
 
         As `wheelwire.Parameters.trial`.
         """
-        return Trial(self._operations, self._link, checked_timeout(timeout_s))
+        return Trial(self._operations, self._link, checked_timeout(timeout))
 
     def _value(self, definition: Parameter) -> float:
         value = self._operations.newest(definition.id)

@@ -100,12 +100,12 @@ class Parameters(ParameterMapping):
         """Go back to the defaults, and forget what was saved. Only while stopped."""
 
     @abstractmethod
-    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+    def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
         """Try values: `with robot.parameters.trial() as trial: ...; trial.keep()`.
 
         What is set in the block is in force at once, and reverted at its end unless `keep` was
         called. The link renews the trial while the block runs. If the device hears no renewal for
-        `timeout_s`, because the program was killed, the cable pulled, or the computer hangs, or if
+        `timeout`, because the program was killed, the cable pulled, or the computer hangs, or if
         another session begins, it stops the wheels and has the former values again by itself. A
         reset of the device leaves its saved values in force, as always.
 
@@ -114,7 +114,7 @@ class Parameters(ParameterMapping):
         until the block is left: the program would go on with values that are not in force.
 
         Args:
-            timeout_s: For how long the link may be silent, 0.2 to 60. [s]
+            timeout: For how long the link may be silent, 0.2 to 60. [s]
 
         Raises:
             InvalidArgument: The time-out is beyond these bounds.

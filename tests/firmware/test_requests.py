@@ -238,7 +238,7 @@ def test_a_stream_can_be_switched_off(host: RawHost) -> None:
 def test_more_than_the_loop_or_the_line_carries_is_refused(host: RawHost) -> None:
     message = SetStreamRate(host.session_id, 1, 1001)
     assert refusal(host, message) is RefusalCode.RATE_TOO_HIGH
-    host.sim.set("baud", 115_200)
+    host.sim.set("baud_rate", 115_200)
     host.received.clear()
     host.send(SetStreamRate(host.session_id, 2, 300))
     host.run_ms(100)

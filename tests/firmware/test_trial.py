@@ -204,7 +204,7 @@ def test_leaving_the_block_reverts_and_stops(mock: MockDriver) -> None:
 
 
 def test_what_is_kept_stays(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout_s=0.2) as trial:
+    with mock.parameters.trial(timeout=0.2) as trial:
         try_values(mock)
         trial.keep()
         mock.advance(1.0)
@@ -214,7 +214,7 @@ def test_what_is_kept_stays(mock: MockDriver) -> None:
 
 
 def test_a_trial_lasts_as_long_as_its_block(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout_s=0.2):
+    with mock.parameters.trial(timeout=0.2):
         try_values(mock)
         mock.advance(5.0)
         assert values(mock) == TRIED
@@ -240,7 +240,7 @@ def test_an_error_in_the_block_is_raised_and_reverts(mock: MockDriver) -> None:
 
 
 def test_virtual_time_passes_in_a_trial_by_reading(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout_s=0.2) as trial:
+    with mock.parameters.trial(timeout=0.2) as trial:
         try_values(mock)
         for _ in range(200):
             mock.set_duty(0.2, 0.2, ttl=0.1)
@@ -277,7 +277,7 @@ def test_after_a_pulled_cable_nothing_goes_on_with_the_former_values(mock: MockD
 
 
 def keep_too_late(mock: MockDriver) -> None:
-    with mock.parameters.trial(timeout_s=0.2) as trial:
+    with mock.parameters.trial(timeout=0.2) as trial:
         try_values(mock)
         mock.unplug()
         mock.plug()  # a new session
@@ -321,7 +321,7 @@ def test_a_trial_in_a_trial_is_refused_and_harms_nothing(mock: MockDriver) -> No
 
 @pytest.mark.parametrize("timeout_s", [0.1, 61, float("nan"), "2", None])
 def test_a_time_out_beyond_the_bounds_is_refused(mock: MockDriver, timeout_s: float) -> None:
-    with pytest.raises(InvalidArgument, match="timeout_s"):
+    with pytest.raises(InvalidArgument, match="timeout = "):
         mock.parameters.trial(timeout_s)
 
 

@@ -144,7 +144,7 @@ def test_unplugging_hangs_the_host_up_and_plugging_brings_the_same_device_back(l
 
 
 def test_an_equal_baud_rate_works_and_another_garbles(link: Path) -> None:
-    with Simulator(link=link, baud=921600) as simulator:
+    with Simulator(link=link, baud_rate=921600) as simulator:
         with opened(simulator.port, termios.B115200) as fd:
             assert say_hello(fd, SILENCE_S) is None
         with opened(simulator.port, termios.B921600) as fd:

@@ -83,7 +83,7 @@ def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simula
 )
 def test_another_baud_rate_is_found(line: str, baud: int) -> None:
     with (
-        simulator_on(line, baud=baud) as simulator,
+        simulator_on(line, baud_rate=baud) as simulator,
         SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
     ):
         assert robot.info.baud_rate == baud
@@ -91,7 +91,7 @@ def test_another_baud_rate_is_found(line: str, baud: int) -> None:
 
 
 def test_an_uncommon_baud_rate_is_named() -> None:
-    with Simulator(baud=57_600) as simulator:
+    with Simulator(baud_rate=57_600) as simulator:
         with pytest.raises((DeviceSilent, ForeignDevice), match="921600"):
             SerialDriver(simulator.port, connect_timeout=2.0)
         with SerialDriver(simulator.port, baud_rate=57_600, connect_timeout=10.0) as robot:

@@ -125,8 +125,8 @@ class _Parameters(Parameters):
     def reset(self) -> None:
         self._run(self._parameters.reset())
 
-    def trial(self, timeout_s: float = 2.0) -> Trial:
-        return _Trial(self._parameters.trial(timeout_s), self._run)
+    def trial(self, timeout: float = 2.0) -> Trial:
+        return _Trial(self._parameters.trial(timeout), self._run)
 
     def _value(self, definition: Parameter) -> float:
         return self._parameters[definition.name]

@@ -92,7 +92,7 @@ def line_us(baud: int) -> float:
 
 
 def _bare_host(stack: ExitStack, baud: int) -> BareHost:
-    port = stack.enter_context(Simulator(baud=baud)).port
+    port = stack.enter_context(Simulator(baud_rate=baud)).port
     host = stack.enter_context(closing(BareHost(port, baud)))
     host.open_session(stream_rate_hz=0)
     return host

@@ -319,7 +319,7 @@ void add_device(std::vector<Variable>& table) {
     s.board.clock.set_ppm(value, s.board.now());
     return true;
   };
-  Variable baud = whole("baud", "1/s", 0, 12e6, "Of the chip's UART; 0: no limit, as on USB.");
+  Variable baud = whole("baud_rate", "1/s", 0, 12e6, "Of the chip's UART; 0: no limit, as on USB.");
   baud.get = [](const Simulator& s) { return static_cast<double>(s.board.line.baud()); };
   baud.set = [](Simulator& s, double value) {
     s.board.line.set_baud(static_cast<uint32_t>(value));

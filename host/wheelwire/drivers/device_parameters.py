@@ -186,9 +186,9 @@ class DeviceParameters(Parameters):
         """Restore the defaults and empty the device's store."""
         self._run(self._operations.reset())
 
-    def trial(self, timeout_s: float = TRIAL_TIMEOUT_S) -> Trial:
+    def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
         """Try values; see `Parameters`."""
-        return _DeviceTrial(self._operations, self._link, checked_timeout(timeout_s))
+        return _DeviceTrial(self._operations, self._link, checked_timeout(timeout))
 
     def _value(self, definition: Parameter) -> float:
         known = self._operations.known(definition.id)
@@ -242,9 +242,9 @@ class _DeviceTrial(Trial):
             self._link.release_trial()
 
 
-def checked_timeout(timeout_s: float) -> float:
+def checked_timeout(timeout: float) -> float:
     """The time-out of a trial, if a device takes it."""
-    return number("timeout_s", timeout_s, SHORTEST_TRIAL_S, LONGEST_TRIAL_S, InvalidArgument)
+    return number("timeout", timeout, SHORTEST_TRIAL_S, LONGEST_TRIAL_S, InvalidArgument)
 
 
 def run(steps: Steps[Result], request: Callable[[RequestMessage], Answer]) -> Result:

@@ -60,7 +60,7 @@ class Impairment:
     """Random bytes between the pieces."""
     split: bool = False
     """Bytes arrive one by one."""
-    baud: int = 0
+    baud_rate: int = 0
     """10 bits a byte; what does not fit the buffer of 4096 bytes is lost. 0: no limit."""
     delay_us: int = 0
     """Minimum delay; the order is kept."""
@@ -71,7 +71,7 @@ class Impairment:
         for name in _CHANCES:
             _check_number(name, getattr(self, name), 1, "a probability, 0 to 1")
         _check_number("noise_bytes_per_s", self.noise_bytes_per_s, 1e9, "a number, 0 to 1e9")
-        for name in ("baud", "delay_us", "jitter_us"):
+        for name in ("baud_rate", "delay_us", "jitter_us"):
             value = getattr(self, name)
             _check_number(name, value, 1e9, "a whole number, 0 to 1e9", whole=True)
         if not isinstance(self.split, bool):
@@ -291,7 +291,7 @@ class Direction:
 
     def _impair(self, piece: bytes, now_us: int) -> None:
         out = self._damaged(piece)
-        overrun = self.impairment.baud > 0 and self._waiting + len(out) > BUFFER
+        overrun = self.impairment.baud_rate > 0 and self._waiting + len(out) > BUFFER
         if overrun:  # like a kernel's buffer when the writer is faster than the line
             self.truth.overrun += 1
             out = b""
@@ -342,7 +342,7 @@ class Direction:
         if impairment.jitter_us:
             # The cube makes long delays rare.
             start_us += round(self._random.random() ** 3 * impairment.jitter_us)
-        wire_us = round(len(piece) * 10e6 / impairment.baud) if impairment.baud else 0
+        wire_us = round(len(piece) * 10e6 / impairment.baud_rate) if impairment.baud_rate else 0
         # Never before the previous piece: a serial line keeps the order.
         self._last_us = max(self._last_us, start_us) + wire_us
         self._waiting += len(piece)

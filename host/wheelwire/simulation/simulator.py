@@ -125,7 +125,7 @@ class Simulator:
         link: Path of a symbolic link to the port, so that the port has a known name; by default a
             new one among the temporary files.
         seed: Seed of boot ids and encoder errors; random by default.
-        baud: Baud rate of the device's UART; 0 accepts any rate, like USB.
+        baud_rate: Of the device's UART; 0 accepts any rate, like USB.
         store: File for saved parameters; by default they are kept in memory.
         settings: Variables of the simulation, with their values at power-on.
         truth_hz: Rate of the true states. [Hz]
@@ -140,7 +140,7 @@ class Simulator:
         *,
         link: Path | None = None,
         seed: int | None = None,
-        baud: int = 0,
+        baud_rate: int = 0,
         store: Path | None = None,
         settings: Mapping[str, float] | None = None,
         truth_hz: float = 0.0,
@@ -155,7 +155,7 @@ class Simulator:
         options = {
             "link": link,
             "seed": seed,
-            "baud": baud or None,
+            "baud-rate": baud_rate or None,
             "store": store,
             "truth-hz": truth_hz or None,
         }

@@ -65,7 +65,7 @@ def test_the_link_comes_back_after_another_program_changed_the_settings(
 
 
 def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
-    with Simulator(baud=115_200) as simulator, SerialDriver(simulator.port) as driver:
+    with Simulator(baud_rate=115_200) as simulator, SerialDriver(simulator.port) as driver:
         stty(simulator.port, "9600")
         wait_until(lambda: driver.statistics.reconnects >= 1, TIMEOUT_S)
         wait_until(lambda: drives(driver), TIMEOUT_S)

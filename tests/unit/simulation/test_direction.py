@@ -83,7 +83,7 @@ def test_bytes_one_by_one() -> None:
 
 
 def test_delay_and_baud_rate() -> None:
-    direction = Direction(Impairment(delay_us=500, baud=100_000), Random(1))
+    direction = Direction(Impairment(delay_us=500, baud_rate=100_000), Random(1))
     direction.send(b"\0" + b"x" * 8 + b"\0", 0)
     assert direction.next_us == 500 + 1000
     assert direction.take(1499) == []
@@ -91,7 +91,7 @@ def test_delay_and_baud_rate() -> None:
 
 
 def test_what_a_slow_line_cannot_hold_is_lost() -> None:
-    direction = Direction(Impairment(baud=9600), Random(1))
+    direction = Direction(Impairment(baud_rate=9600), Random(1))
     for frame in frames():
         direction.send(frame, 0)
     assert direction.truth.overrun == direction.truth.hit > 0

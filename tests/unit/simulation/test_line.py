@@ -79,13 +79,16 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("to_host: {lost: 0.1}", ", line 1: to_host.lost = 0.1: unknown key; choose from baud,"),
+        (
+            "to_host: {lost: 0.1}",
+            ", line 1: to_host.lost = 0.1: unknown key; choose from baud_rate,",
+        ),
         ("to_host:\n  loss: 2.0", ", line 2: to_host.loss = 2.0: it must be a probability, 0 to 1"),
         ("to_host: {loss: much}", "to_host.loss = 'much': it must be a probability"),
         ("to_host: {loss: yes}", "to_host.loss = True: it must be a probability"),
         ("to_host: {loss: .nan}", "to_host.loss = nan: it must be a probability"),
-        ("to_host: {baud: .inf}", "to_host.baud = inf: it must be a whole number"),
-        ("to_host: {baud: 9600.5}", "to_host.baud = 9600.5: it must be a whole number"),
+        ("to_host: {baud_rate: .inf}", "to_host.baud_rate = inf: it must be a whole number"),
+        ("to_host: {baud_rate: 9600.5}", "to_host.baud_rate = 9600.5: it must be a whole number"),
         ("to_host: {delay_us: 2024-01-01}", "to_host.delay_us = '2024-01-01': it must be a whole"),
         ("to_host: {split: 'yes'}", "to_host.split = 'yes': it must be true or false"),
         ("to_host: {split: 1}", "to_host.split = 1: it must be true or false"),

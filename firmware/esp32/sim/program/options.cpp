@@ -37,7 +37,7 @@ constexpr option kOptions[] = {
     {"lock", required_argument, nullptr, kLock},
     {"announce", required_argument, nullptr, kAnnounce},
     {"seed", required_argument, nullptr, kSeed},
-    {"baud", required_argument, nullptr, kBaud},
+    {"baud-rate", required_argument, nullptr, kBaud},
     {"store", required_argument, nullptr, kStore},
     {"set", required_argument, nullptr, kSet},
     {"truth-hz", required_argument, nullptr, kTruthHz},
@@ -59,7 +59,7 @@ The first line on standard output is JSON and names the port.
                      start, and belongs to one simulator at a time
   --lock PATH        lock PATH as if it were the link, without making the link
   --announce TEXT    write TEXT once the port is open, instead of the first line of JSON
-  --baud N           baud rate of the chip; a host at another rate receives and sends garbage
+  --baud-rate N      of the chip; a host at another rate receives and sends garbage
                      (default: 0, any rate works, as on USB)
   --store FILE       keep saved parameters in FILE (default: in memory)
   --seed N           seed of boot ids and encoder errors (default: random)
@@ -130,7 +130,7 @@ void apply(Options& options, int option, const std::string& value) {
       }
       break;
     case kBaud:
-      options.settings.emplace_back("baud", parse_number(value));
+      options.settings.emplace_back("baud_rate", parse_number(value));
       break;
     case kStore:
       options.store = value;
