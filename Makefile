@@ -87,7 +87,7 @@ endif
 # Its own environment: zig is 400 MB, and only a release needs it.
 build/wheels-venv/installed: tools/wheels
 	@$(PYTHON) -m venv build/wheels-venv
-	build/wheels-venv/bin/python -m pip install --quiet --disable-pip-version-check cmake ninja scikit-build-core wheel ziglang
+	build/wheels-venv/bin/python -m pip install --quiet --disable-pip-version-check cmake hatch-fancy-pypi-readme ninja scikit-build-core wheel ziglang
 	@touch $@
 
 wheels: build/wheels-venv/installed  ## A release's wheels, for three processors, to build/dist

@@ -20,6 +20,11 @@ def shipped_directory() -> Path:
     return _CHECKOUT / "boards" if native.is_checkout() else Path(__file__).parent / "boards"
 
 
+def pictures_directory() -> Path:
+    """Where the built-in boards' pictures are, NAME.svg each; relative in a checkout."""
+    return Path("docs/boards") if native.is_checkout() else shipped_directory()
+
+
 def shipped_boards() -> list[str]:
     """The names of the built-in boards."""
     return sorted(path.stem for path in shipped_directory().glob("*.yaml"))

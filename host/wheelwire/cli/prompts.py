@@ -6,6 +6,8 @@ import os
 import select
 import signal
 import sys
+import textwrap
+from shutil import get_terminal_size
 from typing import Any
 
 import typer
@@ -30,7 +32,7 @@ def read_line(prompt: str = "") -> str:
             return input(prompt)
         except EOFError:
             raise _no_answer() from None
-    sys.stdout.write(prompt)
+    sys.stdout.write(_wrapped(prompt))
     sys.stdout.flush()
     noted, note = os.pipe()
     os.set_blocking(note, False)
@@ -47,6 +49,20 @@ def read_line(prompt: str = "") -> str:
     if not line:
         raise _no_answer()
     return line.rstrip("\n")
+
+
+def _wrapped(prompt: str) -> str:
+    """As a terminal shows it, which would break a long line within a word."""
+    columns = get_terminal_size().columns
+    lines = textwrap.wrap(
+        prompt.rstrip(" "),
+        max(columns - 1, 10),  # a blank follows the last line
+        break_long_words=False,
+        break_on_hyphens=False,
+        drop_whitespace=True,
+    )
+    blanks = prompt[len(prompt.rstrip(" ")) :]
+    return "\n".join(lines) + blanks
 
 
 def _no_answer() -> InvalidArgument:

@@ -6,7 +6,7 @@ from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Board, Contradiction
 
 from ..board import BoardDescription
-from ..board_file import load_board, shipped_boards
+from ..board_file import load_board, pictures_directory, shipped_boards
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, GroupUnavailable
@@ -37,14 +37,15 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
         return
     offered = _boards_for(robot.info.device.board)
     picture = next((name for name, board in offered.items() if board == present), None)
+    pictures = pictures_directory()
     as_it_is = f"{KEEP}: none, nothing drives"
     if present is not None:
-        shown = f", docs/boards/{picture}.svg" if picture else ""
+        shown = f", {pictures / picture}.svg" if picture else ""
         as_it_is = f"{KEEP}: it is {present.name}{shown}, as the firmware believes"
     answer = person.answer(
         Question(
             "board",
-            f"Which board is it? docs/boards/NAME.svg shows each; {as_it_is}.",
+            f"Which board is it? {pictures}/NAME.svg shows each; {as_it_is}.",
             (*offered, KEEP),
             KEEP,
         )

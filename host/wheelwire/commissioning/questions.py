@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from ..arguments import top_level
+from ..board_file import shipped_boards
 from ..config import check_names
 from ..drivers.mock import MockDriver
 from ..errors import ConfigurationError, InvalidArgument
 from ..parameters import checked_value
+from ..simulation.plant import shipped_plants
 from ..yaml_file import reading
 from .motion import SIDES
 
@@ -95,6 +97,26 @@ class Question:
         raise InvalidArgument(f"{self.key} = {answer!r}: answer with {', '.join(expected)}")
 
 
+def _forms() -> dict[str, Question]:
+    """What each answer of a file may be."""
+    yes_or_no = dict.fromkeys(("raised", "tune", "save"), (YES, NO))
+    seen = (*WHEEL_AND_WAY, NONE, BOTH, AGAIN)
+    choices = {
+        **yes_or_no,
+        "first": seen,
+        "second": ("forward", "backward", *seen),
+        "board": (*shipped_boards(), KEEP),
+        "counts_per_revolution": (HAND, *shipped_plants()),
+        "wheel_radius": (),
+        "wheel_separation": (),
+    }
+    numbers = ("counts_per_revolution", "wheel_radius", "wheel_separation")
+    return {
+        key: Question(key, "", choices[key], "", key if key in numbers else "")
+        for key in ANSWER_KEYS
+    }
+
+
 class Person(Protocol):
     """Who answers."""
 
@@ -110,7 +132,7 @@ class AnswersFile:
         otherwise: Answers the rest. None: the defaults are taken.
 
     Raises:
-        ConfigurationError: The file is invalid.
+        ConfigurationError: The file is invalid, or an answer in it is none: before anything moves.
     """
 
     def __init__(self, file: Path, otherwise: Person | None = None) -> None:
@@ -119,6 +141,12 @@ class AnswersFile:
         with reading(file, "answers") as content:
             self._answers = top_level(content or {})
             check_names(self._answers, list(ANSWER_KEYS), "")
+            for key, form in _forms().items():
+                if key in self._answers:
+                    try:
+                        form.parse(self._answers[key])
+                    except InvalidArgument as error:
+                        raise ConfigurationError(str(error)) from error
 
     def answer(self, question: Question) -> str:
         """As the file says.

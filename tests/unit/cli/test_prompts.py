@@ -45,6 +45,25 @@ def test_lines_that_are_typed_ahead(terminal: Terminal, capsys: pytest.CaptureFi
     assert capsys.readouterr().out == "which? " * 3
 
 
+@pytest.mark.parametrize("columns", [12, 20, 37, 80, 200])
+def test_no_question_breaks_within_a_word(
+    terminal: Terminal,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    columns: int,
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    question = (
+        "Do both wheels hang free, with nothing in their way? They will turn (yes, no) [no]: "
+    )
+    terminal.press(b"yes\n")
+    assert prompts.read_line(question) == "yes"
+    shown = capsys.readouterr().out
+    assert shown.endswith(" ")
+    assert shown.split() == question.split()
+    assert max(len(line) for line in shown.split("\n")) <= columns
+
+
 def test_the_end_of_the_input(terminal: Terminal) -> None:
     terminal.press(b"\x04")
     with pytest.raises(InvalidArgument, match="standard input has ended"):
