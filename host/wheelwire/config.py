@@ -20,7 +20,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from .arguments import top_level
 from .board import BoardDescription
 from .board_file import checked_board, shipped_boards
-from .drivers.factory import check_options, driver_class, open_driver
+from .drivers.factory import check_options, driver_class, driver_names, open_driver
 from .drivers.serial import DEFAULT_BAUD_RATE, serial_link
 from .errors import (
     ConfigurationError,
@@ -215,6 +215,13 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
     source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
     with reading(source, "robot") as content:
         config = parse_config(content)
+        if config.driver not in _BUILT_IN and config.driver not in driver_names():
+            near = get_close_matches(config.driver, driver_names(), n=1)
+            meant = f"did you mean {near[0]}? " if near else ""
+            raise ConfigurationError(
+                f"driver = {shown(config.driver)}: no driver is called that; {meant}"
+                f"there are {', '.join(driver_names())}"
+            )
     # The name of a built-in board is not a path, even where a file has the same name.
     if config.board is None or config.board in shipped_boards():
         return config

@@ -16,7 +16,6 @@ from wheelwire import address, aio, config
 from wheelwire.drivers import factory
 from wheelwire.errors import (
     ConfigurationError,
-    DriverUnavailable,
     InvalidArgument,
     PortUnavailable,
     RobotNotNamed,
@@ -191,7 +190,7 @@ def test_what_is_no_robot_is_told(
             ConfigurationError,
             "line 2: serial.connect_timeout = -1",
         ),
-        ("driver: acme\nacme: {}", DriverUnavailable, "is called 'acme'"),
+        ("driver: acme\nacme: {}", ConfigurationError, "line 1: driver = 'acme': no driver"),
         ("driver: acme\nacmee: {x: 1}", ConfigurationError, "did you mean acme"),
         ("driver: acme\nacme: 3", ConfigurationError, "acme = 3: it must be a mapping"),
     ],
