@@ -184,7 +184,7 @@ class Generator {
       case 6:
         return reset();
       case 7:
-        return add(Kind::kLate, {std::floor(spread(500, 60e3))});
+        return late();
       case 8:
         return add(Kind::kRun, {std::floor(spread(100e3, 4e6))});
       case 9:
@@ -194,6 +194,12 @@ class Generator {
       default:
         return setpoint(host());
     }
+  }
+
+  void late() {
+    const double us = std::floor(spread(500, 60e3));
+    add(Kind::kLate, {us});
+    if (chance(60)) add(Kind::kRun, {us + 5e3});
   }
 
   void contact() {
@@ -226,7 +232,7 @@ class Generator {
       add(Kind::kClearFault, {host_, 1});
       moment();
     }
-    if (chance(20)) persist();
+    if (chance(35)) persist();
     if (chance(30)) rest();
     if (chance(20)) add(Kind::kRun, {std::floor(spread(100e3, 1.5e6))});
     if (chance(10)) add(Kind::kRepeat, {host_, static_cast<double>(below(4))});
@@ -306,6 +312,26 @@ class Generator {
       spec = &kParameters[below(kParameterCount)];
     const double id = chance(98) ? static_cast<double>(spec->id) : one_of({0, 44, 60, 255});
     add(Kind::kSet, {host(), id, value_of(*spec), 1, 0});
+  }
+
+  /// Somebody tunes the robot while it drives: limits and gains at their ends, several at once.
+  void tune() {
+    using enum ParameterId;
+    constexpr ParameterId kTuned[] = {
+        kMaxVelocityMps, kMaxAccelerationMps2, kMaxDuty,          kMaxDutyRatePerS, kPathGain,
+        kHeadingGain,    kPathCatchUp,         kProportionalGain, kIntegralGain};
+    drive(std::floor(spread(50e3, 1e6)));
+    const double mostly = one_of({0.0, 0.0, 1.0, 0.5});
+    for (size_t i = 1 + below(4); i > 0; --i) {
+      const ParameterSpec& spec =
+          kParameters[static_cast<size_t>(kTuned[below(std::size(kTuned))]) - 1];
+      const auto low = static_cast<double>(spec.minimum);
+      const double part = chance(70) ? mostly : unit();
+      add(Kind::kSet, {host_, static_cast<double>(spec.id),
+                       low + part * (static_cast<double>(spec.maximum) - low), 1, 0});
+      if (chance(40)) moment();
+    }
+    drive(std::floor(spread(20e3, 1e6)));
   }
 
   void set(ParameterId id, double value) {
@@ -632,7 +658,8 @@ class Generator {
     }
     const size_t kind = below(20);
     if (kind < 1 && is_about(Subject::kParameters)) return contradict();
-    if (kind < 3 && is_about(Subject::kParameters)) return parameters();
+    if (kind < 2 && is_about(Subject::kParameters)) return parameters();
+    if (kind < 3 && is_about(Subject::kParameters)) return tune();
     if (kind < 5 && is_about(Subject::kParameters)) return trial();
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();

@@ -583,7 +583,10 @@ void Judge::after_message() {
   message_moves_the_state();
   stop_at_once();
   drive_only_in_driving();
-  if (witness_.task()->message.id == Stop::kId || simulator_.state() == SupervisorState::kDriving)
+  // One that notices the contact stops by the values before it, and may change them.
+  const uint8_t id = witness_.task()->message.id;
+  const bool may_change_the_stop = id == ParameterSet::kId || id == ParameterReset::kId;
+  if (!may_change_the_stop || simulator_.state() == SupervisorState::kDriving)
     stops_as_asked(false);
 }
 
