@@ -11,7 +11,7 @@ CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros test wheels wheels-check wheel-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros ros-test colcon test wheels wheels-check wheel-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -69,11 +69,22 @@ rv32-baseline: $(VENV)/installed  ## After a release: make rv32-baseline RELEASE
 	@$(BIN)/python tests/support/rv32_baseline.py $(or $(RELEASE),$(error Say which: RELEASE=0.1.0))
 
 $(VENV)/ros-installed: $(VENV)/installed $(wildcard tests/ros/tf2_msgs/*.* tests/ros/tf2_msgs/msg/*)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[ros]'
-	$(BIN)/python tests/ros/tf2_msgs/build.py
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$(if $(filter jazzy,$(ROS)),ros,ros-$(ROS))]'
+	$(BIN)/python tests/ros/tf2_msgs/build.py $(ROS)
 	@touch $@
 
-ros: $(VENV)/ros-installed  ## ROS 2 Jazzy from PyPI (Linux on x86-64 only), for the tests of the node
+# Another release needs an environment of its own: make ros ROS=kilted VENV=build/kilted
+ROS ?= jazzy
+ros: $(VENV)/ros-installed  ## ROS 2 from PyPI (Linux on x86-64 only), for the tests of the node [ROS=jazzy]
+
+ros-test: $(VENV)/ros-installed sim  ## The tests of the node alone
+	@$(BIN)/python -c 'import rclpy'
+	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile tests/ros tests/unit/ros tests/unit/ros_package
+
+COLCON := colcon-core>=0.19 colcon-package-information colcon-python-setup-py colcon-ros
+colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do, from its folder and from a link in a workspace
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(COLCON:%='%')
+	$(BIN)/python tools/check-colcon build/colcon
 
 # Two more than the cores: many of the tests wait for a robot that moves in real time.
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)

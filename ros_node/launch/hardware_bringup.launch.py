@@ -11,7 +11,8 @@ which is below the namespace.
 
 from pathlib import Path
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -38,7 +39,11 @@ def generate_launch_description() -> LaunchDescription:
             _argument("params_file", str(PARAMETERS), "YAML file of the robot's parameters."),
             _argument("model", str(MODEL), "URDF file of the robot's model."),
             _argument("robot_state_publisher", "true", "Publish the model: true or false."),
-            _argument("lidar", "true", "Start the RPLidar's node: true or false."),
+            _argument(
+                "lidar",
+                "auto",
+                "Start the RPLidar's node: true, false, or auto: if rplidar_ros is installed.",
+            ),
             _argument("lidar_port", "/dev/rplidar", "The RPLidar's port."),
             _argument(
                 "namespace", "", "Namespace of all nodes, topics and services, /tf included."
@@ -60,7 +65,7 @@ def _argument(name: str, default: str, description: str) -> DeclareLaunchArgumen
     return DeclareLaunchArgument(name, default_value=default, description=description)
 
 
-def _nodes(context: LaunchContext) -> list[Node]:
+def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
     prefix = _given("frame_prefix", context).strip("/")
     prefix = f"{prefix}/" if prefix else ""
     common = {
@@ -73,7 +78,7 @@ def _nodes(context: LaunchContext) -> list[Node]:
     clock = {"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)}
     return [
         _hardware_robot(context, prefix, clock, common),
-        _lidar(prefix, clock, common),
+        _lidar(context, prefix, clock, common),
         _robot_state_publisher(context, prefix, clock, common),
     ]
 
@@ -97,10 +102,17 @@ def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: di
     )
 
 
-def _lidar(prefix: str, clock: dict, common: dict) -> Node:
+def _lidar(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node | LogInfo:
     """An RPLidar A1 or A2. Jazzy's apt package has rplidar_composition, but no rplidar_node."""
+    condition = IfCondition(LaunchConfiguration("lidar"))
+    if _given("lidar", context).strip().lower() == "auto":
+        try:
+            get_package_prefix("rplidar_ros")
+        except PackageNotFoundError:
+            return LogInfo(msg="no lidar: rplidar_ros is not installed")
+        condition = None
     return Node(
-        condition=IfCondition(LaunchConfiguration("lidar")),
+        condition=condition,
         package="rplidar_ros",
         executable="rplidar_composition",
         name="rplidar_node",

@@ -162,8 +162,24 @@ def joint_message(
     return message
 
 
-def battery_message(voltage_v: float, stamp: Time, frame: str) -> BatteryState:
-    """A battery of which only the voltage is measured; everything else says that it is unknown."""
+def charge_share(voltage_v: float, empty_v: float, full_v: float) -> float:
+    """What ROS calls percentage, 0 to 1, on a straight line between two voltages; or NaN."""
+    share = (voltage_v - empty_v) / (full_v - empty_v)
+    return share if math.isnan(share) else min(max(share, 0.0), 1.0)
+
+
+def battery_message(
+    voltage_v: float, stamp: Time, frame: str, empty_v: float, full_v: float
+) -> BatteryState:
+    """A battery of which only the voltage is measured; everything else says that it is unknown.
+
+    Args:
+        voltage_v: [V]
+        stamp: When it was measured.
+        frame: The robot's.
+        empty_v: The voltage that is 0 %; NaN if that is not known. [V]
+        full_v: The voltage that is 100 %. [V]
+    """
     unknown = math.nan
     message = BatteryState(
         power_supply_status=BatteryState.POWER_SUPPLY_STATUS_UNKNOWN,
@@ -175,7 +191,7 @@ def battery_message(voltage_v: float, stamp: Time, frame: str) -> BatteryState:
         charge=unknown,
         capacity=unknown,
         design_capacity=unknown,
-        percentage=unknown,
+        percentage=charge_share(voltage_v, empty_v, full_v),
         present=True,
     )
     message.header.stamp = stamp

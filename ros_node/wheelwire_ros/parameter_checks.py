@@ -138,6 +138,12 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
         yield Disagreement(
             ("left_wheel_names", "right_wheel_names"), f"{', '.join(twice)}: named more than once"
         )
+    empty_v, full_v = get("battery_empty_v"), get("battery_full_v")
+    battery = ("battery_empty_v", "battery_full_v")
+    if math.isnan(empty_v) != math.isnan(full_v):
+        yield Disagreement(battery, "one is given without the other: give both, or .NAN for both")
+    elif empty_v >= full_v:
+        yield Disagreement(battery, f"empty at {empty_v:g} V, full at {full_v:g} V: swap them")
     longest_s = get("ttl_max_s")
     if longest_s is not None and exceeds(get("cmd_vel_timeout"), longest_s):
         yield Disagreement(

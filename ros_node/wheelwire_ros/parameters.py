@@ -98,6 +98,12 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("base_frame_id", "base_link", "Frame of the robot.", check=checks.frame),
     Setting("tf_frame_prefix", "", "Prefix of both frames, for several robots on one graph."),
     Setting("tf_frame_prefix_enable", True, "False: the frames have no prefix."),
+    Setting("battery_empty_v", math.nan,
+            "Voltage of the empty battery, 0 % in battery_state. .NAN: not known. [V]",
+            check=checks.above_zero),
+    Setting("battery_full_v", math.nan,
+            "Voltage of the full battery, 100 % in battery_state. .NAN: not known. [V]",
+            check=checks.above_zero),
     Setting("pose_file", "auto",
             "Where the pose is saved for the next start. auto: below ROS_HOME, by the name of the "
             "node and its board. Empty: nowhere, and each start begins at the origin."),

@@ -52,6 +52,8 @@ class MotionTopics(NamedTuple):
     """The names of the left and the right joints."""
     transform: bool
     battery: bool
+    battery_range_v: tuple[float, float]
+    """The voltages of an empty and of a full battery; NaN where they are not known."""
     pose_diagonal: Sequence[float]
     twist_diagonal: Sequence[float]
 
@@ -103,7 +105,9 @@ class MotionPublisher:
             # Once a second a message may be built the slow way, without a template.
             stamp = conversions.time_message(stamp_ns)
             self._battery.publish(
-                conversions.battery_message(motion.battery_v, stamp, topics.frames.base)
+                conversions.battery_message(
+                    motion.battery_v, stamp, topics.frames.base, *topics.battery_range_v
+                )
             )
 
     def destroy(self) -> None:

@@ -50,6 +50,7 @@ def topics(get: Get, *, has_battery: bool) -> MotionTopics:
         joints=(tuple(get("left_wheel_names")), tuple(get("right_wheel_names"))),
         transform=get("enable_odom_tf"),
         battery=has_battery,
+        battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
         pose_diagonal=get("pose_covariance_diagonal"),
         twist_diagonal=get("twist_covariance_diagonal"),
     )

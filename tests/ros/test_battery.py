@@ -29,6 +29,16 @@ def test_a_measured_voltage_is_all_that_is_told(graph: Graph, simulator: Simulat
     assert math.isnan(message.current)
 
 
+@pytest.mark.parametrize(("volts", "share"), [(6.9, 0.375), (5.8, 0.0), (8.6, 1.0)])
+def test_two_voltages_make_a_percentage(
+    graph: Graph, simulator: Simulator, volts: float, share: float
+) -> None:
+    simulator.set("battery_v", volts)
+    with RobotNode(graph, port=simulator.port, battery_empty_v=6.0, battery_full_v=8.4):
+        message = graph.first(BatteryState, "battery_state")
+    assert message.percentage == pytest.approx(share, abs=0.05)
+
+
 def test_without_a_measurement_there_is_no_topic(graph: Graph, simulator: Simulator) -> None:
     simulator.set("battery_v", 0.0)
     with RobotNode(graph, port=simulator.port):

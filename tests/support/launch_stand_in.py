@@ -40,7 +40,7 @@ class DeclareLaunchArgument:
 
 @dataclass
 class OpaqueFunction:
-    function: Callable[[LaunchContext], list[Node]] = field(kw_only=True)
+    function: Callable[[LaunchContext], list[Node | LogInfo]] = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,30 @@ class LaunchDescription:
     entities: list[DeclareLaunchArgument | OpaqueFunction | Node]
 
 
-MODULES: dict[str, list[type]] = {
+@dataclass
+class LogInfo:
+    msg: str = field(kw_only=True)
+
+
+class PackageNotFoundError(KeyError):
+    """As ament_index_python's."""
+
+
+installed = {"rplidar_ros", "robot_state_publisher", "wheelwire_ros"}
+"""The packages of the imagined ROS installation; a test may take one away."""
+
+
+def get_package_prefix(package_name: str) -> str:
+    if package_name not in installed:
+        raise PackageNotFoundError(package_name)
+    return "/opt/ros/jazzy"
+
+
+MODULES: dict[str, list[Any]] = {
+    "ament_index_python": [],
+    "ament_index_python.packages": [PackageNotFoundError, get_package_prefix],
     "launch": [LaunchContext, LaunchDescription],
-    "launch.actions": [DeclareLaunchArgument, OpaqueFunction],
+    "launch.actions": [DeclareLaunchArgument, LogInfo, OpaqueFunction],
     "launch.conditions": [IfCondition],
     "launch.substitutions": [LaunchConfiguration],
     "launch_ros": [],
@@ -112,7 +133,7 @@ def started(description: LaunchDescription, **given: str) -> dict[str, Node]:
     nodes: list[Node] = []
     for entity in description.entities:
         if isinstance(entity, OpaqueFunction):
-            nodes += entity.function(context)
+            nodes += [found for found in entity.function(context) if isinstance(found, Node)]
         elif isinstance(entity, Node):
             nodes.append(entity)
     starting = [n for n in nodes if n.condition is None or n.condition.holds(context)]

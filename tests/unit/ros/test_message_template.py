@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 
 import numpy as np
@@ -49,6 +50,7 @@ def templates(*, transform: bool) -> MotionTemplates:
             joints=JOINTS,
             transform=transform,
             battery=False,
+            battery_range_v=(math.nan, math.nan),
             pose_diagonal=POSE_DIAGONAL,
             twist_diagonal=TWIST_DIAGONAL,
         )

@@ -18,6 +18,8 @@ AGREEING: dict[str, Any] = {
     "wheels_per_side": 0,
     "cmd_vel_timeout": 0.5,
     "ttl_max_s": 0.5,
+    "battery_empty_v": math.nan,
+    "battery_full_v": math.nan,
 }
 
 
@@ -72,6 +74,8 @@ def test_what_is_not_is_refused_with_what_to_write(
         ({"left_wheel_names": ["a", "b"]}, "2 wheels on the left and 1 on the right"),
         ({"left_wheel_names": ["right"]}, "right: named more than once"),
         ({"ttl_max_s": 0.3}, "0.5 s lives longer than the robot lets one, 0.3 s"),
+        ({"battery_full_v": 8.4}, "one is given without the other"),
+        ({"battery_empty_v": 8.4, "battery_full_v": 6.0}, "swap them"),
         ({"wheels_per_side": 2}, "leave out wheels_per_side"),
     ],
 )

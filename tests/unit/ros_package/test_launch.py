@@ -29,7 +29,7 @@ def test_the_arguments(bringup: LaunchDescription) -> None:
         "params_file": PARAMETERS,
         "model": str(URDF),
         "robot_state_publisher": "true",
-        "lidar": "true",
+        "lidar": "auto",
         "lidar_port": "/dev/rplidar",
         "namespace": "",
         "frame_prefix": "",
@@ -43,6 +43,14 @@ def test_all_three_nodes_by_default(bringup: LaunchDescription) -> None:
     nodes = started(bringup)
     assert set(nodes) == {ROBOT, LIDAR, MODEL}
     assert {node.output for node in nodes.values()} == {"screen"}
+
+
+def test_without_its_package_there_is_no_lidar_unless_it_is_asked_for(
+    bringup: LaunchDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("support.launch_stand_in.installed", {"robot_state_publisher"})
+    assert set(started(bringup)) == {ROBOT, MODEL}
+    assert set(started(bringup, lidar="true")) == {ROBOT, LIDAR, MODEL}
 
 
 @pytest.mark.parametrize("no", ["false", "False", "FALSE", "0"])

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import re
 import runpy
 import sys
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -110,6 +112,28 @@ def test_the_addresses_are_the_distributions(manifest: ET.Element) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     addresses = {url.text for url in manifest.findall("url")}
     assert addresses == set(project.get("urls", {}).values())
+
+
+def test_its_changes_are_where_ros_looks_for_them(manifest: ET.Element) -> None:
+    lines = (PACKAGE / "CHANGELOG.rst").read_text("utf-8").splitlines()
+    assert lines[1] == f"Changelog for package {NAME}"
+    assert lines[0] == lines[2] == "^" * len(lines[1])
+    releases = [title for title, rule in pairwise(lines) if rule and set(rule) == {"-"}]
+    assert releases[0] == "Forthcoming"
+    assert manifest.findtext("version") in releases
+
+
+def test_the_quality_level_is_declared_and_its_links_lead_somewhere() -> None:
+    text = (PACKAGE / "QUALITY_DECLARATION.md").read_text("utf-8")
+    assert "claims **Quality Level 4**" in text
+    links = re.findall(r"\]\((\.\./[^)]+)\)", text)
+    assert links
+    assert all((PACKAGE / link).exists() for link in links)
+
+
+def test_a_robot_without_that_lidar_needs_nothing_of_it(manifest: ET.Element) -> None:
+    named = {element.text for element in manifest if element.tag.endswith("depend")}
+    assert "rplidar_ros" not in named
 
 
 def _needed(sources: Iterable[Path]) -> set[str]:
