@@ -1,8 +1,10 @@
 """Errors travel between processes: `multiprocessing` and `concurrent.futures` pickle them."""
 
+import ast
 import copy
 import pickle
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -69,3 +71,47 @@ def test_an_error_is_pythons_of_the_same_meaning_too(
 def test_a_closed_link_is_no_lost_one() -> None:
     """A loop that waits for a reconnection has to end on a closed driver."""
     assert not issubclass(errors.LinkClosed, (errors.LinkLost, OSError))
+
+
+ROOT = Path(__file__).parents[2]
+SOURCES = sorted(
+    path for room in ("host", "ros_node", "examples") for path in (ROOT / room).rglob("*.py")
+)
+OS_ERRORS = {"OSError", "ConnectionError", "TimeoutError"}
+ROBOTS = {"robot", "driver", "_robot", "_driver"}
+
+
+def caught(handlers: list[ast.ExceptHandler]) -> Iterator[str]:
+    """The names that the handlers catch, up to one that takes all of ours."""
+    for handler in handlers:
+        names = (
+            {node.id for node in ast.walk(handler.type) if isinstance(node, ast.Name)}
+            if (handler.type)
+            else set()
+        )
+        if "WheelwireError" in names:
+            return
+        yield from names
+
+
+def calls_a_robot(body: list[ast.stmt]) -> bool:
+    return any(
+        isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and getattr(node.func.value, "id", getattr(node.func.value, "attr", "")) in ROBOTS
+        for statement in body
+        for node in ast.walk(statement)
+    )
+
+
+def test_no_call_of_a_robot_is_where_an_oserror_is_handled() -> None:
+    """Three of our errors are OSErrors: they would be taken for one of a file."""
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Try)
+        and OS_ERRORS & set(caught(node.handlers))
+        and calls_a_robot(node.body)
+    ]
+    assert found == []

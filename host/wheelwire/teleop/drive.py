@@ -155,7 +155,7 @@ class Teleop:
         if released and self._waits_for_release:
             # Where releases are not reported, a pause of half a second does.
             self._waits_for_release = False
-            self._robot.set_velocity(0.0, 0.0, TTL_S)
+            self._robot.set_velocity(0.0, 0.0, self._longest_s)
 
     def _let_go(self) -> None:
         self._presses.clear()

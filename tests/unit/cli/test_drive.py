@@ -42,6 +42,13 @@ def test_the_last_setpoint_lasts_to_the_end(lives: list[float]) -> None:
     assert min(lives) >= commands.TTL_S - 2 * commands.COMMAND_PERIOD_S
 
 
+def test_a_lower_limit_of_the_robots_is_kept(lives: list[float]) -> None:
+    with open_driver("mock", parameters={"ttl_max_s": 0.15}) as robot:
+        driven = commands._drive(robot, Twist(0.1, 0.0), 3 * SECONDS)
+    assert max(lives) <= 0.15
+    assert driven.pose.x_m > 0.03
+
+
 def test_a_setpoint_that_came_too_late_does_not_end_the_drive(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

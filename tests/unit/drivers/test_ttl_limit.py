@@ -11,8 +11,10 @@ from support.pty_device import PtyDevice
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.types import ParameterGet
+from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.types import Hello, ParameterGet, ParameterSet
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -80,3 +82,47 @@ def test_in_virtual_time() -> None:
         robot.set_velocity(0.1, 0.0, ttl=0.4)
         with pytest.raises(errors.InvalidCommand, match="ttl_max_s"):
             robot.set_velocity(0.1, 0.0)
+
+
+def test_what_another_session_has_set_is_known_once_ours_is_open_again() -> None:
+    """Another host takes the device over, and sets the limit; the device is not reset."""
+    other = Encoder()
+    with MockDriver(realtime=False) as robot:
+        boot_id, sessions = robot.info.device.boot_id, robot.sessions
+        for limit_s in (0.25, 3.0):
+            # Together, or ours would be open again before the second one.
+            hello = Hello(77, PROTOCOL_VERSION, schema_hash())
+            change = ParameterSet(77 ^ boot_id, 1, ID, limit_s)
+            robot._sim.write(other.encode(hello) + other.encode(change))
+            robot.advance(2.0)
+            assert robot.ttl_max_s == robot.health.ttl_max_s == limit_s
+            robot.set_velocity(0.1, 0.0, ttl=limit_s)
+            with pytest.raises(errors.InvalidCommand, match=f"ttl_max_s is {limit_s:g} s"):
+                robot.set_velocity(0.1, 0.0, ttl=limit_s + 0.01)
+            robot.stop()
+        assert robot.sessions == sessions + 2
+
+
+def test_the_end_of_a_trial_and_a_reset_of_the_parameters_are_followed() -> None:
+    with MockDriver(realtime=False) as robot:
+        with robot.parameters.trial():
+            robot.parameters.set("ttl_max_s", 0.5)
+            assert robot.ttl_max_s == 0.5
+        assert robot.ttl_max_s == 1.0
+        robot.parameters.set("ttl_max_s", 0.5)
+        robot.parameters.reset()
+        assert robot.ttl_max_s == 1.0
+
+
+def test_the_same_with_asyncio() -> None:
+    async def use() -> None:
+        async with aio.open_driver("mock") as robot:
+            async with robot.parameters.trial():
+                await robot.parameters.set("ttl_max_s", 0.5)
+                assert robot.ttl_max_s == 0.5
+            assert robot.ttl_max_s == 1.0
+            await robot.parameters.set("ttl_max_s", 0.5)
+            await robot.parameters.reset()
+            assert robot.ttl_max_s == 1.0
+
+    asyncio.run(use())

@@ -172,6 +172,28 @@ def test_where_a_release_is_reported_the_next_press_drives_at_once(hand: Hand) -
     assert hand.true("drive_on") == 1
 
 
+def test_a_lower_limit_of_the_robots_is_kept() -> None:
+    with MockDriver(realtime=False, parameters={"ttl_max_s": 0.15}) as robot:
+        hand = Hand(robot, step_s=0.01)
+        hand.key("w", PRESSED)
+        hand.wait(0.3)
+        assert hand.state() is SupervisorState.DRIVING
+        hand.key("e")
+        hand.key("c")
+        assert hand.said[-1] == "ESTOPPED cleared"
+        cleared_by_others(hand)
+        hand.key("w", PRESSED)
+        for _ in range(10):
+            hand.wait(REPEAT_S)
+            hand.key("w", REPEATED)
+        assert hand.said == [RELEASE_FIRST]
+        hand.key("w", RELEASED)
+        hand.key("w", PRESSED)
+        hand.wait(0.3)
+        assert hand.state() is SupervisorState.DRIVING
+        assert hand.said == [RELEASE_FIRST]
+
+
 def test_keys_that_waited_stop_but_do_not_start(hand: Hand) -> None:
     hand.key("w", stale=True)
     hand.wait(0.1)

@@ -1,0 +1,84 @@
+"""A command that is too old raises from its own call, and keeps back no other."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from support.waiting import wait_until
+from wheelwire import aio
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import Expired, InvalidCommand
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.types import SetDuty, SetWheelVelocity
+
+pytestmark = pytest.mark.timeout(60)
+
+COMMANDS: tuple[Callable[..., None], ...] = (
+    lambda robot, **life: robot.set_velocity(0.1, 0.0, **life),
+    lambda robot, **life: robot.set_wheel_velocity(0.1, 0.1, **life),
+    lambda robot, **life: robot.set_duty(0.1, 0.1, **life),
+)
+
+
+def received(device: FakeDevice) -> int:
+    return sum(isinstance(message, (SetWheelVelocity, SetDuty)) for message in device.received)
+
+
+def refuse_what_is_too_old(robot: Any) -> None:
+    for command in COMMANDS:
+        with pytest.raises(Expired, match=r"the command is 0\.3\d* s old and its ttl is 0\.3 s"):
+            command(robot, ttl=0.3, stamp=time.monotonic() - 0.31)
+        with pytest.raises(InvalidCommand, match="in the future"):
+            command(robot, ttl=0.3, stamp=time.monotonic() + 1)
+
+
+def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(tmp_path: Path) -> None:
+    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
+        refuse_what_is_too_old(robot)
+        assert received(device.device) == 0
+        for command in COMMANDS:
+            command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
+        wait_until(lambda: received(device.device) >= len(COMMANDS))
+        assert robot.statistics.setpoints_expired == robot.health.setpoints_expired == 0
+
+
+def test_the_same_with_asyncio(tmp_path: Path) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with aio.connect(device.path) as robot:
+            refuse_what_is_too_old(robot)
+            assert received(device.device) == 0
+            for command in COMMANDS:
+                command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
+
+    with PtyDevice(tmp_path / "port") as device:
+        asyncio.run(use(device))
+
+
+def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with MockDriver(realtime=False) as robot:
+        held: list[bytes] = []
+        deliver = robot._sim.write
+        monkeypatch.setattr(robot._sim, "write", held.append)
+        robot.set_velocity(0.1, 0.0, ttl=0.02)
+        robot.advance(0.05)
+        monkeypatch.undo()
+        deliver(b"".join(held))
+        robot.advance(0.02)
+        late = robot.statistics.setpoints_expired
+        assert late >= 1
+        assert robot.health.setpoints_expired == late
+        robot.set_velocity(0.1, 0.0)
+        robot.advance(0.05)
+        assert robot.read().state is SupervisorState.DRIVING
+        assert robot.statistics.setpoints_expired == late

@@ -1,0 +1,75 @@
+"""A call whose time is up is withdrawn: nothing of it goes out after its caller has gone on."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from support.fake_device import FakeDevice
+from support.pty_device import PtyDevice
+from wheelwire import aio
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.errors import RequestTimeout
+from wheelwire.link import async_connection, connection
+from wheelwire_protocol.types import ParameterSet
+
+pytestmark = pytest.mark.timeout(60)
+
+LIMIT_S = 0.02
+"""Before a request is repeated for the first time."""
+REPEATS_S = 0.5
+"""Several repeats would have been due by then."""
+
+
+def sets(device: FakeDevice) -> int:
+    """Copies of the request that have arrived."""
+    return sum(isinstance(message, ParameterSet) for message in device.received)
+
+
+def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
+        robot.device.lost_answers.add(ParameterSet)
+        monkeypatch.setattr(connection, "CALL_TIMEOUT_S", LIMIT_S)
+        with pytest.raises(RequestTimeout, match="whether it was done is not known"):
+            driver.parameters.set("integral_gain", 7.5)
+        monkeypatch.undo()
+        time.sleep(REPEATS_S)
+        assert sets(robot.device) <= 1
+        driver.stop()
+
+
+def test_one_that_was_not_begun_is_never_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
+        # The port's thread has something else to do meanwhile.
+        driver._link._loop.call(  # type: ignore[union-attr]
+            lambda done, _: (time.sleep(10 * LIMIT_S), done(None))[1],  # type: ignore[func-returns-value]
+            lambda _: None,
+        )
+        monkeypatch.setattr(connection, "CALL_TIMEOUT_S", LIMIT_S)
+        with pytest.raises(RequestTimeout):
+            driver.parameters.set("integral_gain", 7.5)
+        monkeypatch.undo()
+        time.sleep(REPEATS_S)
+        assert sets(robot.device) == 0
+        driver.stop()
+
+
+def test_the_same_with_asyncio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def use(robot: PtyDevice) -> None:
+        async with aio.connect(robot.path) as driver:
+            robot.device.lost_answers.add(ParameterSet)
+            monkeypatch.setattr(async_connection, "CALL_TIMEOUT_S", LIMIT_S)
+            with pytest.raises(RequestTimeout, match="whether it was done is not known"):
+                await driver.parameters.set("integral_gain", 7.5)
+            monkeypatch.undo()
+            await asyncio.sleep(REPEATS_S)
+            assert sets(robot.device) <= 1
+            await driver.stop()
+
+    with PtyDevice(tmp_path / "port") as robot:
+        asyncio.run(use(robot))
