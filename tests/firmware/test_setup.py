@@ -27,6 +27,7 @@ from support.wiring_runs import (
 from wheelwire.commissioning import problems, proof, setup
 from wheelwire.commissioning.identification import identify
 from wheelwire.commissioning.inspection import check_wheels
+from wheelwire.commissioning.motion import Pair
 from wheelwire.commissioning.progress import Progress
 from wheelwire.commissioning.pulses import pulse
 from wheelwire.commissioning.questions import Question, SimulatedPerson
@@ -36,6 +37,7 @@ from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from wheelwire.parameter_file import load_parameter_file
 from wheelwire.simulation.plant import load_plant, shipped_plants
+from wheelwire_protocol.codes import Fault
 
 WRONG = {"motors_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}
 WIRING = Wiring(motors_swapped=True, left_motor_reversed=True, right_encoder_reversed=True)
@@ -269,14 +271,177 @@ def test_unequal_wheels_are_said_to_be_what_it_cannot_find() -> None:
     assert "unequal ones cannot be found" in setup.UNEQUAL_WHEELS
 
 
-def test_gains_that_are_no_better_are_not_saved(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(proof.Proof, "better", False)
+@pytest.mark.parametrize(
+    ("change", "verdict"),
+    [(1.0, "the previous values track as well, within the noise of "), (0.7, "track better, by")],
+)
+def test_gains_that_are_no_better_are_not_saved(
+    monkeypatch: pytest.MonkeyPatch, change: float, verdict: str
+) -> None:
+    said: list[str] = []
     with raised_robot({}) as robot:
         before = {name: robot.parameters[name] for name in TUNED}
-        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+        monkeypatch.setattr(
+            setup,
+            "tuned",
+            lambda *_: {**before, "velocity_feedforward": change * before["velocity_feedforward"]},
+        )
+        findings = set_up(robot, SimulatedPerson(robot), said.append)
         assert {name: robot.parameters[name] for name in TUNED} == before
+    assert findings.rms_after_mps is not None, findings
     assert findings.saved  # the wiring
+    assert any(verdict in line for line in said)
+
+
+def test_a_motor_too_weak_for_the_loop_is_a_finding() -> None:
+    with raised_robot({**WRONG, "left.winding_scale": 7}) as robot:
+        findings = set_up(robot, SimulatedPerson(robot), lambda _: None)
+    assert findings.wiring == WIRING
+    assert findings.saved
+    assert [text[:40] for text in findings.problems] == [
+        "left motor much weaker: the left wheel h",
+        "the left wheel does not start to turn up",
+    ]
+    assert "a weaker motor the loop cannot hold" in findings.problems[1]
+
+
+def test_what_is_about_to_be_saved_is_listed_before_and_after() -> None:
+    said: list[str] = []
+    with raised_robot(WRONG) as robot:
+        set_up(robot, SimulatedPerson(robot, {**UNTUNED, "save": "no"}), said.append)
+    listed = said[said.index("To be saved, before -> after:") + 1 : -1]
+    assert [line.split(":")[0].strip() for line in listed] == list(CHANGED[:9])
+    assert "  motors_swapped: 0 -> 1" in listed
+    assert "  wheel_radius: 0.033 -> 0.033 m (as before)" in listed
+
+
+def test_it_asks_ten_questions_and_on_a_new_board_which_one_it_is() -> None:
+    with raised_robot({}) as robot:
+        person = Watched(robot)
+        assert set_up(robot, person, lambda _: None).saved
+    assert len(person.asked) == 10
+
+
+class Hasty(Watched):
+    """A person who presses Enter before a wheel was turned, so many times."""
+
+    def __init__(self, robot: MockDriver, times: int) -> None:
+        super().__init__(robot, UNTUNED)
+        self._times = times
+
+    def answer(self, question: Question) -> str:
+        if question.key in ("counts_left", "counts_right") and self._times:
+            self._times -= 1
+            self.asked.append(question.key)
+            return question.default
+        return super().answer(question)
+
+
+def test_turns_that_were_not_counted_are_asked_for_again(tmp_path: Path) -> None:
+    said: list[str] = []
+    options = Options(progress=Progress("board", tmp_path))
+    with raised_robot(WRONG) as robot:
+        person = Hasty(robot, 2)
+        findings = set_up(robot, person, said.append, options)
+    assert findings.saved
+    assert findings.problems == ()
+    assert findings.counts_per_revolution == 360
+    assert person.asked.count("counts_left") == 3
+    again = (
+        "the left counter counted 0 and the right one 0: turn the left wheel, forward, and press"
+    )
+    assert sum(line.startswith(again) for line in said) == 2
+    with raised_robot(WRONG) as robot:
+        findings = set_up(robot, Hasty(robot, 99), said.append, options)
+    assert findings.is_complete
+    assert "counts_per_revolution is doubtful: not counted" in findings.problems[0]
+
+
+@pytest.mark.parametrize("answers", [{"raised": "no"}, {"save": "no"}])
+def test_a_wrong_enter_forgets_nothing(tmp_path: Path, answers: dict[str, str]) -> None:
+    options = Options(progress=Progress("board", tmp_path))
+    with raised_robot(WRONG) as robot:
+        with pytest.raises(LinkLost):
+            set_up(robot, PullsTheCable(robot), lambda _: None, options)
+        robot.plug()
+        robot.advance(3.0)
+        person = Watched(robot, {**UNTUNED, **answers})
+        assert not set_up(robot, person, lambda _: None, replace(options, resume=True)).saved
+        person = Watched(robot, UNTUNED)
+        assert set_up(robot, person, lambda _: None, replace(options, resume=True)).saved
+    assert "first" not in person.asked
+    assert Progress("board", tmp_path).load() == {}
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_tuning(tmp_path: Path) -> None:
+    said: list[str] = []
+    with raised_robot({}) as robot:
+        options = Options(plot=tmp_path / "drives.xyz")
+        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
+    assert findings.saved
     assert findings.rms_after_mps is not None
+    assert any(line.startswith(f"cannot draw {options.plot}") for line in said)
+
+
+@pytest.mark.parametrize("raised", [1, 0])
+def test_while_wheels_turn_for_long_it_says_how_long_they_still_do(raised: int) -> None:
+    told: list[tuple[float, float]] = []
+    with plant_robot("tt-1-48", raised=bool(raised)) as robot:
+        clock = robot.simulator
+
+        def left(seconds: float) -> None:
+            told.append((clock.get("t_us") / 1e6, seconds))
+
+        class Asked(Watched):
+            def answer(self, question: Question) -> str:
+                assert not told or told[-1][1] == 0.0
+                return super().answer(question)
+
+        options = Options(on_the_floor=not raised, left=left)
+        assert set_up(robot, Asked(robot), lambda _: None, options).saved
+    assert told[-1][1] == 0.0
+    last = [moment for moment, seconds in told if seconds > 0.0][-1]
+    begin = max(moment for moment, seconds in told if seconds > 60.0)
+    end_s = next(moment for moment, seconds in told if moment > last and seconds == 0.0)
+    for moment, seconds in told:
+        # As far as can be known before breakaway and lag are.
+        if begin <= moment < end_s and seconds > 0.0:
+            assert seconds == pytest.approx(end_s - moment, rel=0.35, abs=3.0)
+
+
+def test_no_more_is_told_to_be_left_after_wheels_that_cannot_be_measured() -> None:
+    told: list[float] = []
+    with raised_robot({"left.winding_scale": 7}) as robot:
+        options = Options(left=told.append)
+        set_up(robot, SimulatedPerson(robot, {"save": "no"}), lambda _: None, options)
+    assert told[-1] == 0.0
+    assert max(told) > 30.0
+
+
+def test_gains_that_are_a_little_better_than_the_noise_say_so() -> None:
+    pairs = tuple(Pair(0.1, 0.1) for _ in range(200))
+    times = tuple(0.05 * step for step in range(200))
+
+    def trace(left: float, right: float) -> proof.Trace:
+        measured = tuple(Pair(0.1 + left, 0.1 + right) for _ in pairs)
+        return proof.Trace(times, pairs, measured, lag_s=0.1)
+
+    def of(before: proof.Trace, after: proof.Trace) -> proof.Proof:
+        none = proof.WheelProof(None, None, None, None)
+        rms = before.rms_mps(0, 1), after.rms_mps(0, 1)
+        return proof.Proof(none, none, *rms, (before, after), (Fault(0), Fault(0)))
+
+    noise = of(trace(0.01, 0.01), trace(0.01, 0.01)).noise_mps(0, 1)
+    assert 0.0005 < noise < 0.003
+    within = of(trace(0.01, 0.01), trace(0.01 - 0.9 * noise, 0.01 - 0.9 * noise))
+    assert not within.better
+    assert f"as well, within the noise of {1000 * within.noise_mps(0, 1):.1f} mm/s" in (
+        within.verdict()
+    )
+    assert of(trace(0.01, 0.01), trace(0.01 - 1.2 * noise, 0.01 - 1.2 * noise)).better
+    one_sided = of(trace(0.02, 0.01), trace(0.001, 0.014))
+    assert not one_sided.better
+    assert "the right wheel tracks worse" in one_sided.verdict()
 
 
 def test_wheels_that_cannot_be_tuned_keep_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -128,6 +128,8 @@ def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
         terminal.press(b"0.0325\n")
         terminal.wait_for("middle of one tyre")
         terminal.press(b"0.14\n")
+        assert "the wheels turn: " in terminal.output
+        assert " s left" in terminal.output
         terminal.wait_for("tune the velocity loop?")
         terminal.press(b"no\n")
         terminal.wait_for("Save them")
@@ -196,6 +198,10 @@ def test_a_defect_ends_it_with_a_code_and_findings() -> None:
     assert "problem: e-stop contact open: " in text.stdout
 
 
+def test_the_help_counts_its_questions() -> None:
+    assert "about eleven questions" in " ".join(run("setup", "--help").stdout.split())
+
+
 def test_on_the_floor_it_tunes_only() -> None:
     findings = run_json("setup", "--simulated", "--on-the-floor", "--plant", "25ga-1440")
     assert findings["wiring"] is None
@@ -221,6 +227,8 @@ def test_the_values_may_go_to_a_file(tmp_path: Path) -> None:
         (("mock", "--seed", "1"), "add --simulated"),
         (("--simulated", "--set", "left.bloked=1"), "refused left.bloked"),
         (("--simulated", "--set", "left.blocked"), "give NAME=VALUE"),
+        (("--simulated", "--plot", "drives.xyz"), "ends in .xyz: name it .png, .svg or .pdf"),
+        (("--simulated", "--plot", "drives"), "ends in nothing: name it .png, .svg or .pdf"),
     ],
 )
 def test_wrong_arguments_are_refused(arguments: tuple[str, ...], message: str) -> None:

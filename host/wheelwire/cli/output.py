@@ -19,6 +19,8 @@ from rich.table import Table
 from wheelwire.errors import OutputFailed
 
 console = Console(highlight=False, markup=False)
+error_console = Console(highlight=False, markup=False, stderr=True)
+"""With --json: standard output is the result alone."""
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Click's class, or the one of the copy of Click inside Typer: releases of Typer differ."""

@@ -23,8 +23,9 @@ from wheelwire.errors import (
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .lost_link import ended_by_a_loss
-from .output import JsonFlag, check_writable, console, print_json
+from .output import JsonFlag, check_writable, console, error_console, print_json
 from .signals import ended_by_signals
+from .time_left import TimeLeft
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
@@ -105,13 +106,15 @@ def setup(
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
 
-    Raise the robot so that its wheels hang free. It takes some minutes and two questions.
+    Raise the robot so that its wheels hang free. It takes some minutes and about eleven questions;
+    most have an answer that Enter takes.
     However the motors and encoders are wired, parameters correct it; what they cannot correct is
     said. A test drive before and after shows what the new gains are worth. Until you save, the
-    robot keeps its former parameters.
+    robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
     from wheelwire.commissioning.progress import Progress
+    from wheelwire.commissioning.proof import check_picture
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
     from wheelwire.commissioning.setup import Options
 
@@ -120,8 +123,10 @@ def setup(
     # What would fail at the end fails here: the measurements take minutes.
     check_writable(keep)
     check_writable(plot)
-    if plot is not None and find_spec("matplotlib") is None:
-        raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
+    if plot is not None:
+        if find_spec("matplotlib") is None:
+            raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
+        check_picture(plot)
     options = Options(keep, resume, on_the_floor=on_the_floor, plot=plot)
     person: Person
     if simulated:
@@ -159,7 +164,9 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
     def say(text: str) -> None:
         _say(text, as_json=as_json)
 
-    findings = set_up(robot, _Shown(person, say), say, options)
+    with TimeLeft(error_console if as_json else console) as left:
+        options = replace(options, left=left.show)
+        findings = set_up(robot, _Shown(person, say), say, options)
     if as_json:
         print_json(_as_json(findings))
     elif findings.is_complete and findings.problems:
@@ -187,10 +194,7 @@ def _as_json(findings: Findings) -> Mapping[str, object]:
 
 def _say(text: str, *, as_json: bool) -> None:
     # With --json, standard output is the findings alone.
-    if as_json:
-        typer.echo(text, err=True)
-    else:
-        console.print(text, soft_wrap=True)
+    (error_console if as_json else console).print(text, soft_wrap=True)
 
 
 class _Shown:

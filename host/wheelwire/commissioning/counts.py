@@ -14,6 +14,8 @@ from .questions import HAND, SKIP, TURNED, HandTurn, Person, Question
 
 COUNTS = "counts_per_revolution"
 TURNS = 10
+_ATTEMPTS = 3
+"""At turning a wheel: Enter may have been pressed too early, or the other wheel turned."""
 
 _USUAL = (360, 1440)
 """Beside the motors that are known: an encoder of 360 lines read on one edge, or on all four."""
@@ -62,7 +64,7 @@ def ask_counts(robot: BaseDriver, person: Person, say: Say) -> Counted:
         return Counted(motors[answer])
     if answer != HAND:
         return Counted(round(float(answer)))
-    counted = [_by_hand(robot, person, wheel) for wheel in (0, 1)]
+    counted = [_by_hand(robot, person, say, wheel) for wheel in (0, 1)]
     if None in counted:
         value = round(robot.parameters[COUNTS])
         return Counted(value, f"not counted: {value} is what the robot has")
@@ -99,7 +101,7 @@ def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
     return Counted(nearest, text)
 
 
-def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> int | None:
+def _by_hand(robot: BaseDriver, person: Person, say: Say, wheel: int) -> int | None:
     """Ticks of ten turns, or None if nobody turned it."""
     name = SIDES[wheel]
     question = Question(
@@ -109,13 +111,19 @@ def _by_hand(robot: BaseDriver, person: Person, wheel: int) -> int | None:
         TURNED,
         turn=HandTurn(wheel, TURNS),
     )
-    before = fresh(robot)
-    if person.answer(question) != TURNED:
-        return None
-    ticks = ticks_since(fresh(robot), before)
-    own, other = ticks[wheel], ticks[1 - wheel]
-    # The other wheel may move a little while somebody turns this one.
-    if own < COUNTED_TICKS * TURNS or abs(other) > own / TURNS:
+    disagrees = False
+    for _ in range(_ATTEMPTS):
+        before = fresh(robot)
+        if person.answer(question) != TURNED:
+            return None
+        ticks = ticks_since(fresh(robot), before)
+        own, other = ticks[wheel], ticks[1 - wheel]
+        # The other wheel may move a little while somebody turns this one.
+        if own >= COUNTED_TICKS * TURNS and abs(other) <= own / TURNS:
+            return own
         detail = f"the left counter counted {ticks[0]} and the right one {ticks[1]}"
+        disagrees = max(map(abs, ticks)) >= COUNTED_TICKS * TURNS
+        say(f"{detail}: turn the {name} wheel, forward, and press Enter only then")
+    if disagrees:
         raise Unfit([Problem(WRONG_WHEEL, wheel, detail)])
-    return own
+    return None

@@ -30,6 +30,8 @@ from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
 from .gaps import has_gap
 from .motion import (
     SIDES,
+    STANDSTILL_S,
+    Left,
     Pair,
     Record,
     come_to_rest,
@@ -38,6 +40,7 @@ from .motion import (
     one_session,
     require_ready,
     uninterrupted,
+    untold,
 )
 from .problems import MAGNET_MISSING, Problem
 
@@ -52,6 +55,10 @@ _BREAKAWAY_RAD = math.radians(5)
 _BREAKAWAY_ROUNDS = 2
 _MOST_BREAKAWAY = 0.44
 
+_USUAL_BREAKAWAY_S = 10.0
+"""Of all rounds."""
+_STEPS_S = 4.2
+"""Of the step response in both directions."""
 _EDGE_S = 0.6
 """Each duty of the step response."""
 _SETTLED = 5.5
@@ -139,7 +146,11 @@ class Identification:
 
 
 def identify(
-    robot: BaseDriver, report: Callable[[str], None], *, on_the_floor: bool
+    robot: BaseDriver,
+    report: Callable[[str], None],
+    *,
+    on_the_floor: bool,
+    left: Left = untold,
 ) -> Identification:
     """Measure what duty the wheels need. The robot is stopped at the end, whatever happens.
 
@@ -151,6 +162,7 @@ def identify(
             `counts_per_revolution` and `wheel_radius` are its own.
         report: Called with a sentence on what is done now.
         on_the_floor: Whether it stands on its wheels.
+        left: Called with about how long the wheels still turn [s].
 
     Raises:
         CommissioningFailed: A wheel does not turn, or counts backward; an e-stop or a fault is
@@ -160,13 +172,14 @@ def identify(
         RequestTimeout: It is in reach, but does not answer.
     """
     require_ready(robot)
-    bench = _Bench(robot, report, on_the_floor)
+    bench = _Bench(robot, report, on_the_floor, left)
     # Each record checks itself alone: a reset between two of them shows in the sessions only.
     with one_session(robot):
         try:
             return bench.identify()
         finally:
             robot.stop()
+            left(0.0)
 
 
 class _Stairs:
@@ -194,11 +207,16 @@ class _Bench:
     """One run of the measurements."""
 
     def __init__(
-        self, robot: BaseDriver, report: Callable[[str], None], on_the_floor: bool
+        self,
+        robot: BaseDriver,
+        report: Callable[[str], None],
+        on_the_floor: bool,
+        left: Left,
     ) -> None:
         self._robot = robot
         self._report = report
         self._on_the_floor = on_the_floor
+        self._left = left
         values = robot.parameters
         self._counts = values["counts_per_revolution"]
         self._m_per_tick = 2 * math.pi * values["wheel_radius"] / self._counts
@@ -213,8 +231,11 @@ class _Bench:
 
     def identify(self) -> Identification:
         # In this order: the steps need the breakaway, and the stairs need both it and the lag.
+        stairs_s = self._stair_s() * self._count(_duties(*STAIRS))
+        self._left(_USUAL_BREAKAWAY_S + _STEPS_S + stairs_s)
         self._report("breakaway: the duty rises slowly until the wheels start to turn")
         breakaway = self._breakaway()
+        self._left(_STEPS_S + stairs_s)
         self._report("step response: how fast the wheels follow a change of duty")
         lags = self._step_response(max(breakaway))
         # The slower wheel decides how long each stair settles.
@@ -265,7 +286,8 @@ class _Bench:
             if duty is None:
                 raise CommissioningFailed(
                     f"the {wheel} wheel does not start to turn up to duty "
-                    f"{self._most_breakaway:.2f}: check that it is free, its supply and its motor"
+                    f"{self._most_breakaway:.2f}: a weaker motor the loop cannot hold, so the "
+                    "motors are not tuned; check that the wheel is free, its supply and its motor"
                 )
             if duty < 0:
                 raise CommissioningFailed(
@@ -359,9 +381,7 @@ class _Bench:
         lowest, highest = STAIRS
         # With much friction the stairs go higher, so that enough of them are beyond breakaway.
         highest = min(self._most_duty, max(highest, max(breakaway) + 0.3))
-        # Rounded up, the last one would be more than the robot allows, and off the curve.
-        count = int((highest - lowest) / STAIR + 1e-9)
-        duties = [lowest + STAIR * step for step in range(count + 1)]
+        duties = _duties(lowest, highest)
         if self._on_the_floor:
             self._to_and_fro(duties, 1.2 * max(breakaway), stairs)
         else:
@@ -385,7 +405,10 @@ class _Bench:
             come_to_rest(self._robot)
             # Below breakaway a wheel turns only if it turned before: these duties are measured on
             # the way down alone.
-            for duty in (*up, *reversed(duties[:-1])):
+            way = (*up, *reversed(duties[:-1]))
+            for climbed, duty in enumerate(way):
+                runs = len(way) * (2 if sign > 0 else 1) - climbed
+                self._left(self._stair_s() * runs)
                 points = uninterrupted(partial(self._stair, sign * duty))
                 self._add(points, sign * duty, stairs)
         come_to_rest(self._robot)
@@ -394,11 +417,21 @@ class _Bench:
         self, duties: Sequence[float], kick: float, stairs: tuple[_Stairs, _Stairs]
     ) -> None:
         """Each duty forward and back, so that the robot stays where it is."""
-        for duty in reversed(duties):
+        for done, duty in enumerate(reversed(duties)):
+            self._left(self._stair_s() * (len(duties) - done))
             forward, backward = uninterrupted(partial(self._there_and_back, duty, kick))
             self._add(forward, duty, stairs)
             self._add(backward, -duty, stairs)
         come_to_rest(self._robot)
+
+    def _count(self, duties: Sequence[float]) -> int:
+        """Of the stairs at these duties."""
+        return len(duties) if self._on_the_floor else 4 * len(duties) - 2
+
+    def _stair_s(self) -> float:
+        """About how long a stair takes: on the floor both ways, with the rests between."""
+        run_s = _SETTLED * self._time_constant_s + 0.1 + _MEASURED_S
+        return 2 * (run_s + 4 * STANDSTILL_S) if self._on_the_floor else run_s
 
     def _there_and_back(self, duty: float, kick: float) -> tuple[Pair, Pair] | None:
         speeds = []
@@ -495,6 +528,13 @@ class _Bench:
             f"max_velocity_mps is {limit:.2f}, but at {most_duty:.2f} of duty the wheels turn at "
             f"{reached:.2f} m/s: set it to that or less, or the loop has nothing to correct with"
         ]
+
+
+def _duties(lowest: float, highest: float) -> list[float]:
+    """Of the staircase."""
+    # Rounded up, the last one would be more than the robot allows, and off the curve.
+    count = int((highest - lowest) / STAIR + 1e-9)
+    return [lowest + STAIR * step for step in range(count + 1)]
 
 
 class _Ramps:

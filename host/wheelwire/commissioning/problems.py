@@ -149,6 +149,8 @@ WRONG_WHEEL = Defect(
     "or another wheel was turned, or backward; begin again",
     "",
 )
+VOIDING = (NOT_CONFIRMED, WRONG_WHEEL)
+"""After these, an answer may have been wrong: what was found before is void."""
 
 
 def named(faults: Fault) -> str:

@@ -12,15 +12,17 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..drivers.base import BaseDriver
-from ..errors import DeviceRefused
+from ..errors import DeviceRefused, InvalidArgument
 from .motion import (
     SIDES,
+    Left,
     Pair,
     Record,
     arm,
@@ -29,6 +31,7 @@ from .motion import (
     one_session,
     require_ready,
     uninterrupted,
+    untold,
 )
 
 TOP_MPS = 0.35
@@ -130,6 +133,8 @@ class Trace:
     times_s: tuple[float, ...]
     commanded: tuple[Pair, ...]
     measured: tuple[Pair, ...]
+    lag_s: float
+    """Of the measured velocity."""
 
     def rms_mps(self, *wheels: int) -> float:
         """The root mean square of the difference, over these wheels."""
@@ -139,6 +144,16 @@ class Trace:
             for wheel in wheels
         ]
         return math.sqrt(sum(error * error for error in errors) / len(errors))
+
+    def noise_mps(self, *wheels: int) -> float:
+        """By how much `rms_mps` may differ from that of the same drive, done again.
+
+        The standard error of a root mean square, as if the errors were independent after each lag
+        of the measured velocity, which is an average over a window.
+        """
+        seconds = self.times_s[-1] - self.times_s[0]
+        independent = max(2.0, seconds / self.lag_s * len(wheels))
+        return self.rms_mps(*wheels) / math.sqrt(2 * independent)
 
     def overshoot(self, course: Course, wheel: int) -> float:
         """The greatest overshoot after a ramp, as a fraction of its step."""
@@ -199,15 +214,35 @@ class Proof:
 
     @property
     def better(self) -> bool:
-        """The new parameters track better altogether, and neither wheel does worse."""
-        pairs = [
-            (self.rms_before_mps, self.rms_after_mps),
-            (self.left.rms_before_mps, self.left.rms_after_mps),
-            (self.right.rms_before_mps, self.right.rms_after_mps),
-        ]
+        """The new parameters track better beyond the noise, and neither wheel does worse."""
+        before, after = self.traces
         # A drive that a fault ended is worse than any other.
-        return all(
-            after is not None and (before is None or after < before) for before, after in pairs
+        if before is None or after is None:
+            return after is not None
+        return self._gain_mps(0, 1) > self.noise_mps(0, 1) and all(
+            self._gain_mps(wheel) > -self.noise_mps(wheel) for wheel in (0, 1)
+        )
+
+    def noise_mps(self, *wheels: int) -> float:
+        """What a difference between the two drives may be by chance; twice its standard error."""
+        return 2 * math.hypot(*(trace.noise_mps(*wheels) for trace in self.traces if trace))
+
+    def _gain_mps(self, *wheels: int) -> float:
+        before, after = self.traces
+        return before.rms_mps(*wheels) - after.rms_mps(*wheels) if before and after else 0.0
+
+    def verdict(self) -> str:
+        """Why the previous values stay, if the new ones are not better."""
+        noise = f"the noise of {_mmps(self.noise_mps(0, 1))}"
+        gain = self._gain_mps(0, 1)
+        if abs(gain) <= self.noise_mps(0, 1):
+            return f"the previous values track as well, within {noise}; they are left as they are"
+        if gain < 0:
+            return f"the previous values track better, by more than {noise}; they stay"
+        worse = next(wheel for wheel in (0, 1) if self._gain_mps(wheel) < -self.noise_mps(wheel))
+        return (
+            f"with the new values the {SIDES[worse]} wheel tracks worse, by more than its noise of "
+            f"{_mmps(self.noise_mps(worse))}; the previous ones stay"
         )
 
     def table(self) -> str:
@@ -229,11 +264,15 @@ class Proof:
         )
 
     def plot(self, path: Path) -> None:
-        """Write a PNG: commanded and measured velocity, a panel for each wheel and drive.
+        """Draw commanded and measured velocity, a panel for each wheel and drive.
+
+        Args:
+            path: Its ending says what kind of picture it is, as .png; see `check_picture`.
 
         Raises:
             ImportError: matplotlib is not installed.
             OSError: The file cannot be written.
+            ValueError: There is no such kind of picture.
         """
         from matplotlib.figure import Figure  # not pyplot, which needs a display
 
@@ -258,7 +297,31 @@ class Proof:
         figure.savefig(path, dpi=110)
 
 
-def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, float]) -> Proof:
+def check_picture(path: Path) -> None:
+    """Find out whether a picture can be drawn to this file, by its ending.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+        InvalidArgument: There is no such kind of picture.
+    """
+    from matplotlib.figure import Figure
+
+    try:
+        # Only drawing shows it: some kinds need other programs.
+        Figure().savefig(BytesIO(), format=path.suffix[1:] or "none")
+    except (ValueError, OSError, RuntimeError, ImportError) as error:
+        raise InvalidArgument(
+            f"{path}: no picture can be drawn to a file that ends in {path.suffix or 'nothing'}: "
+            "name it .png, .svg or .pdf"
+        ) from error
+
+
+def prove(
+    robot: BaseDriver,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    left: Left = untold,
+) -> Proof:
     """Drive the course with both sets of parameters.
 
     Takes half a minute. Whatever happens, the robot stands and has the values of `before` again.
@@ -267,6 +330,7 @@ def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, fl
         robot: Raised, or with a metre of floor ahead of it.
         before: Values of the parameters that `after` changes, by name; the same names.
         after: The values to try.
+        left: Called with about how long the wheels still turn [s].
 
     Raises:
         CommissioningFailed: An e-stop or a fault was latched before; the board was reset, or
@@ -279,15 +343,25 @@ def prove(robot: BaseDriver, before: Mapping[str, float], after: Mapping[str, fl
     course = _course(robot, {**before, **after})
     with one_session(robot):
         try:
-            drives = _drive_with(robot, before, course), _drive_with(robot, after, course)
+            left(2 * course.seconds)
+            first = _drive_with(robot, before, course)
+            left(course.seconds)
+            second = _drive_with(robot, after, course)
         finally:
             # The stop first: while the robot drives, some of the former values would be refused.
             robot.stop()
             _set(robot, before)
-    traces = drives[0].trace, drives[1].trace
-    left, right = (_wheel_proof(traces, course, wheel) for wheel in (0, 1))
+            left(0.0)
+    traces = first.trace, second.trace
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
-    return Proof(left, right, rms[0], rms[1], traces, (drives[0].faults, drives[1].faults))
+    return Proof(
+        left=_wheel_proof(traces, course, 0),
+        right=_wheel_proof(traces, course, 1),
+        rms_before_mps=rms[0],
+        rms_after_mps=rms[1],
+        traces=traces,
+        faults=(first.faults, second.faults),
+    )
 
 
 def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
@@ -370,6 +444,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
         tuple(times_s),
         tuple(course.at(time - lag_s) for time in times_s),
         tuple(Pair(sample.left_mps, sample.right_mps) for sample in record.samples),
+        lag_s,
     )
 
 

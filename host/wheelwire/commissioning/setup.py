@@ -28,8 +28,8 @@ from .inspection import (
     find_low_battery,
     find_wiring,
 )
-from .motion import BoardReset
-from .problems import FAULTED, SAGS, Problem
+from .motion import BoardReset, Left, untold
+from .problems import FAULTED, SAGS, VOIDING, Problem
 from .problems import named as fault_names
 from .progress import Progress
 from .proof import Proof, prove
@@ -47,6 +47,11 @@ TUNED = (
 )
 CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
+
+_CHECK_S = 3.5
+"""Of both wheels, forward."""
+_DRIVES_S = 23.0
+"""Of both test drives, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
     "Both wheels are taken for equal in size: raised, unequal ones cannot be found. A robot that "
@@ -98,6 +103,8 @@ class Options:
         progress: Where an unfinished one is kept; None keeps none.
         on_the_floor: Only tune, on the floor: wiring, counts and sizes are right already.
         plot: File for the picture of the test drives.
+        left: Called with about how long the wheels still turn [s], time and again while they do;
+            with 0 once they stand.
     """
 
     keep: Path | None = None
@@ -105,6 +112,7 @@ class Options:
     progress: Progress | None = None
     on_the_floor: bool = False
     plot: Path | None = None
+    left: Left = untold
 
 
 def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
@@ -157,14 +165,17 @@ class _SetUp:
                 self._finish(trial)
         except Unfit as error:
             self._note(error.problems)
-            if self.options.progress is not None:
-                self.options.progress.forget()  # an answer may be what was wrong
+            # What was found is void only if an answer may have been wrong.
+            if any(problem.defect in VOIDING for problem in error.problems):
+                self._forget()
         except BoardReset as error:
             # Only the device knows whether it was the supply.
             sags = Problem(SAGS, detail=" so far that the board is reset")
             self._note([sags if _was_brownout(self.robot) else str(error)])
         except CommissioningFailed as error:
             self._note([str(error)])
+        finally:
+            self.options.left(0.0)
         return self.findings
 
     # --- steps ---------------------------------------------------------------------------------
@@ -210,10 +221,12 @@ class _SetUp:
         values = self.found["wiring"]
         self.findings = replace(self.findings, wiring=Wiring.of_corrections(values))
         self.say("Both wheels turn forward now, for some seconds.")
+        self.options.left(_CHECK_S)
         # A resumed wiring comes without pulses.
         turning = confirm(self.robot, self.pulsed)
         self._note(check_supply(self.robot))
         self._note(check_wheels(self.robot, self.pulsed, turning))
+        self.options.left(0.0)
 
     def _ask_sizes(self) -> dict[str, float]:
         texts = (
@@ -258,23 +271,31 @@ class _SetUp:
         self.say(proof.table())
         if self.options.plot is not None:
             self._plot(proof, self.options.plot)
+        # Only now: the table and the picture show what the fault has ended.
         self._judge_faults(*proof.faults)
         if proof.better:
             self._set("gains", after)
         else:
-            self.say("the former values track as well; they are left as they are")
+            self.say(proof.verdict())
 
     def _measure(self) -> tuple[dict[str, float], Proof]:
         """The values for the motors, and a test drive with the previous ones and with these."""
         try:
-            found = identify(self.robot, self.say, on_the_floor=self.options.on_the_floor)
+            found = identify(
+                self.robot,
+                self.say,
+                on_the_floor=self.options.on_the_floor,
+                left=lambda left_s: self.options.left(left_s + _DRIVES_S),
+            )
             self._note(found.problems)
             after = tuned(found, self.robot)
-            return after, prove(self.robot, self._remember(after), after)
+            return after, prove(self.robot, self._remember(after), after, self.options.left)
         except DeviceRefused as error:
             if not error.faults:
                 raise
             raise Unfit([Problem(FAULTED, detail=fault_names(error.faults))]) from error
+        finally:
+            self.options.left(0.0)
 
     def _judge_faults(self, before: Fault, after: Fault) -> None:
         if after:
@@ -286,8 +307,9 @@ class _SetUp:
     def _plot(self, proof: Proof, file: Path) -> None:
         try:
             proof.plot(file)
-        except OSError as error:  # no reason to lose what was measured
-            self.say(f"cannot write {file}: {error.strerror}")
+        except (OSError, ValueError, RuntimeError, ImportError) as error:
+            # No reason to lose what was measured.
+            self.say(f"cannot draw {file}: {error}")
         else:
             self.say(f"the test drives are drawn in {file}")
 
@@ -297,16 +319,17 @@ class _SetUp:
             self.say("nothing to save")
             self.findings = replace(self.findings, is_complete=True)
             return
-        # Only shown: all that was found is saved, since a value in force may not be in the store.
-        changed = {n: v for n, v in values.items() if v != self.former[n]}
-        for name, value in changed.items():
+        # All of them: an active value that stays the same may not be in the store.
+        self.say("To be saved, before -> after:")
+        for name, value in values.items():
             unit = definition_of(name).unit.value
             former, new = number_text(self.former[name]), number_text(value)
-            self.say(f"  {name}: {former} -> {new} {unit}".rstrip())
+            same = " (as before)" if value == self.former[name] else ""
+            self.say(f"  {name}: {former} -> {new} {unit}".rstrip() + same)
         self.findings = replace(self.findings, is_complete=True)
         if self.options.keep is not None:
             _write(self.options.keep, _file_of(self.robot, values))
-            self.say(f"written to {self.options.keep}; the robot has its former values again")
+            self.say(f"written to {self.options.keep}; the robot has its previous values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
             # The device saves nothing while values are on trial.
             trial.keep()
@@ -316,8 +339,12 @@ class _SetUp:
             self.findings = replace(self.findings, saved=True)
             self.say("saved")
         else:
-            self.say("not saved; the robot has its former values again")
-        # Whatever the answer was, there is nothing left to resume.
+            again = "; run it again to go on here" if self.options.progress is not None else ""
+            self.say(f"not saved; the robot has its previous values again{again}")
+            return
+        self._forget()
+
+    def _forget(self) -> None:
         if self.options.progress is not None:
             self.options.progress.forget()
 
