@@ -103,7 +103,7 @@ def test_a_boards_id_is_an_address(
             board_id = robot.info.device.board_id
         assert "ttyUSB0: open>" in use(board_id)
         assert "ttyUSB0: open>" in use(board_id.upper())
-        with pytest.raises(PortUnavailable, match=f"board 0123456789ab is not there.*{board_id}"):
+        with pytest.raises(PortUnavailable, match=f"board 0123456789ab was not found.*{board_id}"):
             use("0123456789ab")
 
 
@@ -119,7 +119,7 @@ def test_a_robots_file_may_name_its_board_by_id(use: Callable[[Any], str], tmp_p
         file.write_text(text % (tmp_path, board_id))
         assert ": open>" in use(file)
         file.write_text(text % (tmp_path, "0123456789ab"))
-        with pytest.raises(PortUnavailable, match="board 0123456789ab is not there"):
+        with pytest.raises(PortUnavailable, match="board 0123456789ab was not found"):
             use(file)
 
 
@@ -247,6 +247,7 @@ def test_a_plug_in_driver_takes_its_options_from_the_file(
 def test_a_plug_in_driver_that_lacks_an_option_of_the_file_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(factory, "_plug_ins", lambda: {"acme": "acme:robot"})
     monkeypatch.setattr(config, "driver_class", lambda _: lambda *, host="": host)
     file = tmp_path / "robot.yaml"
     file.write_text("driver: acme\nacme: {hots: bot}\n")

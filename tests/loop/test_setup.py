@@ -128,8 +128,8 @@ def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
         terminal.press(b"0.0325\n")
         terminal.wait_for("middle of one tyre")
         terminal.press(b"0.14\n")
-        assert "the wheels turn: " in terminal.output
-        assert " s left" in terminal.output
+        assert b"the wheels turn: " in terminal.output
+        assert b" s left" in terminal.output
         terminal.wait_for("tune the velocity loop?")
         terminal.press(b"no\n")
         terminal.wait_for("Save them")
