@@ -356,8 +356,8 @@ class Generator {
       parameter(chance(50));
       moment();
     }
-    if (chance(30)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
-    if (chance(60)) drive(std::floor(spread(50e3, 1e6)));
+    if (chance(50)) set(ParameterId::kStopMode, 1.0 + static_cast<double>(below(3)));
+    if (chance(80)) drive(std::floor(spread(50e3, 1e6)));
     if (chance(20)) add(Kind::kTrial, {host_, 2, spread(0.2, 3)});
     switch (below(7)) {
       case 0:
