@@ -24,6 +24,8 @@ from wheelwire import (
 from .commands import CommandGate, CommandIgnored, Ignored
 from .speed_limiter import NO_LIMITS, Limits, SpeedLimiter
 
+REPLACED = "another device was connected: waiting for a zero command, or for a pause"
+
 
 @dataclass(frozen=True)
 class Tuning:
@@ -35,6 +37,8 @@ class Tuning:
         separation_multiplier: Real wheel separation divided by the robot's, from calibration.
         left_radius_multiplier: The same for the left wheel's radius.
         right_radius_multiplier: The same for the right wheel's radius.
+        rearm_gap_s: The robot's parameter: a pause of commands that is as good as a zero command
+            where one is waited for; 0: none is waited for.
     """
 
     limits: Limits = NO_LIMITS
@@ -42,6 +46,7 @@ class Tuning:
     separation_multiplier: float = 1.0
     left_radius_multiplier: float = 1.0
     right_radius_multiplier: float = 1.0
+    rearm_gap_s: float = 0.0
 
     def calibrated(self, drive: DifferentialDrive) -> DifferentialDrive:
         """The robot's geometry, corrected by the calibration, with the limit of its wheels."""
@@ -88,7 +93,14 @@ class RobotConnection:
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
         self.clears = 0
-        """How often an e-stop or a fault was cleared: after each the robot waits for standstill."""
+        """How often an e-stop or a fault was cleared, or the device replaced: after each a zero
+        command is waited for."""
+        self._board_id: str | None = None
+        """Of the last session that was prepared."""
+        self._is_replaced = False
+        """Whether a zero command is waited for, because another device was connected."""
+        self._moving_s = -math.inf
+        """When motion was commanded last while it was waited for."""
         self._limiter = SpeedLimiter()
         self._given = given
         self._on_session = on_session
@@ -145,6 +157,13 @@ class RobotConnection:
         # if the link was lost during it, the next call prepares the new session.
         self.gate.connected_s = time.monotonic()
         self._limiter.rest()
+        board_id = _board_id(self.robot)
+        if self._board_id not in (None, board_id):
+            # Nobody may have looked at this one: whoever goes on commanding motion does not move
+            # it. A device that was cleared refuses by itself; this one knows of no clear.
+            self._is_replaced, self._moving_s = True, self.gate.connected_s
+            self.clears += 1
+        self._board_id = board_id
         self._session = session
 
     def command(self, twist: Twist, born_s: float) -> Twist:
@@ -185,6 +204,8 @@ class RobotConnection:
                 # Raised for every command until it is solved: tracebacks must not pile up.
                 raise self.problem.with_traceback(None)
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+        if self._is_replaced:
+            self._wait_for_zero(twist, time.monotonic())
         # One reading of the geometry for the whole command: a new session may change it meanwhile.
         drive, now_s = self.drive, time.monotonic()
         limited = self._limiter.limit(twist, self.tuning.limits, now_s)
@@ -203,6 +224,12 @@ class RobotConnection:
         obeyed = drive.twist(wheels)
         self._limiter.obeyed(obeyed, now_s, born_s + ttl_s - now_s)
         return obeyed
+
+    def _wait_for_zero(self, twist: Twist, now_s: float) -> None:
+        before_s, self._moving_s = self._moving_s, now_s
+        if twist != (0.0, 0.0) and now_s - before_s < self.tuning.rearm_gap_s:
+            raise CommandIgnored(Ignored.UNARMED, REPLACED)
+        self._is_replaced = False
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
@@ -281,3 +308,8 @@ class RobotConnection:
         self._estop_unsent = True  # so that `follow` sends it again, even in the same session
         self.robot.estop()
         self._estop_unsent = False
+
+
+def _board_id(robot: BaseDriver) -> str:
+    info = getattr(robot, "info", None)
+    return "" if info is None else str(info.device.board_id)

@@ -80,8 +80,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """The driver's name, for /diagnostics."""
 
     def setting(self, name: str) -> Any:
-        """The value of a parameter."""
-        return self.get_parameter(name).value
+        """The value of a parameter; None for one of the robot's that is not known yet."""
+        return self.get_parameter_or(name).value
 
     def list_parameters(self, prefixes: list[str], depth: int) -> Any:
         """Leave out what has no value yet.

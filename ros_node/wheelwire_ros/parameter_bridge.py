@@ -168,7 +168,7 @@ class ParameterBridge:
             # What the node still shows is of the robot that was open last; the next one may have
             # another value.
             return self.given.get(name)
-        return self._node.get_parameter(name).value
+        return self._node.get_parameter_or(name).value  # not known of a driver without parameters
 
     def _use(self, changes: list[Parameter]) -> None:
         if self._mirroring:

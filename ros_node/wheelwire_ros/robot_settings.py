@@ -24,6 +24,7 @@ def tuning(get: Get) -> Tuning:
         separation_multiplier=get("wheel_separation_multiplier"),
         left_radius_multiplier=get("left_wheel_radius_multiplier"),
         right_radius_multiplier=get("right_wheel_radius_multiplier"),
+        rearm_gap_s=get("rearm_gap_s") or 0.0,  # None before the robot is open
     )
 
 

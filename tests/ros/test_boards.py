@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -61,9 +62,20 @@ def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) ->
 def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Path) -> None:
     with (
         PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port,
-        RobotNode(graph, port=port.path, any_board=True),
+        RobotNode(graph, port=port.path, any_board=True) as node,
     ):
         graph.wait_active()
-        other = replace(port, OTHER)
-        with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.2)):
-            wait(lambda: other.obeyed, "the other board is driven")
+        commands = graph.publisher(Twist, "cmd_vel")
+        with Repeater(commands, lambda: twist(0.2)):
+            wait(lambda: port.device.obeyed, "the first board is driven")
+            other = replace(port, OTHER)
+            wait(lambda: "another device was connected: waiting for" in node.errors(), "the line")
+            time.sleep(2.0)
+            # Whoever goes on commanding motion does not move a robot that was not there before.
+            assert not other.obeyed
+            assert node.errors().count("waiting for a zero command") == 1
+        with Repeater(commands, lambda: twist(0.0)):
+            wait(lambda: other.obeyed, "a zero command")
+        with Repeater(commands, lambda: twist(0.2)):
+            count = len(other.obeyed)
+            wait(lambda: len(other.obeyed) > count + 5, "the other board is driven")
