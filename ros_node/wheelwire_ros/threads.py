@@ -8,6 +8,7 @@ lane of stops        (4 threads)      e-stop and stop, until acknowledged
 lane of requests     (1 thread)       the robot's parameters, save, clear, preparing a new session
 lane of transitions  (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
 samples              (its own)        reads the robot; odom, tf, joint_states, battery_state
+pose                 (its own)        writes pose_file, at most once a second
 
 Only the lanes and the thread of the samples wait for the robot.
 An entity is created and destroyed in the thread that waits for it: `run_generally`, `run_urgently`.
