@@ -149,3 +149,32 @@ def test_the_rate_is_that_of_the_last_second() -> None:
         robot.unplug()
         robot.advance(1.5)
         assert robot.health.rate_hz == 0
+
+
+def test_what_is_known_without_waiting_with_asyncio(tmp_path: Path) -> None:
+    async def use(device: PtyDevice) -> None:
+        async with aio.connect(device.path) as robot:
+            await robot.read()
+            latest, health = robot.latest, robot.health
+            assert latest is not None
+            assert latest.age_s < 1
+            assert robot.is_open is health.is_open is True
+            assert health.latched is None
+            assert health.ttl_max_s == 1.0
+            await robot.estop()
+            while robot.health.latched is not SupervisorState.ESTOPPED:
+                await asyncio.sleep(0.005)
+            device.unplug()
+            while robot.is_open:
+                await asyncio.sleep(0.005)
+            await asyncio.sleep(0.2)
+            health = robot.health
+            assert health.is_open is False
+            assert health.age_s is not None
+            assert health.age_s > 0.2
+            assert health.ttl_max_s is None
+            assert robot.latest is not None
+        assert robot.is_open is robot.health.is_open is False
+
+    with PtyDevice(tmp_path / "port") as device:
+        asyncio.run(use(device))
