@@ -218,14 +218,16 @@ class OpenRobot:
         resources.callback(self._reader.close)
 
     def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:
-        board_id, node = self.hardware_id(), self._node
+        node = self._node
+        self._resets.note(first, self.connection.robot)
+        board_id = self._resets.board_id
         setting = node.setting("pose_file")
         if setting == pose_file.AUTO and node.driver_type == "mock":
             setting = ""  # each one is another robot, at a place of its own
         path = pose_file.path_of(setting, node.get_fully_qualified_name(), board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
-        self._poses.open(path, board_id, first, self.estimator, longest_s)
-        resources.callback(self._poses.close, self.estimator)
+        self._poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
+        resources.callback(self._poses.close)
 
     def _prepare(self) -> None:
         """In the lane of requests."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +34,12 @@ class PoseMemory:
         self._path: Path | None = None
         self._saver: PoseSaver | None = None
         self._board_id = ""
+        self._present: Callable[[bool], PoseRecord | None] = lambda _is_final: None
 
     def open(
         self,
         path: Path | None,
-        board_id: str,
+        board_id: Callable[[], str],
         first: WheelSample,
         estimator: MotionEstimator,
         longest_drive_s: float,
@@ -46,21 +48,27 @@ class PoseMemory:
 
         Args:
             path: The file; None for none.
-            board_id: The board that counts.
+            board_id: The board that counts: where another one is connected later, its ticks are
+                none of this one's.
             first: Its first sample.
             estimator: Before its first update.
             longest_drive_s: How long a robot drives on at most that nobody commands any more.
         """
-        self._path, self._board_id = path, board_id
+        self._path, self._board_id = path, board_id()
+        self._present = lambda is_final: (
+            estimator.record(self._board_id, is_final=is_final)
+            if board_id() == self._board_id
+            else None
+        )
         record = self._find()
         if record is not None:
             self._resume(record, first, estimator, longest_drive_s)
         if path is not None:
-            self._saver = PoseSaver(path, lambda: estimator.record(board_id), self._warn)
+            self._saver = PoseSaver(path, lambda: self._present(False), self._warn)
 
-    def close(self, estimator: MotionEstimator) -> None:
+    def close(self) -> None:
         """Save the last pose; the wheels are stopped."""
-        record = estimator.record(self._board_id, is_final=True)
+        record = self._present(True)
         if record is not None:
             self._closed[self._board_id] = record
         saver, self._saver = self._saver, None

@@ -23,8 +23,9 @@ class ResetWatch:
         """Resets that nobody has acknowledged."""
         self.text = ""
         """One sentence for a person; empty while nothing happened."""
+        self.board_id = ""
+        """Of the device that sent the last sample; empty where the driver does not tell."""
         self._boot_id: int | None = None
-        self._board_id = ""
 
     def note(self, sample: WheelSample, robot: BaseDriver) -> bool:
         """Look at the next sample; whether it is the first after a reset."""
@@ -34,7 +35,7 @@ class ResetWatch:
         self._boot_id = sample.boot_id
         # Samples begin after the hello, so what the driver knows is of this boot.
         reason, doc, board_id = diagnostics.last_start(robot)
-        replaced, self._board_id = board_id != self._board_id, board_id
+        replaced, self.board_id = board_id != self.board_id, board_id
         if is_first:
             return False
         self.count += 1

@@ -19,11 +19,12 @@ from std_srvs.srv import SetBool
 
 from support import stop_host
 from support.load import cpu_s
-from support.ros import Graph, wait
+from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.stand_in import StandIn
 from wheelwire.link.info import quantile
 from wheelwire.simulation.simulator import Simulator, TrueState
+from wheelwire_protocol.codes import SupervisorState
 
 PAUSE_S = 0.015
 """Time between commands, plus up to as much at random, to meet every phase of periodic work."""
@@ -248,12 +249,20 @@ def latencies_to_the_motors(
             wait(answer.done, "the answer of ~/estop")
             cleared = estop.call_async(SetBool.Request(data=False))
             wait(cleared.done, "the end of the e-stop")
+            _arm(simulator, commands)
             called_s.append(time.monotonic())
             wait(peer.call_async(SetBool.Request()).done, "the answer of the bare service")
         interrupt(bare)
     arrived_s = json.loads(file.read_text())
     peer_s = [arrived - called for called, arrived in zip(called_s, arrived_s, strict=True)]
     return MotorLatencies(driven_s, stopped_s, peer_s)
+
+
+def _arm(simulator: Simulator, commands: Any) -> None:
+    """Command standstill after a clear, until the robot obeys: before that nothing drives."""
+    simulator.take_states()
+    with Repeater(commands, Twist):
+        stop_host.wait(simulator, lambda state: state.state is SupervisorState.DRIVING)
 
 
 def _driven(simulator: Simulator) -> TrueState | None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from wheelwire import DifferentialDrive
 from wheelwire_ros import pose_file
 from wheelwire_ros.estimator import MotionEstimator
 from wheelwire_ros.pose_file import PoseFileError, PoseRecord
-from wheelwire_ros.pose_memory import MOVED_M, MOVED_RAD, how_far_off
+from wheelwire_ros.pose_memory import MOVED_M, MOVED_RAD, PoseMemory, how_far_off
 
 DRIVE = DifferentialDrive(0.2, 0.05, 1000, max_velocity_mps=0.4)
 RECORD = PoseRecord(
@@ -110,3 +111,15 @@ def test_how_far_a_robot_may_be_off_is_bounded_by_its_last_command(
     assert off_m == pytest.approx(0.4 * 2.0)
     assert off_rad == math.pi
     assert how_far_off(replace(RECORD, is_final=True), DRIVE, 1.0) == (MOVED_M, MOVED_RAD)
+
+
+def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -> None:
+    path, board = tmp_path / "pose.json", ["01"]
+    memory, motions = PoseMemory(logging.getLogger("test")), MotionEstimator(DRIVE, 1e-4)
+    memory.open(path, lambda: board[0], sample(boot_id=1), motions, 1.0)
+    motions.update(sample(boot_id=1, left_ticks=10))
+    board[0] = "02"
+    motions.update(sample(boot_id=2, left_ticks=500))
+    memory.close()
+    found = pose_file.read(path)
+    assert found is None or found.boot_id == 1
