@@ -60,4 +60,4 @@ if __name__ == "__main__":
         try:
             asyncio.run(main())
         except WheelwireError as error:
-            sys.exit(f"{error}")
+            sys.exit(str(error))

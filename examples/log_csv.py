@@ -49,4 +49,6 @@ if __name__ == "__main__":
     try:
         main()
     except wheelwire.WheelwireError as error:
-        sys.exit(f"{error}")
+        sys.exit(str(error))
+    except KeyboardInterrupt:
+        sys.exit("interrupted; the robot was stopped")

@@ -135,6 +135,27 @@ def test_the_e_stop_is_lived_through() -> None:
         wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)
 
 
+@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
+def test_what_is_wrong_with_the_robot_is_one_line(name: str, tmp_path: Path) -> None:
+    before = [str(tmp_path / "run.csv")] if name == "log_csv.py" else []
+    process = start(name, *before, "/dev/no-such-port")
+    _, errors = process.communicate("", timeout=TIMEOUT_S)
+    assert process.returncode == 1
+    assert errors.startswith("cannot open /dev/no-such-port")
+    assert errors.count("\n") == 1
+
+
+def test_ctrl_c_stops_and_is_one_line() -> None:
+    with Simulator() as simulator:
+        process = start("square.py", simulator.port, "--side", "5")
+        with ending(process):
+            wait_while_running(process, lambda: simulator.get("true.x_m") > 0.02)
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=TIMEOUT_S)
+            assert errors == "interrupted; the robot was stopped\n"
+            assert simulator.get("drive_on") == 0
+
+
 def test_keys_drive_and_stop_and_the_terminal_is_as_it_was() -> None:
     keyboard, terminal = os.openpty()
     before = termios.tcgetattr(terminal)
