@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from wheelwire import aio
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.link.info import LinkStatistics
+from wheelwire.link.news import Happening
 from wheelwire.motion.kinematics import DifferentialDrive, WheelVelocities
 from wheelwire.parameters import ParameterInfo, Parameters, Trial
 from wheelwire.samples import WheelSample
@@ -87,6 +88,12 @@ class AioDriver(BaseDriver):
 
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         raise NotImplementedError
+
+    def _listen(self, happening: Happening) -> None:
+        def tell(told: object) -> None:
+            self._callbacks.listener((happening, told))
+
+        self._plain(setattr, self.robot, happening.value, tell)
 
     def _check_link(self) -> None:
         self.robot._check_link()

@@ -37,6 +37,18 @@ class LifecycleTests:
         assert harness.recovers()
         harness.drive_until(SPEED_MPS, 0.0, turning)
 
+    def test_a_loss_and_the_return_are_told_in_order(
+        self, bench: Bench, harness: DriveHarness
+    ) -> None:
+        told: list[str] = []
+        harness.driver.on_lost = lambda _: told.append("lost")
+        harness.driver.on_opened = lambda _: told.append("opened")
+        bench.lose_link()
+        _wait_for(bench, lambda: told == ["lost"])
+        bench.restore_link()
+        _wait_for(bench, lambda: told == ["lost", "opened"])
+        harness.driver.stop()
+
     def test_a_robot_without_its_link_stops(self, bench: Bench, harness: DriveHarness) -> None:
         harness.drive_until(SPEED_MPS, 0.0, turning)
         bench.lose_link()
@@ -81,6 +93,14 @@ class LifecycleTests:
         gc.collect()
         assert not _threads() - threads
         assert not bench.is_driven()
+
+
+def _wait_for(bench: Bench, condition: Callable[[], bool]) -> None:
+    for _ in range(round(TIMEOUT_S / POLL_S)):
+        if condition():
+            return
+        bench.pass_time(POLL_S)
+    raise AssertionError("the condition was never fulfilled")
 
 
 def _is_lost(driver: BaseDriver) -> bool:
