@@ -315,8 +315,10 @@ void Judge::slew_within_limit() {
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
+    // The first step of a pause may have been one with the limit before.
     const double rate = static_cast<double>(
-        std::max(value(kMaxDutyRatePerS), memory_.values[index_of(kMaxDutyRatePerS)]));
+        std::max({value(kMaxDutyRatePerS), memory_.values[index_of(kMaxDutyRatePerS)],
+                  memory_.earlier_values[index_of(kMaxDutyRatePerS)]}));
     // Where the direction changes the stage pauses for a step, and for another to begin.
     const double step = 1.3 * rate * period_s + 2.0 / 32767.0;
     for (const Side side : kSides) {
@@ -634,6 +636,7 @@ void Judge::remember() {
     memory_.stood_since_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
+  memory_.earlier_values = memory_.values;
   memory_.values = witness_.values();
   memory_.hard_switches = simulator_.board.hard_switches();
   world_.writes_flash = world_.handled = false;
