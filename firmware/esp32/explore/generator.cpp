@@ -152,6 +152,18 @@ class Generator {
 
   void rest() { add(Kind::kVelocity, {host_, 0, 0, 200e3, 1, 0}); }
 
+  /// What follows needs a robot that can drive: mostly it is one.
+  void make_ready() {
+    if (chance(30)) return;
+    add(Kind::kContact, {0});
+    if (chance(50)) add(Kind::kOpen, {0});
+    add(Kind::kClearEstop, {host_, 1});
+    add(Kind::kClearFault, {host_, 1});
+    rest();
+    add(Kind::kRun, {3e3});
+    add(Kind::kStop, {host_, 0, 1});
+  }
+
   /// A stop, and at once the other way: read in one call, or before the next step.
   void turn_round() {
     const bool duty = chance(50);
@@ -320,6 +332,7 @@ class Generator {
     constexpr ParameterId kTuned[] = {
         kMaxVelocityMps, kMaxAccelerationMps2, kMaxDuty,          kMaxDutyRatePerS, kPathGain,
         kHeadingGain,    kPathCatchUp,         kProportionalGain, kIntegralGain};
+    make_ready();
     drive(std::floor(spread(50e3, 1e6)));
     const double mostly = one_of({0.0, 0.0, 1.0, 0.5});
     for (size_t i = 1 + below(4); i > 0; --i) {
@@ -350,6 +363,7 @@ class Generator {
   }
 
   void trial() {
+    make_ready();
     add(Kind::kTrial, {host_, 1, chance(90) ? spread(0.2, 3) : one_of({0.1, 70, -1})});
     moment();
     for (size_t i = 1 + below(3); i > 0; --i) {
@@ -367,12 +381,13 @@ class Generator {
         add(Kind::kTrial, {host_, 4});
         break;
       case 2:
+      case 3:
         add(Kind::kOpen, {side()});
         break;
-      case 3:
+      case 4:
         add(Kind::kRun, {4e6});
         break;
-      case 4:
+      case 5:
         reset();
         break;
       default:
