@@ -192,7 +192,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             # The node stays unconfigured, so that Autostart or the user can try again.
             return FAILURE
         except Exception:
-            self.get_logger().error(traceback.format_exc())  # rclpy would not log it
+            if self.context.ok():  # else the node is ending, and every step fails
+                self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
         if self._estopped and not self._open.connection.estopped:  # set while it was opened
             with suppress(WheelwireError):  # sent again when the session is prepared

@@ -49,7 +49,7 @@ def test_a_longer_one_is_refused_at_the_start_until_it_is_right(
         diagnostics.wait(
             "link", lambda s, _: s.level == DiagnosticStatus.ERROR and names_both(s.message)
         )
-        assert graph.state(NODE) == "unconfigured"
+        graph.wait_state(NODE, "unconfigured")  # between two attempts
         assert names_both(node.errors())
         assert graph.set_parameter(NODE, *cure).successful
         graph.wait_active()
