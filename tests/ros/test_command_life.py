@@ -50,7 +50,7 @@ def test_a_longer_one_is_refused_at_the_start_until_it_is_right(
             "link", lambda s, _: s.level == DiagnosticStatus.ERROR and names_both(s.message)
         )
         graph.wait_state(NODE, "unconfigured")  # between two attempts
-        assert names_both(node.errors())
+        wait(lambda: names_both(node.errors()), "the line")
         assert graph.set_parameter(NODE, *cure).successful
         graph.wait_active()
 
