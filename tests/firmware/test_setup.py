@@ -63,7 +63,7 @@ HARD = (
     "case",
     [
         *(
-            Case((0, 1, 0, 0, *reversed_), "tt-1-48", 2496, condition)
+            Case((0, 0, 0, 0, *reversed_), "tt-1-48", 2496, condition)
             for condition in HARD
             for reversed_ in ((1, 0), (0, 1))
         ),
@@ -86,12 +86,22 @@ def test_a_script_sets_up_a_robot_whose_wheels_no_gentle_pulse_turns() -> None:
     assert findings.saved
 
 
-def test_the_watch_over_reversed_wheels_is_back_when_the_wiring_is_known() -> None:
+def test_thresholds_that_it_raises_meanwhile_are_back_afterwards() -> None:
+    watched = {"reversal_duty": 0.25, "rolling_velocity_mps": 0.2}
     with raised_robot(WRONG) as robot:
-        robot.parameters.set("reversal_duty", 0.25)
+        for name, value in watched.items():
+            robot.parameters.set(name, value)
         assert set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None).saved
         robot.parameters.refresh()
-        assert robot.parameters["reversal_duty"] == 0.25
+        assert {name: robot.parameters[name] for name in watched} == watched
+
+
+def test_wheels_turned_by_hand_are_no_robot_that_rolls_away(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with raised_robot({"counts_per_revolution": 2496}) as robot:
+        assert set_up(robot, SimulatedPerson(robot, UNTUNED), lambda _: None).saved
+    assert not [record for record in caplog.records if "rolls" in record.getMessage()]
 
 
 def test_every_case_is_there() -> None:

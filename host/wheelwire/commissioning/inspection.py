@@ -11,7 +11,7 @@ from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused
 from ..samples import WheelSample
 from .gaps import has_gap
-from .motion import SIDES, BoardReset, arm, fresh
+from .motion import SIDES, BoardReset, arm, fresh, not_watching
 from .problems import (
     BLOCKED,
     CONTACT_OPEN,
@@ -37,7 +37,6 @@ from .pulses import (
     run,
     show,
     ticks_since,
-    unwatched,
 )
 from .questions import (
     AGAIN,
@@ -191,7 +190,9 @@ def find_wiring(robot: BaseDriver, person: Person, say: Say) -> tuple[Wiring, Se
         CommissioningFailed: The board was reset, or a fault or e-stop stopped the robot.
     """
     say("One motor is pulsed, gently at first. Watch which wheel turns.")
-    with unwatched(robot):
+    # A wheel that counts against its drive is no fault yet. The fault would end a pulse before
+    # anybody has seen the wheel turn.
+    with not_watching(robot, "reversal_duty"):
         first = _ask(robot, person, "first", 0, (*WHEEL_AND_WAY, NONE, BOTH))
         other = None if first.wheel is None else 1 - first.wheel
         say("Now the other motor.")

@@ -10,6 +10,7 @@ from wheelwire_protocol.codes import SupervisorState
 
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
+from ..parameters import definition_of
 from ..samples import WheelSample
 
 TTL_S = 0.3
@@ -230,6 +231,18 @@ def one_session(robot: BaseDriver) -> Iterator[None]:
         raise CommissioningFailed(
             "the link was lost for a while: check the cable, then begin again"
         )
+
+
+@contextmanager
+def not_watching(robot: BaseDriver, name: str) -> Iterator[None]:
+    """Set a threshold to its maximum for a while. Only in a trial of parameters.
+
+    If the block is left by an exception, the end of the trial restores the threshold.
+    """
+    previous = robot.parameters[name]
+    robot.parameters.set(name, definition_of(name).maximum)
+    yield
+    robot.parameters.set(name, previous)
 
 
 def require_ready(robot: BaseDriver) -> None:

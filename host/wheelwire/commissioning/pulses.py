@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,7 +24,7 @@ _RISE = 1.25
 _HIGHEST_DUTY = 0.6
 """Of a wheel whose counter does nothing: it may turn, and nothing tells how far."""
 _HARDEST_DUTY = 0.98
-"""Less than 1, the highest `reversal_duty`: see `unwatched`."""
+"""Less than the highest `reversal_duty`, so that then no pulse trips REVERSED."""
 _SHOW_S = 0.25
 _REST_S = 0.1
 _LONGEST_REST_S = 5.0
@@ -98,19 +96,6 @@ class Pulsed:
     def was_noticed(self) -> bool:
         """Whether a counter did anything."""
         return any(self.counted(side) or self.toggled(side) for side in (0, 1))
-
-
-@contextmanager
-def unwatched(robot: BaseDriver) -> Iterator[None]:
-    """Keep a wheel that counts against its drive from being a fault: its wiring is not known yet.
-
-    The fault would end a pulse before anybody has seen the wheel turn. In a trial of parameters.
-    """
-    former = robot.parameters["reversal_duty"]
-    robot.parameters.set("reversal_duty", 1.0)
-    yield
-    # If the block was left by an exception, the end of the trial does this.
-    robot.parameters.set("reversal_duty", former)
 
 
 def pulse(robot: BaseDriver, side: int) -> Pulsed:

@@ -28,7 +28,7 @@ from .inspection import (
     find_low_battery,
     find_wiring,
 )
-from .motion import BoardReset, Left, untold
+from .motion import BoardReset, Left, not_watching, untold
 from .problems import FAULTED, SAGS, VOIDING, Problem
 from .problems import named as fault_names
 from .progress import Progress
@@ -160,7 +160,9 @@ class _SetUp:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
                 else:
-                    self._find()
+                    # Turned by hand, a wheel is not to be reported as a robot that rolls away.
+                    with not_watching(self.robot, "rolling_velocity_mps"):
+                        self._find()
                 self._tune()
                 self._finish(trial)
         except Unfit as error:
@@ -357,7 +359,7 @@ class _SetUp:
         if not found or self.options.resume:
             return found
         done = ", ".join(found)
-        text = f"The last set-up of this robot was interrupted. Go on after {done}?"
+        text = f"The last set-up of this robot was not saved. Go on after {done}?"
         answer = self.person.answer(Question("resume", text, (YES, NO), YES))
         return found if answer == YES else {}
 
