@@ -13,7 +13,7 @@ from support.defects import DEFECTS, named
 from support.wiring_runs import Case, between_corners, cases, check, check_wiring, corners
 
 SEED = 5
-BETWEEN = 3000
+BETWEEN = 1000
 
 
 def main() -> int:

@@ -272,10 +272,12 @@ def test_a_robot_that_is_meant_for_3_volts_is_measured_with_them() -> None:
     assert not any("battery low" in text for text in findings.problems)
 
 
-def test_unequal_wheels_are_said_to_be_what_it_cannot_find() -> None:
+@pytest.mark.parametrize("raised", [1, 0])
+def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
     said: list[str] = []
-    with raised_robot({"left.radius_scale": 1.1}) as robot:
-        findings = set_up(robot, SimulatedPerson(robot), said.append)
+    with raised_robot({"left.radius_scale": 1.1, "wheels_free": raised}) as robot:
+        options = Options(on_the_floor=not raised)
+        findings = set_up(robot, SimulatedPerson(robot), said.append, options)
     assert findings.problems == ()
     assert setup.UNEQUAL_WHEELS in said
     assert "unequal ones cannot be found" in setup.UNEQUAL_WHEELS

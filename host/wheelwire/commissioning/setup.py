@@ -54,8 +54,8 @@ _DRIVES_S = 23.0
 """Of both test drives, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
-    "Both wheels are taken for equal in size: raised, unequal ones cannot be found. A robot that "
-    "drives a curve when it is to drive straight has them."
+    "Both wheels are taken for equal in size: each counts its own turns, so unequal ones cannot be "
+    "found. A robot that drives a curve when it is to drive straight has them."
 )
 
 TUNE = Question(
@@ -159,6 +159,7 @@ class _SetUp:
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
+                    self.say(UNEQUAL_WHEELS)
                 else:
                     # Turned by hand, a wheel is not to be reported as a robot that rolls away.
                     with not_watching(self.robot, "rolling_velocity_mps"):
