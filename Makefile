@@ -143,7 +143,7 @@ bench: $(VENV)/installed  ## All benchmarks, compared with the peers, to build/b
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
 	@$(BIN)/python bench/report.py
 
-reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 15 min
+reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, corruption and soak; 25 min
 	$(BIN)/python bench/stop_times.py
 	$(BIN)/python bench/endurance.py
 	$(BIN)/python bench/clock.py
