@@ -79,7 +79,6 @@ void Run::call(bool stepped) {
   settle(true);
   if (simulator_.boot_id() != boot_id_) {
     // It restarted by itself, or the supply browned out.
-    witness_.steps_once_more();
     note_reset();
     return;
   }

@@ -99,11 +99,6 @@ class Witness {
   /// The power went at a write: what it was to change may have changed.
   enum class Written { kParameters, kBoard, kLatch };
   void cut_at_write(Written what);
-  /// It is about to restart by itself, at the end of a control step: that step read the contact.
-  void steps_once_more() {
-    if (contact_open() && last_state_ != SupervisorState::kBoot)
-      last_state_ = SupervisorState::kEstopped;
-  }
   /// The chip was reset, and begins to boot.
   void resets(bool loses_memory);
   /// It has started.
