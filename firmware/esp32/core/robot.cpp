@@ -134,15 +134,12 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
 // --- setpoints -----------------------------------------------------------------------------------
 
 RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
-  // One that is refused counts, too: it shows that a program goes on sending.
-  const bool after_gap = now_us - quiet_since_us_ >= config_.rearm_gap_us;
-  quiet_since_us_ = now_us;
   if (setpoint.expiry_us <= now_us) return RefusalCode::kExpired;
   if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
   if (contradictions_ != 0) return RefusalCode::kContradiction;
-  if (!arm(setpoint, after_gap)) return RefusalCode::kUnarmed;
+  if (!arm(setpoint, now_us)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
@@ -157,10 +154,10 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
 
 /// Whether the robot may drive again after a clear: a clear alone must not restart motion (ISO
 /// 13850), so a program that goes on sending has to ask for standstill first, or to pause.
-bool Robot::arm(const Setpoint& setpoint, bool after_gap) {
+bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
   if (!unarmed_) return true;
   const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
-  if (!is_zero && !after_gap) return false;
+  if (!is_zero && now_us - quiet_since_us_ < config_.rearm_gap_us) return false;
   unarmed_ = false;
   note_latches();
   return true;

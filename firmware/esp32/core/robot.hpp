@@ -67,7 +67,8 @@ class Robot {
   /// or there is no board.
   void report_failure(uint32_t faults) { failures_ |= faults; }
 
-  /// A setpoint came, and is refused: its program has not paused.
+  /// Call it with every setpoint that is refused, here or before it came here: it shows that a
+  /// program goes on sending.
   void note_refused_setpoint(uint64_t now_us) { quiet_since_us_ = now_us; }
   /// Drives the wheels by this setpoint, for ttl_max at most. Returns kNone, or why not.
   RefusalCode obey(const Setpoint& setpoint, uint64_t now_us);
@@ -137,7 +138,7 @@ class Robot {
   void actuate(uint64_t now_us);
   void watch_standstill(uint64_t now_us);
   void sync_latches(uint64_t now_us);
-  bool arm(const Setpoint& setpoint, bool after_gap);
+  bool arm(const Setpoint& setpoint, uint64_t now_us);
   void disarm(uint64_t now_us);
   void note_latches();
   void apply(SupervisorEvent event, uint64_t now_us, StopMode mode = StopMode::kConfigured);
@@ -166,7 +167,7 @@ class Robot {
   uint64_t last_step_us_ = 0;
   uint32_t late_steps_ = 0;
   uint32_t longest_interval_us_ = 0;
-  uint64_t quiet_since_us_ = 0;  // The last setpoint arrived then, or a latch was cleared.
+  uint64_t quiet_since_us_ = 0;  // A setpoint was last refused then, or a latch was cleared.
   Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
   WheelPair target_{};           // the setpoint's, within the limits
   EncoderCounts counts_{};
