@@ -317,8 +317,8 @@ void Judge::slew_within_limit() {
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
     // The first step of a pause may have been one with the limit before.
     const double rate = static_cast<double>(
-        std::max({value(kMaxDutyRatePerS), memory_.values[index_of(kMaxDutyRatePerS)],
-                  memory_.earlier_values[index_of(kMaxDutyRatePerS)]}));
+        std::max({value(kMaxDutyRatePerS), memory_.highest[index_of(kMaxDutyRatePerS)],
+                  memory_.earlier_highest[index_of(kMaxDutyRatePerS)]}));
     // Where the direction changes the stage pauses for a step, and for another to begin.
     const double step = 1.3 * rate * period_s + 2.0 / 32767.0;
     for (const Side side : kSides) {
@@ -332,7 +332,7 @@ void Judge::slew_within_limit() {
   }
   if (granted->duty || !memory_.followed_velocity || memory_.restarting_steps > 0) return;
   const double acceleration = static_cast<double>(
-      std::max(value(kMaxAccelerationMps2), memory_.values[index_of(kMaxAccelerationMps2)]));
+      std::max(value(kMaxAccelerationMps2), memory_.highest[index_of(kMaxAccelerationMps2)]));
   const double step_umps = acceleration * period_s * 1e6;
   for (const Side side : kSides) {
     const double change = std::abs(static_cast<double>(simulator_.commanded_umps(side)) -
@@ -367,7 +367,7 @@ void Judge::begins_gently() {
 void Judge::within_limits() {
   if (simulator_.state() != SupervisorState::kDriving || !world_.wired_as_believed) return;
   const double limit =
-      static_cast<double>(std::max(value(kMaxDuty), memory_.values[index_of(kMaxDuty)]));
+      static_cast<double>(std::max(value(kMaxDuty), memory_.highest[index_of(kMaxDuty)]));
   for (const Side side : kSides) {
     const double duty = std::abs(simulator_.board.bridges()[side].signed_duty());
     // A limit that was lowered takes effect within the slew limit.
@@ -579,6 +579,9 @@ void Judge::on_state(const WheelState& state) {
 // --- in order ------------------------------------------------------------------------------------
 
 void Judge::after_message() {
+  // A limit may be raised and lowered again before the step that it was raised for.
+  for (size_t i = 0; i < kParameterCount; ++i)
+    memory_.highest[i] = std::max(memory_.highest[i], witness_.values()[i]);
   if (simulator_.state() != SupervisorState::kDriving) memory_.restarting_steps = 2;
   driven_by_right();
   board_stays_while_estopped();
@@ -636,8 +639,9 @@ void Judge::remember() {
     memory_.stood_since_us = now_us();
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
-  memory_.earlier_values = memory_.values;
   memory_.values = witness_.values();
+  memory_.earlier_highest = memory_.highest;
+  memory_.highest = memory_.values;
   memory_.hard_switches = simulator_.board.hard_switches();
   world_.writes_flash = world_.handled = false;
 }
@@ -646,7 +650,7 @@ void Judge::after_start() {
   memory_ = {};
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
-  memory_.values = witness_.values();
+  memory_.values = memory_.highest = witness_.values();
   memory_.state = simulator_.state();
   memory_.hard_switches = simulator_.board.hard_switches();
   for (const Side wheel : kSides)

@@ -35,7 +35,8 @@ struct Memory {
   uint32_t faults = 0;
   uint64_t step_us = 0;
   Values values{};
-  Values earlier_values{};  ///< Of the step before.
+  Values highest{};          ///< The highest of each value since the last step.
+  Values earlier_highest{};  ///< Of the step before.
   uint32_t hard_switches = 0;
   /// Which way each winding was driven at the end of the last step: 1, -1 or 0.
   std::array<int, 2> directions{};
