@@ -29,6 +29,9 @@ from wheelwire.simulation.impairment import LineProfile
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
+ON_ITS_WAY_S = 0.5
+"""On a busy computer, between the failure and the line's own knowledge of it."""
+
 
 @pytest.fixture
 def simulator(line: str) -> Iterator[Simulator]:
@@ -41,7 +44,9 @@ def check_stop(simulator: Simulator, name: str) -> None:
         stopping = stop(simulator, process, FAILURES[name])
         assert stopping.time.late_us is not None
         assert 0 <= stopping.time.late_us <= PERIOD_US
-        assert stopping.end.deadline_us <= stopping.at_failure.device_us + (TTL_S + 0.1) * 1e6
+        # What was on its way arrives; after that nothing may put the deadline off.
+        latest_us = stopping.at_failure.device_us + (TTL_S + ON_ITS_WAY_S) * 1e6
+        assert stopping.end.deadline_us <= latest_us
 
 
 @pytest.mark.parametrize(
