@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from tempfile import mkdtemp
 
 import pytest
 
@@ -91,9 +92,9 @@ def hand_is_off(simulator: Simulator, side: str) -> bool:
 
 
 @contextmanager
-def person(simulator: Simulator, tmp_path: Path) -> Iterator[TypingTerminal]:
+def person(simulator: Simulator, state: Path) -> Iterator[TypingTerminal]:
     """A person at a terminal, who was asked for the first time."""
-    environment = {"XDG_STATE_HOME": str(tmp_path)}
+    environment = {"XDG_STATE_HOME": str(state)}
     with TypingTerminal("setup", simulator.port, environment=environment) as terminal:
         if simulator.get("board_unwritten"):
             terminal.wait_for("Which board is it?")
@@ -104,10 +105,20 @@ def person(simulator: Simulator, tmp_path: Path) -> Iterator[TypingTerminal]:
         yield terminal
 
 
-def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
-    simulator.set("board_unwritten", 1)
-    simulator.reset()
-    with person(simulator, tmp_path) as terminal:
+def test_a_person_is_asked(tmp_path: Path) -> None:
+    # A robot and a folder of its own for each run: what a stall has cut off is begun anew.
+    with Simulator(settings={**SETTINGS, "board_unwritten": 1}) as simulator:
+        answer_everything(simulator, state_folder(tmp_path))
+        saved = values(simulator)
+    assert {name: saved[name] for name in FOUND} == FOUND
+
+
+def state_folder(parent: Path) -> Path:
+    return Path(mkdtemp(dir=parent))
+
+
+def answer_everything(simulator: Simulator, state: Path) -> None:
+    with person(simulator, state) as terminal:
         terminal.wait_for("Which wheel turned")
         terminal.press(b"up\n")
         terminal.wait_for("answer with left forward")
@@ -135,14 +146,13 @@ def test_a_person_is_asked(simulator: Simulator, tmp_path: Path) -> None:
         terminal.wait_for("Save them")
         terminal.press(b"yes\n")
         assert terminal.wait() == 0, terminal.output
-    saved = values(simulator)
-    assert {name: saved[name] for name in FOUND} == FOUND
 
 
 def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
     simulator: Simulator, tmp_path: Path
 ) -> None:
-    with person(simulator, tmp_path) as terminal:
+    state = state_folder(tmp_path)
+    with person(simulator, state) as terminal:
         terminal.wait_for("Which wheel turned")
         terminal.press(b"lf\n")
         terminal.wait_for("the other wheel turn?")
@@ -153,7 +163,7 @@ def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
     with open_driver("serial", port=simulator.port) as robot:
         assert robot.parameters["encoders_swapped"] == 0
     assert simulator.get("stands_still")
-    with person(simulator, tmp_path) as terminal:
+    with person(simulator, state) as terminal:
         terminal.wait_for("Go on after wiring?")
         terminal.press(b"\n")
         terminal.wait_for("Ticks per wheel turn")
@@ -165,7 +175,7 @@ def test_after_ctrl_c_the_robot_is_as_it_was_and_the_next_one_goes_on(
 def test_killed_it_leaves_a_robot_that_stands_and_is_as_it_was(
     simulator: Simulator, tmp_path: Path, moment: str
 ) -> None:
-    with person(simulator, tmp_path) as terminal:
+    with person(simulator, state_folder(tmp_path)) as terminal:
         terminal.wait_for("Which wheel turned")
         terminal.press(b"lf\n")
         terminal.wait_for("the other wheel turn?")

@@ -17,6 +17,7 @@ from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
 from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
 from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
+from support.stalls import again_after_a_stall
 from wheelwire import errors, flash
 from wheelwire_protocol.codes import Board
 from wheelwire_protocol.types import Stop
@@ -174,6 +175,7 @@ def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) ->
     assert "BOOT button" in result.stderr
 
 
+@again_after_a_stall
 def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
     chip.device.wheel_mps = 0.2
     check_refusal(run("--port", port, "--image", str(image)), "keep turning")
