@@ -33,37 +33,36 @@ def simulator(tmp_path: Path) -> Iterator[Simulator]:
         yield simulator
 
 
-@pytest.fixture
-def fresh(tmp_path: Path) -> Iterator[Simulator]:
-    """A chip whose board nobody confirmed."""
-    with Simulator(store=tmp_path / "store", settings={"board_unwritten": 1}) as simulator:
-        yield simulator
+def fresh_chip() -> Simulator:
+    """A chip whose board nobody confirmed; a new one also where a stall has cut a test off."""
+    return Simulator(settings={"board_unwritten": 1})
 
 
-def test_a_fresh_chip_drives_once_its_board_is_confirmed(fresh: Simulator) -> None:
-    refused = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
-    assert refused.returncode == errors.DeviceRefused.exit_code
-    assert "wheelwire board confirm" in refused.stderr
-    info = run_json("info", fresh.port)
-    assert any("wheelwire board confirm" in warning for warning in info["warnings"])
-    assert fresh.get("true.distance_m") == 0.0
+def test_a_fresh_chip_drives_once_its_board_is_confirmed() -> None:
+    with fresh_chip() as fresh:
+        refused = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
+        assert refused.returncode == errors.DeviceRefused.exit_code
+        assert "wheelwire board confirm" in refused.stderr
+        info = run_json("info", fresh.port)
+        assert any("wheelwire board confirm" in warning for warning in info["warnings"])
+        assert fresh.get("true.distance_m") == 0.0
 
-    unasked = run("board", "confirm", fresh.port)
-    assert unasked.returncode == errors.InvalidArgument.exit_code
-    assert "--yes" in unasked.stderr
-    assert run_json("board", "read", fresh.port)["state"] == "BUILT_IN"
+        unasked = run("board", "confirm", fresh.port)
+        assert unasked.returncode == errors.InvalidArgument.exit_code
+        assert "--yes" in unasked.stderr
+        assert run_json("board", "read", fresh.port)["state"] == "BUILT_IN"
 
-    for was_confirmed in (False, True):
-        assert run_json("board", "confirm", fresh.port, "--yes") == {
-            "board": "L298N, ESP32-DevKitC",
-            "confirmed": True,
-            "was_confirmed": was_confirmed,
-        }
-    drive = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
-    assert drive.returncode == 0, drive.stderr
-    fresh.reset()
-    assert run_json("board", "read", fresh.port)["state"] == "STORED"
-    assert run_json("info", fresh.port)["warnings"] == []
+        for was_confirmed in (False, True):
+            assert run_json("board", "confirm", fresh.port, "--yes") == {
+                "board": "L298N, ESP32-DevKitC",
+                "confirmed": True,
+                "was_confirmed": was_confirmed,
+            }
+        drive = run("drive", fresh.port, "--linear", "0.2", "--seconds", "0.5")
+        assert drive.returncode == 0, drive.stderr
+        fresh.reset()
+        assert run_json("board", "read", fresh.port)["state"] == "STORED"
+        assert run_json("info", fresh.port)["warnings"] == []
 
 
 def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
@@ -249,20 +248,22 @@ def offer(simulator: Simulator, person: Chooser) -> list[str]:
     return said
 
 
-def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen(fresh: Simulator) -> None:
-    person = Chooser("tb6612")
-    assert offer(fresh, person) == ["TB6612FNG: written, tried and confirmed"]
-    (question,) = person.asked
-    assert set(question.choices) == {*OF_ESP32, KEEP}
-    # By its picture: whoever keeps it confirms it.
-    assert "keep: it is L298N, ESP32-DevKitC, docs/boards/l298n.svg" in question.text
-    assert run_json("board", "read", fresh.port)["state"] == "STORED"
-    assert offer(fresh, person) == ["board: TB6612FNG"]
-    assert len(person.asked) == 1
+def test_a_set_up_offers_the_built_in_boards_until_one_is_chosen() -> None:
+    with fresh_chip() as fresh:
+        person = Chooser("tb6612")
+        assert offer(fresh, person) == ["TB6612FNG: written, tried and confirmed"]
+        (question,) = person.asked
+        assert set(question.choices) == {*OF_ESP32, KEEP}
+        # By its picture: whoever keeps it confirms it.
+        assert "keep: it is L298N, ESP32-DevKitC, docs/boards/l298n.svg" in question.text
+        assert run_json("board", "read", fresh.port)["state"] == "STORED"
+        assert offer(fresh, person) == ["board: TB6612FNG"]
+        assert len(person.asked) == 1
 
 
 @pytest.mark.parametrize("answer", [KEEP, "l298n"])
-def test_a_set_up_confirms_the_board_that_the_robot_is_on(fresh: Simulator, answer: str) -> None:
-    assert offer(fresh, Chooser(answer)) == ["L298N, ESP32-DevKitC: confirmed"]
-    assert run_json("board", "read", fresh.port)["state"] == "STORED"
-    assert offer(fresh, Chooser(answer)) == ["board: L298N, ESP32-DevKitC"]
+def test_a_set_up_confirms_the_board_that_the_robot_is_on(answer: str) -> None:
+    with fresh_chip() as fresh:
+        assert offer(fresh, Chooser(answer)) == ["L298N, ESP32-DevKitC: confirmed"]
+        assert run_json("board", "read", fresh.port)["state"] == "STORED"
+        assert offer(fresh, Chooser(answer)) == ["board: L298N, ESP32-DevKitC"]

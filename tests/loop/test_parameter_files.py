@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from support.command import check_error, run, run_json
+from support.command import check_error, output, run, run_json
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETERS
@@ -64,12 +64,12 @@ def test_one_robots_numbers_are_copied_to_another(
     assert content["board_id"] == run_json("info", first)["link"]["device"]["board_id"]
     assert content["parameters"]["wheel_radius"] == "0.04 m"
     assert list(content["parameters"]) == [p.name for p in PARAMETERS]
-    assert run("params", "diff", first, str(file)).stdout == (
+    assert output("params", "diff", first, str(file)) == (
         f"all {len(PARAMETERS)} values are equal\n"
     )
 
     different = run("params", "diff", second.port, str(file))
-    assert different.returncode == DIFFERENT
+    assert different.returncode == DIFFERENT, different.stderr
     assert different.stderr == ""
     rows = [line.strip("│ ").split("│") for line in different.stdout.splitlines() if "│" in line]
     assert [[cell.strip() for cell in row] for row in rows] == [
@@ -78,7 +78,7 @@ def test_one_robots_numbers_are_copied_to_another(
     ]
     assert value(second, "wheel_radius") == 0.033  # looking changes nothing
 
-    imported = run("params", "import", second.port, str(file)).stdout
+    imported = output("params", "import", second.port, str(file))
     assert "the values of SIMULATED " in imported
     assert "wheel_radius: 0.033 -> 0.04 m\nintegral_gain: 16 -> 12.5 duty/m\n" in imported
     assert imported.endswith(
