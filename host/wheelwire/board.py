@@ -39,8 +39,11 @@ from .errors import ConfigurationError, shown
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
 STAGE_BY_NAME = {stage.name.lower(): stage for stage in Stage}
-MODULE_BY_NAME = {table.name: module for module, table in MODULES.items()}
-_ANY_MODULE = "any"
+ANY_MODULE = "any"
+MODULE_BY_NAME = {
+    ANY_MODULE: Module.ANY,
+    **{table.name: module for module, table in MODULES.items()},
+}
 _LINES = {"uart": BoardLine.UART, "usb": BoardLine.USB}
 _PULLS = {"internal": EncoderPulls.INTERNAL, "external": EncoderPulls.EXTERNAL}
 _CONTACTS = {
@@ -198,6 +201,11 @@ class BoardDescription:
         ]
 
 
+def chip_of_pins(chip: Chip) -> Chip:
+    """The chip whose pins a device has: a simulated robot has an ESP32's."""
+    return Chip.ESP32 if chip is Chip.SIMULATED else chip
+
+
 def unpacked(data: bytes) -> BoardDescription:
     """The board in a packed struct.
 
@@ -270,7 +278,7 @@ def parse_board(content: object) -> BoardDescription:
     return BoardDescription(
         name=reader.name(),
         chip=reader.code("chip", CHIP_BY_NAME),
-        module=reader.code("module", {_ANY_MODULE: Module.ANY, **MODULE_BY_NAME}, _ANY_MODULE),
+        module=reader.code("module", MODULE_BY_NAME, ANY_MODULE),
         stage=reader.code("stage", STAGE_BY_NAME),
         left=_wheel("left", reader.get("left")),
         right=_wheel("right", reader.get("right")),
@@ -326,18 +334,9 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
 
 
 _TOP = [
-    *(
-        "name",
-        "chip",
-        "module",
-        "stage",
-        "left",
-        "right",
-        "standby",
-        "pwm_frequency_hz",
-        "encoder_pulls",
-    ),
-    *("encoder_filter_ns", "estop", "battery", "led", "link", "pulldowns"),
+    *("name", "chip", "module", "stage", "left", "right", "standby"),
+    *("pwm_frequency_hz", "encoder_pulls", "encoder_filter_ns"),
+    *("estop", "battery", "led", "link", "pulldowns"),
 ]
 
 

@@ -120,19 +120,19 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
 void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
   const int32_t slew = config.velocity_slew_umps;
   slewed_ = approach(slewed_, target, slew);
-  // Slewed here, too: the correction may have been switched off in this step.
-  command_ = config.path.follows() ? command(config)
-                                   : WheelPair{step_towards(command_.left, slewed_.left, slew),
-                                               step_towards(command_.right, slewed_.right, slew)};
+  const WheelPair wanted = config.path.follows() ? corrected(config) : slewed_;
+  // Slewed once more, and last: a correction may jump, for example when one wheel is released, or
+  // when it is switched off.
+  command_ = {step_towards(command_.left, wanted.left, slew),
+              step_towards(command_.right, wanted.right, slew)};
   left_.drive_velocity(slewed_.left, command_.left, config.left_motor_inverted, supply_q12_,
                        config);
   right_.drive_velocity(slewed_.right, command_.right, config.right_motor_inverted, supply_q12_,
                         config);
 }
 
-/// The setpoint plus the correction of the following error, within the limits of velocity and
-/// acceleration.
-WheelPair Drive::command(const ControlConfig& config) {
+/// The setpoint plus the correction of the following error, within the limit of velocity.
+WheelPair Drive::corrected(const ControlConfig& config) {
   const WheelPair before = direction_;
   direction_ = {sign(slewed_.left), sign(slewed_.right)};
   const bool same = direction_.left == before.left && direction_.right == before.right &&
@@ -144,12 +144,8 @@ WheelPair Drive::command(const ControlConfig& config) {
   // A limit that was lowered while driving, or that the wheels exceed already, takes effect as fast
   // as the slew limit allows.
   const int32_t present = greater(magnitude(slewed_.left), magnitude(slewed_.right));
-  const WheelPair wanted = scale_to_limit(correct_setpoint(slewed_, behind, config.path),
-                                          greater(config.max_velocity_umps, present));
-  // Slewed once more, and last: a correction may jump, for example when one wheel is released.
-  const int32_t slew = config.velocity_slew_umps;
-  return {step_towards(command_.left, wanted.left, slew),
-          step_towards(command_.right, wanted.right, slew)};
+  return scale_to_limit(correct_setpoint(slewed_, behind, config.path),
+                        greater(config.max_velocity_umps, present));
 }
 
 void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {

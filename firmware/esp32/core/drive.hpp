@@ -47,7 +47,7 @@ class Drive {
 
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);
-  WheelPair command(const ControlConfig& config);
+  WheelPair corrected(const ControlConfig& config);
   bool consume_stop_began();
 
   Wheel left_;

@@ -243,14 +243,13 @@ def write(
 
 
 def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDriver) -> DeviceRefused:
+    from wheelwire.board import chip_of_pins
     from wheelwire.drivers.transport_driver import DeviceDriver
-    from wheelwire_protocol.codes import Board, RefusalCode
+    from wheelwire_protocol.codes import RefusalCode
 
     if error.code != RefusalCode.BOARD_REFUSED or not isinstance(driver, DeviceDriver):
         return error
-    chip = driver.info.device.board
-    # The simulated robot has an ESP32's pins.
-    if wanted.chip is (Board.ESP32 if chip is Board.SIMULATED else chip):
+    if wanted.chip is chip_of_pins(driver.info.device.board):
         return error
     hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
     return DeviceRefused(error.code, "the board", hint=hint)
@@ -436,17 +435,19 @@ def _ask_for_board(like: str | None) -> BoardDescription:
 
 def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
     """Ask what carries the chip, if modules with different pins do."""
-    from wheelwire.board import MODULE_BY_NAME
-    from wheelwire_protocol.board import MODULES, Module
+    from wheelwire.board import ANY_MODULE, MODULE_BY_NAME
+    from wheelwire_protocol.board import MODULES
 
-    names = {name: m for name, m in MODULE_BY_NAME.items() if MODULES[m].chip is made.chip}
+    names = [
+        name for name, m in MODULE_BY_NAME.items() if m in MODULES and MODULES[m].chip is made.chip
+    ]
     if not names:
         return made
-    for module in names.values():
-        typer.echo(f"{MODULES[module].name}: {module.doc}", err=True)
-    likely = MODULES[base.module].name if base and base.module in names.values() else "any"
-    answer = _choose("module", ["any", *names], likely)
-    return replace(made, module=names.get(answer, Module.ANY))
+    for name in names:
+        typer.echo(f"{name}: {MODULE_BY_NAME[name].doc}", err=True)
+    likely = MODULES[base.module].name if base and base.module in MODULES else ANY_MODULE
+    answer = _choose("module", [ANY_MODULE, *names], likely if likely in names else ANY_MODULE)
+    return replace(made, module=MODULE_BY_NAME[answer])
 
 
 def _most_hz(made: BoardDescription) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Board, Contradiction
 
-from ..board import BoardDescription
+from ..board import BoardDescription, chip_of_pins
 from ..board_file import load_board, pictures_directory, shipped_boards
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
@@ -81,8 +81,6 @@ def tell_contradictions(robot: BaseDriver, say: Say) -> None:
 
 
 def _boards_for(chip: Board) -> dict[str, BoardDescription]:
-    """The built-in boards for a chip, by name; a simulated robot is an ESP32's."""
-    if chip is Board.SIMULATED:
-        chip = Board.ESP32
+    """The built-in boards for a device's chip, by name."""
     boards = {name: load_board(name) for name in shipped_boards()}
-    return {n: board for n, board in boards.items() if board.chip is chip}
+    return {n: board for n, board in boards.items() if board.chip is chip_of_pins(chip)}
