@@ -15,7 +15,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool
 
-from support.ros import Diagnostics, Graph, wait
+from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, SPEED_MPS, twist
 from wheelwire.simulation.simulator import Simulator
@@ -34,8 +34,9 @@ def test_the_way_through_all_states(graph: Graph, simulator: Simulator) -> None:
         assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         diagnostics.wait("link", lambda status, _: status.level == OK)
         commands = graph.publisher(Twist, "cmd_vel")
-        commands.publish(twist(SPEED_MPS))
-        diagnostics.wait("commands", lambda _, values: "ignored_inactive" in values)
+        # Again and again: what is published before the node has found the publisher is lost.
+        with Repeater(commands, lambda: twist(SPEED_MPS)):
+            diagnostics.wait("commands", lambda _, values: "ignored_inactive" in values)
         assert not odometry
 
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
