@@ -8,6 +8,9 @@ ASAN_BUILD := build/asan
 FUZZ_BUILD := build/fuzz
 RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
+# Generated pages, and those with generated parts, are as their generators write them.
+MD_FILES = $(filter-out docs/api.md docs/benchmarks.md docs/boards.md docs/simulator.md protocol/MESSAGES.md,$(shell git ls-files '*.md'))
+MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
@@ -36,16 +39,18 @@ gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python tools/write-api --check
 	$(BIN)/python tools/write-boards --check
 
-format: $(VENV)/installed  ## Format Python and C++
+format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	$(BIN)/ruff format host protocol ros_node tests bench examples
 	$(BIN)/ruff check --fix host protocol ros_node tests bench examples
 	@$(BIN)/clang-format -i $(CXX_FILES)
+	@$(MDFORMAT) $(MD_FILES)
 
 lint: $(VENV)/installed  ## Style, layers, formatting
 	$(BIN)/ruff check host protocol ros_node tests bench examples
 	$(BIN)/ruff format --check host protocol ros_node tests bench examples
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
+	@$(MDFORMAT) --check $(MD_FILES)
 
 type: $(VENV)/installed  ## mypy --strict
 	$(BIN)/mypy
