@@ -58,6 +58,16 @@ def test_a_blocked_wheel_trips(side: str) -> None:
     check_stopped(robot)
 
 
+@pytest.mark.parametrize("side", SIDES)
+def test_a_setpoint_that_reverses_is_a_first_one_for_a_wheel_that_stands(side: str) -> None:
+    robot = VirtualRobot(1, **{f"{side}.motor_open": 1, "supply_v": 11, "battery_v": 11}).open()
+    robot.drive(0.05, 0.05, 1.0)
+    began_us = robot.now_us
+    assert settle(robot, -0.021, -0.021) == Fault[f"{side.upper()}_NOT_COUNTING"]
+    assert robot.now_us - began_us < 2_650_000
+    check_stopped(robot)
+
+
 @pytest.mark.parametrize("what", ["encoder_reversed", "motor_reversed"])
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("speed", [0.05, 0.3, -0.3])

@@ -28,6 +28,13 @@ class ObstacleMemory {
   int64_t update(int64_t integral_q32, int32_t target_umps, int32_t error_umps,
                  const ControllerGains& gains);
   void reset() { *this = {}; }
+  /// Call when a wheel that stands is to go the other way: what it built up against an obstacle
+  /// does not count there. Returns the integral to continue with.
+  int64_t turn_back() {
+    held_ = false;
+    rolled_steps_ = 0;
+    return rolling_q32_;
+  }
 
  private:
   bool held_ = false;
@@ -49,6 +56,10 @@ class Controller {
     saturated_ = false;
     obstacle_.reset();
   }
+  /// Call when a wheel that stands is to go the other way. Otherwise the loop would drive it the
+  /// old way until the integral is undone. At a low speed that takes seconds, by which a fault of
+  /// the wheel would be noticed later.
+  void turn_back() { integral_q32_ = obstacle_.turn_back(); }
   /// The limit of the last step's output, without what a change of the target adds to it.
   int32_t steady_limit_q15() const { return steady_limit_q15_; }
   /// Control steps in which the output was limited. Wraps.

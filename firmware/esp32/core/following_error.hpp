@@ -15,6 +15,12 @@ class FollowingError {
   void set_target(int32_t setpoint_umps);
   /// The wheel has no setpoint any more: freezes the error.
   void rest();
+  /// A wheel that stands is to go the other way: what it fell behind before says nothing about how
+  /// fast it does so from now on.
+  void turn_back() {
+    at_tick_q10_ = total_q10_;
+    tick_us_ = now_us_;
+  }
   /// Drops all of the error except `um`.
   void trim_to(int32_t um);
 

@@ -28,6 +28,10 @@ WheelFault Wheel::latch(int16_t counter, uint64_t now_us, bool encoder_inverted,
 
 void Wheel::drive_velocity(int32_t setpoint_umps, int32_t command_umps, bool motor_inverted,
                            int32_t supply_q12, const ControlConfig& config) {
+  if (direction_ * sign(setpoint_umps) < 0 && velocity_umps_ == 0) {
+    controller_.turn_back();
+    following_.turn_back();
+  }
   direction_ = sign(setpoint_umps);
   if (setpoint_umps == 0 && (velocity_umps_ == 0 || yields_)) {
     yields_ = velocity_umps_ != 0;
