@@ -10,6 +10,7 @@ RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
 # Generated pages, and those with generated parts, are as their generators write them.
 MD_FILES = $(filter-out docs/api.md docs/benchmarks.md docs/boards.md docs/simulator.md protocol/MESSAGES.md,$(shell git ls-files '*.md'))
+PYTHON_FOLDERS := host protocol ros_node tests bench examples tools
 MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
 
@@ -27,27 +28,27 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 
 gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, API reference, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
-	$(BIN)/python tools/draw-rooms
-	$(BIN)/python tools/write-api
+	$(BIN)/python tools/draw_rooms.py
+	$(BIN)/python tools/write_api.py
 	@$(MAKE) --no-print-directory sim
-	$(BIN)/python tools/write-simulator-page
-	$(BIN)/python tools/write-boards
+	$(BIN)/python tools/write_simulator_page.py
+	$(BIN)/python tools/write_boards.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
-	$(BIN)/python tools/draw-rooms --check
-	$(BIN)/python tools/write-api --check
-	$(BIN)/python tools/write-boards --check
+	$(BIN)/python tools/draw_rooms.py --check
+	$(BIN)/python tools/write_api.py --check
+	$(BIN)/python tools/write_boards.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
-	$(BIN)/ruff format host protocol ros_node tests bench examples
-	$(BIN)/ruff check --fix host protocol ros_node tests bench examples
+	$(BIN)/ruff format $(PYTHON_FOLDERS)
+	$(BIN)/ruff check --fix $(PYTHON_FOLDERS)
 	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(MDFORMAT) $(MD_FILES)
 
 lint: $(VENV)/installed  ## Style, layers, formatting
-	$(BIN)/ruff check host protocol ros_node tests bench examples
-	$(BIN)/ruff format --check host protocol ros_node tests bench examples
+	$(BIN)/ruff check $(PYTHON_FOLDERS)
+	$(BIN)/ruff format --check $(PYTHON_FOLDERS)
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	@$(MDFORMAT) --check $(MD_FILES)
@@ -89,7 +90,7 @@ ros-test: $(VENV)/ros-installed sim  ## The tests of the node alone
 COLCON := colcon-core>=0.19 colcon-package-information colcon-python-setup-py colcon-ros
 colcon: $(VENV)/ros-installed sim  ## Build the node with colcon as its users do, from its folder and from a link in a workspace
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(COLCON:%='%')
-	$(BIN)/python tools/check-colcon build/colcon
+	$(BIN)/python tools/check_colcon.py build/colcon
 
 # Two more than the cores: many of the tests wait for a robot that moves in real time.
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
@@ -101,21 +102,21 @@ endif
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile
 
 # Its own environment: zig is 400 MB, and only a release needs it.
-build/wheels-venv/installed: tools/wheels
+build/wheels-venv/installed: tools/wheels.py
 	@$(PYTHON) -m venv build/wheels-venv
 	build/wheels-venv/bin/python -m pip install --quiet --disable-pip-version-check cmake hatch-fancy-pypi-readme ninja scikit-build-core wheel ziglang
 	@touch $@
 
 wheels: build/wheels-venv/installed  ## A release's wheels, for three processors, to build/dist
-	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels build $(WHEELS)
-	@build/wheels-venv/bin/python tools/wheels build sdist
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels.py build $(WHEELS)
+	@build/wheels-venv/bin/python tools/wheels.py build sdist
 
 wheels-check: wheels $(VENV)/installed  ## Test those wheels; needs qemu-user-static, libc6-arm64-cross, libc6-armhf-cross
-	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels check $(WHEELS)
+	@PATH="$(abspath build/wheels-venv/bin):$$PATH" build/wheels-venv/bin/python tools/wheels.py check $(WHEELS)
 
 wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it in a fresh environment, drive a simulated robot
-	@$(BIN)/python tools/wheels build native
-	@$(BIN)/python tools/wheels check native
+	@$(BIN)/python tools/wheels.py build native
+	@$(BIN)/python tools/wheels.py check native
 
 demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog
 	@$(BIN)/wheelwire demo --output build/demo
@@ -130,7 +131,7 @@ fuzzers: $(VENV)/installed  ## Build the fuzz targets with clang's libFuzzer, un
 
 SECONDS ?= 60
 fuzz: fuzzers cpp-tests  ## Fuzz each target: make fuzz [SECONDS=60]; needs clang
-	@$(BIN)/python tools/install-extra fuzz || true
+	@$(BIN)/python tools/install_extra.py fuzz || true
 	@PYTHONPATH=tests $(BIN)/python tests/fuzz/run.py $(SECONDS)
 
 explorer: $(VENV)/installed
@@ -144,7 +145,7 @@ corruption: cpp-tests  ## Corrupt frames in every way and count the wrong ones a
 
 bench: $(VENV)/installed  ## All benchmarks, compared with the peers, to build/bench/report.md
 	@# Pigweed's HDLC needs none of the 60 packages, linters and SciPy among them, that it asks for.
-	@$(BIN)/python tools/install-extra bench 'pigweed>=0.0.24'
+	@$(BIN)/python tools/install_extra.py bench 'pigweed>=0.0.24'
 	@$(call cmake,$(HOST_BUILD),-DCMAKE_BUILD_TYPE=Release,wheelwire-fwsim fwsim wheelwire_capi)
 	@$(BIN)/python bench/report.py
 

@@ -1,4 +1,4 @@
-"""The README's picture of the demonstration is drawn by tools/draw-demo, from a run."""
+"""The README's picture of the demonstration is drawn by tools/draw_demo.py, from a run."""
 
 from __future__ import annotations
 

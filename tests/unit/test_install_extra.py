@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-TOOL = Path(__file__).parents[2] / "tools" / "install-extra"
+TOOL = Path(__file__).parents[2] / "tools" / "install_extra.py"
 
 
 @pytest.mark.parametrize("extra", ["bench", "fuzz"])

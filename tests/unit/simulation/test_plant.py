@@ -109,7 +109,7 @@ def test_an_unknown_plant_is_told_the_known_ones(tmp_path: Path) -> None:
 
 
 def test_the_pages_tables_are_what_simulator_and_plants_say() -> None:
-    tool = Path(__file__).parents[3] / "tools" / "write-simulator-page"
+    tool = Path(__file__).parents[3] / "tools" / "write_simulator_page.py"
     result = subprocess.run(
         [sys.executable, tool, "--check"], capture_output=True, text=True, check=False
     )

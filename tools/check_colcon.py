@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
-"""Builds the node with colcon in both of the ways that docs/ros.md shows, and starts what was built.
+"""Builds the node with colcon in both ways that docs/ros.md shows, and starts the results.
 
-    check-colcon FOLDER      for the workspaces; removed first
+tools/check_colcon.py FOLDER      for the workspaces; removed first
 """
 
 from __future__ import annotations
@@ -41,7 +40,9 @@ def main() -> None:
         print(f"{way}: built and found")
     listed = subprocess.run(
         [sys.executable, "-m", "colcon", "list", "--names-only", "--base-paths", str(ROOT)],
-        check=True, capture_output=True, text=True,
+        check=True,
+        capture_output=True,
+        text=True,
         cwd=folder,  # where it writes its log
     ).stdout.split()
     if listed:

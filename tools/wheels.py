@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """Builds and tests the wheels: `make wheels`, `make wheels-check`, `make wheel-check`.
 
-A wheel holds the core's library and `wheelwire-fwsim`. Those of a release are compiled by zig against
-the oldest glibc that they are to run on; the one of this computer by its own compiler.
+A wheel holds the core's library and `wheelwire-fwsim`. Those of a release are compiled by zig
+against the oldest glibc that they are to run on; the one of this computer by its own compiler.
 """
 
 from __future__ import annotations

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """Draw what `wheelwire demo` shows, for the README: docs/demo.svg. Runs the demonstration once."""
 
 from __future__ import annotations
@@ -33,9 +32,7 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         report = run(Path(folder), Console(stderr=True), lambda _, *found: paths.extend(found))
     plot, plot_height = draw_paths(paths)
-    terminal, terminal_height = draw_terminal(
-        [row for row in report.rows() if row[0] != "picture"]
-    )
+    terminal, terminal_height = draw_terminal([row for row in report.rows() if row[0] != "picture"])
     height = max(plot_height, terminal_height) + 2 * MARGIN
     PICTURE.write_text(
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height:.0f}" '

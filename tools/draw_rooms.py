@@ -1,8 +1,7 @@
-#!/usr/bin/env python3
 """Draw the packages of the host library and their imports: docs/architecture.svg.
 
-    tools/draw-rooms            writes the picture
-    tools/draw-rooms --check    fails when it is not what the code says
+tools/draw_rooms.py            writes the picture
+tools/draw_rooms.py --check    fails when it is not what the code says
 
 The rows are the layers that import-linter holds (pyproject.toml), so an arrow that pointed upwards
 would fail `make lint`.
@@ -11,24 +10,24 @@ would fail `make lint`.
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import grimp
+
+import generated
 
 if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
 
-ROOT = Path(__file__).parents[1]
-PICTURE = ROOT / "docs" / "architecture.svg"
+PICTURE = generated.ROOT / "docs" / "architecture.svg"
 PACKAGE = "wheelwire"
 WIDTH, ROW, BOX_WIDTH, BOX_HEIGHT = 900, 92, 190, 48
 
 
 def layers() -> list[list[str]]:
     """The packages, uppermost layer first."""
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    settings = tomllib.loads((generated.ROOT / "pyproject.toml").read_text("utf-8"))
     contracts = settings["tool"]["importlinter"]["contracts"]
     (rows,) = [c["layers"] for c in contracts if c.get("containers") == [PACKAGE]]
     return [[room.strip() for room in row.split("|")] for row in rows]
@@ -93,14 +92,5 @@ def picture() -> str:
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def main() -> None:
-    """Write the picture, or check it."""
-    drawn = picture()
-    if "--check" not in sys.argv[1:]:
-        PICTURE.write_text(drawn, "utf-8")
-    elif not PICTURE.exists() or PICTURE.read_text("utf-8") != drawn:
-        sys.exit(f"{PICTURE.relative_to(ROOT)} is not what the code says: run `make gen`")
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(generated.write({PICTURE: picture()}))

@@ -1,37 +1,35 @@
-#!/usr/bin/env python3
 """Write the tables of docs/simulator.md: the simulator's variables and the built-in plants.
 
-    tools/write-simulator-page            writes them; needs `make sim`
-    tools/write-simulator-page --check    fails when they are not what simulator and plants say
+tools/write_simulator_page.py            writes them; needs `make sim`
+tools/write_simulator_page.py --check    fails when they are not what simulator and plants say
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from pathlib import Path
 
+import generated
+from generated import table
 from wheelwire.simulation.library import FwSim, Variable
 from wheelwire.simulation.plant import load_plant, shipped_plants
 
-PAGE = Path(__file__).parents[1] / "docs" / "simulator.md"
+PAGE = generated.ROOT / "docs" / "simulator.md"
 
 
 def number(value: float) -> str:
+    """Six digits at the most."""
     return f"{value:.6g}"
 
 
-def table(heading: list[str], rows: list[list[str]]) -> str:
-    lines = [heading, ["-"] * len(heading), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines).replace("| - ", "|-") + "\n"
-
-
 def has_left_counterpart(variable: Variable, names: set[str]) -> bool:
+    """Whether the page shows it by its left counterpart."""
     left = re.sub(r"^(true\.)?right([._])", r"\1left\2", variable.name)
     return left != variable.name and left in names
 
 
 def variables() -> str:
+    """The simulator's variables, one of each pair."""
     simulator = FwSim()
     every = simulator.variables()
     names = {variable.name for variable in every}
@@ -56,6 +54,7 @@ def variables() -> str:
 
 
 def plants() -> str:
+    """The built-in plants, with the source of each value."""
     units = {variable.name: variable.unit for variable in FwSim().variables()}
     text = []
     for name in shipped_plants():
@@ -74,24 +73,10 @@ def plants() -> str:
     return "\n".join(text)
 
 
-def filled(page: str) -> str:
-    for name, text in (("plants", plants()), ("variables", variables())):
-        part = re.compile(rf"(<!-- {name}: generated -->\n).*?(<!-- end -->)", re.S)
-        page, count = part.subn(lambda match, text=text: f"{match[1]}\n{text}\n{match[2]}", page)
-        if count != 1:
-            sys.exit(f"{PAGE} has no place for the {name}")
-    return page
-
-
-def main() -> int:
-    page = PAGE.read_text("utf-8")
-    right = filled(page)
-    if "--check" in sys.argv[1:]:
-        if page != right:
-            sys.stderr.write(f"{PAGE} differs from the simulator; run make gen\n")
-        return page != right
-    PAGE.write_text(right, "utf-8")
-    return 0
+def main() -> str | None:
+    """Write or check the page."""
+    parts = {"plants": plants(), "variables": variables()}
+    return generated.write({PAGE: generated.filled(PAGE, parts)})
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
-#!/usr/bin/env python3
 """Installs the requirements of one extra of pyproject.toml, and others, into this Python.
 
-Usage: install-extra EXTRA [REQUIREMENT...]. The REQUIREMENTs are installed without their own requirements.
-Where one cannot be had it is named, in one line.
+Usage: tools/install_extra.py EXTRA [REQUIREMENT...]. The REQUIREMENTs are installed without their
+own requirements. One that cannot be installed is named, in one line.
 """
+
+from __future__ import annotations
 
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, requires, version
 
 from pip._vendor.packaging.requirements import Requirement
@@ -15,7 +17,7 @@ from pip._vendor.packaging.requirements import Requirement
 PIP = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check"]
 
 
-def wanted(extra):
+def wanted(extra: str) -> list[Requirement]:
     """The requirements of the extra that apply to this Python."""
     known = [Requirement(text) for text in requires("wheelwire") or []]
     return [
@@ -27,27 +29,29 @@ def wanted(extra):
     ]
 
 
-def is_met(requirement):
+def is_met(requirement: Requirement) -> bool:
+    """Whether this Python has it."""
     try:
         return requirement.specifier.contains(version(requirement.name), prereleases=True)
     except PackageNotFoundError:
         return False
 
 
-def install(requirements, *options):
+def install(requirements: Iterable[Requirement], *options: str) -> str:
     """Returns the names of what is not available, if any."""
     lacking = [r for r in requirements if not is_met(r)]
     if not lacking:
         return ""
     named = [f"{r.name}{r.specifier}" for r in lacking]
-    result = subprocess.run([*PIP, *options, *named], capture_output=True, text=True)
+    result = subprocess.run([*PIP, *options, *named], capture_output=True, text=True, check=False)
     if result.returncode == 0:
         return ""
     blamed = re.search(r"No matching distribution found for ([\w.-]+)", result.stderr)
     return blamed[1] if blamed else ", ".join(r.name for r in lacking)
 
 
-def main(extra, *alone):
+def main(extra: str, *alone: str) -> int:
+    """Install the extra's requirements, then the others alone."""
     missing = install(wanted(extra)) or install(map(Requirement, alone), "--no-deps")
     if missing:
         sys.stderr.write(f"make {extra} needs {missing}, which pip cannot install here\n")
