@@ -35,7 +35,7 @@ def test_what_enforces_and_tests_a_rule_exists(row: list[str]) -> None:
         assert file.exists(), name
     tests = re.findall(r"`([\w.]+)`", tested)
     assert tests
-    folders = ["firmware/esp32/test", "firmware/esp32/sim/test", "tests/firmware", "tests/explore"]
+    folders = ["firmware/esp32/test", "firmware/esp32/test/sim", "tests/firmware", "tests/explore"]
     for name in tests:
         assert any((exploring.ROOT / folder / name).exists() for folder in folders), name
 
