@@ -20,8 +20,8 @@ from support import capture_worker
 from support.benchmark import cpu_seconds, interleaved, output_folder, ratio, table
 from support.captures import capture
 from wheelwire_protocol import Decoder, decode_capture
+from wheelwire_protocol.bulk import decode_columns
 from wheelwire_protocol.codec import BY_TYPE
-from wheelwire_protocol.columns import decode_columns
 from wheelwire_protocol.types import WheelState
 
 ROUNDS = 15

@@ -8,9 +8,9 @@ from typing import Any
 from cobs import cobs
 from construct import ConstructError, Int8ul, Int16ul, Int32ul, Struct
 
+from wheelwire_protocol.codec import CRC_SIZE
 from wheelwire_protocol.framing import CRC_RESIDUE
 from wheelwire_protocol.messages import WHEEL_STATE
-from wheelwire_protocol.payload import CRC_SIZE
 from wheelwire_protocol.reference import crc32
 from wheelwire_protocol.types import WheelState
 

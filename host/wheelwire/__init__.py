@@ -114,15 +114,19 @@ __all__ = [  # loaded when first used, so that the import stays quick
 
 
 def __getattr__(name: str) -> Any:
+    found: Any
     if name == "__version__":
         from .link.info import library_version
 
-        return library_version()
-    if name == "aio":
-        return import_module(".aio", __name__)
-    if name not in _MODULE_OF:
+        found = library_version()
+    elif name == "aio":
+        found = import_module(".aio", __name__)
+    elif name in _MODULE_OF:
+        found = getattr(import_module(_MODULE_OF[name], __name__), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULE_OF[name], __name__), name)
+    globals()[name] = found  # so that this is asked once
+    return found
 
 
 def __dir__() -> list[str]:

@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .bulk import decode_capture, dtype, iter_capture
-    from .codec import message_id
+    from .codec import PROTOCOL_VERSION, message_id, schema_hash
     from .decoder import Decoder
     from .framing import Counters, Encoder, encode_frame
-    from .schema import PROTOCOL_VERSION, schema_hash
     from .types import AnyMessage
 else:
     _HOMES = {
@@ -30,19 +29,21 @@ else:
         "Counters": "framing",
         "Decoder": "decoder",
         "Encoder": "framing",
-        "PROTOCOL_VERSION": "schema",
+        "PROTOCOL_VERSION": "codec",
         "decode_capture": "bulk",
         "dtype": "bulk",
         "encode_frame": "framing",
         "iter_capture": "bulk",
         "message_id": "codec",
-        "schema_hash": "schema",
+        "schema_hash": "codec",
     }
 
     def __getattr__(name: str) -> Any:
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        found = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = found  # so that this is asked once
+        return found
 
 
 __all__ = [

@@ -1,7 +1,7 @@
 """A board: which pins of which chip lead to which power stage and encoders.
 
 What host and firmware must agree on about boards: the codes, the truth tables of the power stages,
-and what each chip's pins can do. The packed struct is in `board_layout`. The rules that a board
+and what each chip's pins can do. The packed struct is in `messages`. The rules that a board
 must obey are the core's, in `core/board_rules.hpp`; each has its sentence in `BoardFault`.
 """
 

@@ -12,8 +12,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from . import types
-from .payload import CRC_SIZE, HEADER_SIZE
+from .codes import Group
+from .types import CRC_SIZE as CRC_SIZE
+from .types import HEADER_SIZE as HEADER_SIZE
+from .types import PROTOCOL_VERSION as PROTOCOL_VERSION
 from .types import AnyMessage
+
+MIN_PAYLOAD = HEADER_SIZE + CRC_SIZE
 
 
 class Codec(NamedTuple):
@@ -55,3 +60,8 @@ BY_TYPE: dict[type[Any], Codec] = {codec.type: codec for codec in BY_ID.values()
 def message_id(message_type: type[AnyMessage]) -> int:
     """The id byte of a message class."""
     return BY_TYPE[message_type].id
+
+
+def schema_hash(group: Group = Group.BASE) -> int:
+    """The 32-bit hash of a group's wire layout; host and device must have the same to use it."""
+    return types.GROUP_HASHES[group]

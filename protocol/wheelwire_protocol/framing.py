@@ -12,8 +12,7 @@ from itertools import count, starmap
 from typing import Any
 from zlib import crc32
 
-from .codec import BY_ID, BY_TYPE
-from .payload import CRC_SIZE, MIN_PAYLOAD
+from .codec import BY_ID, BY_TYPE, CRC_SIZE, MIN_PAYLOAD
 from .types import AnyMessage
 
 DELIMITER = b"\x00"

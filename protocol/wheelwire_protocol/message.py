@@ -11,8 +11,11 @@ from typing import Any
 import construct
 
 from .codes import Group
-from .payload import CRC_SIZE, HEADER_SIZE
 from .units import Unit
+
+HEADER_SIZE = 3
+CRC_SIZE = 4
+"""What surrounds the body of every payload: `id u8, seq u16` before it, `crc u32` after it."""
 
 
 class Field(construct.Renamed):  # type: ignore[misc]  # construct has no type information

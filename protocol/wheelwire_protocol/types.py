@@ -9,6 +9,11 @@ from typing import NamedTuple
 
 from .codes import Group
 
+PROTOCOL_VERSION = 2
+HEADER_SIZE = 3
+CRC_SIZE = 4
+"""Around the body of every payload: `id u8, seq u16` before it, `crc u32` after it."""
+
 
 class Hello(NamedTuple):
     """Opens a session. Repeating it with the same nonce changes nothing."""

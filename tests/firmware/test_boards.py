@@ -16,7 +16,7 @@ from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
 from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE, schema_hash
 from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.codes import (
     Fault,
@@ -26,8 +26,6 @@ from wheelwire_protocol.codes import (
     StopMode,
     SupervisorState,
 )
-from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
-from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import (
     BOARD_LAYOUT,
     BoardConfirm,

@@ -191,7 +191,7 @@ def test_braking_stops_shorter_than_coasting() -> None:
 
 def test_another_schema_or_version_opens_no_session() -> None:
     host = RawHost()
-    from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+    from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
     from wheelwire_protocol.types import DeviceHello
 
     answer = host.ask(Hello(1, PROTOCOL_VERSION, schema_hash() ^ 1), DeviceHello)

@@ -14,10 +14,10 @@ import pytest
 from support.raw import NONCE, RawDevice, RawHost
 from wheelwire.link.reconnect import USUAL_RATES
 from wheelwire.link.transports import SerialTransport
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.framing import MAX_ENCODED
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,

@@ -25,10 +25,10 @@ from wheelwire.errors import SimulatorNotFound, WheelwireError
 from wheelwire.simulation import simulator as sim
 from wheelwire.simulation.simulator import Simulator, TrueState, find_simulator
 from wheelwire_protocol import native
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import DeviceHello, Hello, WheelState
 
 TIMEOUT_S = 10.0

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from support.messages import any_message, corrupted_captures, messages_of
-from wheelwire_protocol import codec, columns, decode_capture, iter_capture, native, types
+from wheelwire_protocol import bulk, codec, decode_capture, iter_capture, native, types
 from wheelwire_protocol.framing import MAX_ENCODED, PythonDecoder, encode_frame
 from wheelwire_protocol.types import AnyMessage, ParameterGet, WheelState
 
@@ -41,7 +41,7 @@ def test_any_message_in_a_mixed_capture(data: bytes, message_type: type[AnyMessa
     block=st.integers(1, 200),
 )
 def test_any_size_of_block(data: bytes, block: int) -> None:
-    with patch.object(columns, "_BLOCK_SIZE", block):
+    with patch.object(bulk, "_BLOCK_SIZE", block):
         check(data, WheelState)
 
 

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 
 from support.messages import bodies, definitions, seqs
 from wheelwire_protocol import dtype, types
-from wheelwire_protocol.codec import BY_ID
+from wheelwire_protocol.codec import BY_ID, CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import CRC_RESIDUE, encode_frame, encode_payload
 from wheelwire_protocol.message import Message
 from wheelwire_protocol.messages import MESSAGES
-from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.reference import build_payload, crc32, parse_payload
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol import Decoder, Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Ack, AnyMessage, DeviceHello, Hello, Ping, Pong, SetStreamRate
 
 ECHO = Path(__file__).parents[2] / "bench" / "echo.c"

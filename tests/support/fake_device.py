@@ -7,7 +7,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from random import Random
 
-from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
 from wheelwire_protocol.codes import (
     Board,
     RefusalCode,
@@ -24,7 +24,6 @@ from wheelwire_protocol.parameters import (
     Changes,
     Kind,
 )
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,

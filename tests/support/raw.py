@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from wheelwire.simulation.library import FwSim
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, WheelState
 
 from .fake_device import FakeDevice

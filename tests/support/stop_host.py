@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
 from wheelwire.simulation.impairment import ImpairedLine, LineProfile
 from wheelwire.simulation.simulator import Simulator, TrueState
+from wheelwire_protocol.codec import PROTOCOL_VERSION
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION
 from wheelwire_protocol.types import Hello, SetWheelVelocity
 
 from .processes import interruptible

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from random import Random
 
 from wheelwire.errors import WheelwireError
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Hello, SetWheelVelocity
 
 from .impaired_robot import ImpairedVirtualRobot

@@ -34,8 +34,8 @@ from wheelwire_protocol.board import (
     Module,
     Stage,
 )
-from wheelwire_protocol.board_layout import BOARD, BOARD_SIZE
 from wheelwire_protocol.codes import Board as Chip
+from wheelwire_protocol.messages import BOARD, BOARD_SIZE
 
 PINS = st.none() | st.integers(0, 127)
 WHEELS = st.builds(WheelPins, PINS, PINS, PINS, PINS, PINS, PINS, PINS)

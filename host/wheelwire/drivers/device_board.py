@@ -6,10 +6,8 @@ import time
 from typing import Protocol, cast
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import BY_TYPE
+from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE, schema_hash
 from wheelwire_protocol.codes import Group
-from wheelwire_protocol.payload import CRC_SIZE, HEADER_SIZE
-from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import (
     BOARD_LAYOUT,
     BoardConfirm,

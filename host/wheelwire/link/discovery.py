@@ -13,9 +13,9 @@ from contextlib import suppress
 from glob import glob
 from pathlib import Path
 
+from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import DeviceHello, Hello
 
 from ..errors import LinkLost, PortUnavailable

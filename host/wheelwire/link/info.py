@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import (
     Board,
     Capability,
@@ -17,7 +18,6 @@ from wheelwire_protocol.codes import (
     ResetReason,
     SupervisorState,
 )
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import BoardValue, DeviceHello
 
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release

@@ -24,7 +24,7 @@ from dataclasses import replace
 from itertools import count
 
 from wheelwire_protocol.board import BoardState
-from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
 from wheelwire_protocol.codes import (
     Capability,
     EventCode,
@@ -37,7 +37,6 @@ from wheelwire_protocol.codes import (
 )
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,

@@ -20,8 +20,8 @@ from ..board import (
     Stage,
     StageTable,
 )
-from ..board_layout import BOARD_SIZE, board_fields
 from ..codes import Board
+from ..messages import BOARD_SIZE, board_fields
 from .cpp import cpp_codec, cpp_member
 from .text import banner, constant_name
 

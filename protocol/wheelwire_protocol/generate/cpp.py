@@ -8,9 +8,8 @@ from collections.abc import Iterable
 from ..board import CODES as BOARD_CODES
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
-from ..messages import MAX_PAYLOAD, MESSAGES
+from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
-from ..schema import PROTOCOL_VERSION
 from .text import banner, constant_name
 from .wire_layout import layout_hash
 

@@ -9,9 +9,8 @@ from itertools import chain
 from ..board import CODES as BOARD_CODES
 from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
-from ..messages import MESSAGES
+from ..messages import MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
-from ..schema import PROTOCOL_VERSION
 from .text import banner
 from .wire_layout import layout_hash
 

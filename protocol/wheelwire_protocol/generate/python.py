@@ -6,10 +6,9 @@ of the rest, and is the generator's and the tests' only.
 
 from __future__ import annotations
 
-from ..board_layout import board_fields
 from ..codes import Group
-from ..message import Field, Message
-from ..messages import MESSAGES
+from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
+from ..messages import MESSAGES, PROTOCOL_VERSION, board_fields
 from .text import banner
 from .wire_layout import layout_hash
 
@@ -45,6 +44,11 @@ def generate() -> str:
         "from typing import NamedTuple",
         "",
         "from .codes import Group",
+        "",
+        f"PROTOCOL_VERSION = {PROTOCOL_VERSION}",
+        f"HEADER_SIZE = {HEADER_SIZE}",
+        f"CRC_SIZE = {CRC_SIZE}",
+        '"""Around the body of every payload: `id u8, seq u16` before it, `crc u32` after it."""',
         "",
         "",
     ]

@@ -11,9 +11,9 @@ from support.pty_device import PtyDevice
 from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-from wheelwire_protocol.schema import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.types import Hello, ParameterGet, ParameterSet
 
 pytestmark = pytest.mark.timeout(60)

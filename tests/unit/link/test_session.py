@@ -5,10 +5,9 @@ from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
 from wheelwire.link.session import Phase
 from wheelwire.simulation.impairment import Impairment
-from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codec import message_id, schema_hash
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.framing import Encoder
-from wheelwire_protocol.schema import schema_hash
 from wheelwire_protocol.types import (
     AnyMessage,
     DeviceHello,

@@ -16,6 +16,7 @@ def modules_after(code: str) -> set[str]:
 @pytest.mark.parametrize("name", wheelwire_protocol.__all__)
 def test_public_name(name: str) -> None:
     assert getattr(wheelwire_protocol, name) is not None
+    assert name in vars(wheelwire_protocol), "asked for once"
 
 
 def test_unknown_name_is_an_attribute_error() -> None:

@@ -4,9 +4,9 @@ import json
 import re
 from pathlib import Path
 
+from wheelwire_protocol.codec import MIN_PAYLOAD
 from wheelwire_protocol.framing import CRC_RESIDUE, REPEAT_WINDOW, SEQ_MODULUS
 from wheelwire_protocol.messages import MAX_PAYLOAD, MESSAGES
-from wheelwire_protocol.payload import MIN_PAYLOAD
 
 PROTOCOL = Path(__file__).parents[3] / "protocol"
 SPEC = (PROTOCOL / "SPEC.md").read_text("utf-8")
