@@ -108,7 +108,7 @@ def test_every_fault_is_in_the_troubleshooting() -> None:
     assert [fault.name for fault in Fault if f"`{fault.name}`" not in text] == []
 
 
-PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("tutorial/*.md"), DOCS.parent / "README.md"})
+PAGES = sorted({*DOCS.glob("*.md"), *DOCS.glob("*/*.md"), DOCS.parent / "README.md"})
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -125,6 +125,17 @@ def test_commands_on_a_page_are_those_that_there_are(page: Path) -> None:
         options = {option for parameter in known.params for option in parameter.opts}
         given = {word for word in words if word.startswith("--")}
         assert given <= {*options, "--help"}, line
+
+
+def test_every_decision_has_a_status_and_its_row_in_the_index() -> None:
+    index = (DOCS / "adr" / "README.md").read_text()
+    titles = {}
+    for page in sorted(DOCS.glob("adr/0*.md")):
+        number, title = re.findall(r"\A# (\d+)\. (.+)\n\nStatus: ", page.read_text())[0]
+        titles[int(number)] = f"[{title}]({page.name})"
+    rows = dict(re.findall(r"^\| (\d+) \| (.+?) \| .+ \|$", index, re.M))
+    assert list(map(int, rows)) == list(range(1, max(titles) + 1))
+    assert {int(number): rows[number] for number in rows if int(number) in titles} == titles
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
