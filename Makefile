@@ -46,12 +46,13 @@ format: $(VENV)/installed  ## Format Python, C++ and Markdown
 	@$(BIN)/clang-format -i $(CXX_FILES)
 	@$(MDFORMAT) $(MD_FILES)
 
-lint: $(VENV)/installed  ## Style, layers, formatting
+lint: $(VENV)/installed  ## Style, layers, formatting, words that only insiders know
 	$(BIN)/ruff check $(PYTHON_FOLDERS)
 	$(BIN)/ruff format --check $(PYTHON_FOLDERS)
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	@$(MDFORMAT) --check $(MD_FILES)
+	@$(BIN)/python tools/check_words.py
 
 type: $(VENV)/installed  ## mypy --strict
 	$(BIN)/mypy

@@ -1,5 +1,6 @@
 /* The loop that one writes in C to decode a capture of one message, for capture.py to compare with:
-   memchr from delimiter to delimiter, COBS in place, the CRC as it is told, the body copied. */
+   memchr from delimiter to delimiter, COBS in place, the CRC by the caller's function, the
+   body copied. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

@@ -187,7 +187,7 @@ def _figures(times: list[float]) -> tuple[float, float, float]:
 def main() -> None:
     """Measure, print, draw."""
     folder = output_folder(__doc__)
-    # Changes of the drive are told when they happen, whatever the rate of the true states is.
+    # Changes of the drive are reported when they happen, whatever the rate of the true states is.
     commands = under_loads(to_pwm_us, truth_hz=1)
     steps = under_loads(late_us, truth_hz=1e6 / STEP_US)
     draw(commands, steps, folder / "latency.png")

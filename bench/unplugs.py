@@ -28,7 +28,7 @@ def main() -> int:
         for line in outcome.unbounded:
             console.print(f"  not bounded: {line}")
         for line in outcome.unheard:
-            console.print(f"  not told: {line}")
+            console.print(f"  not reported: {line}")
         failed = failed or bool(outcome.unbounded or outcome.unheard)
     return int(failed)
 

@@ -36,7 +36,7 @@ def layers() -> list[list[str]]:
 def arrows(rooms: list[str]) -> list[tuple[str, str]]:
     """Pairs of packages of which the first imports the second.
 
-    Left out where the second is reached through a third as well: most rooms import the lowest.
+    Left out where the second is reached through a third as well: most packages import the lowest.
     """
     graph = grimp.build_graph(PACKAGE)
     found = set()

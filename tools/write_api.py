@@ -99,7 +99,7 @@ def of_class(name: str, kind: type) -> str:
 def fields(kind: type) -> list[str]:
     """The annotated attributes as a list, each with the docstring below it if there is one."""
     if "\nAttributes:\n" in (inspect.getdoc(kind) or ""):
-        return []  # told there
+        return []  # the docstring lists them
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
     rows = []
     statements = body.body if isinstance(body, ast.ClassDef) else []

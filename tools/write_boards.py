@@ -453,7 +453,7 @@ def _board(name: str, board: BoardDescription) -> str:
 
 
 IN_IMAGES = {"Esp32": "l298n", "Esp32s3": "esp32s3", "Esp32c6": "esp32c6"}
-"""The board of each chip's image, in force until another one is written."""
+"""The board of each chip's image, active until another one is written."""
 
 
 def _initializers(board: BoardDescription) -> list[str]:

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import common  # the version is read at import
 
 
 class Pymavlink(Peer):
-    """The message is of equal weight, as MAVLink has its own; the parser is told to go on."""
+    """The message is of equal weight, as MAVLink has its own; the parser is set to go on."""
 
     name = "pymavlink"
     distribution = "pymavlink"

@@ -2,7 +2,7 @@
 
 PlatformIO keeps the configuration in sdkconfig.<environment>, whose values override the defaults.
 When a defaults file is newer, only Wheelwire's own options (pins, baud rate: what a user sets in
-menuconfig) are kept, and the IDF fills in the rest from the defaults.
+menuconfig) stay, and the IDF fills in the rest from the defaults.
 """
 
 from pathlib import Path
@@ -15,4 +15,4 @@ changed_ns = max(p.stat().st_mtime_ns for p in project.glob("firmware/esp32/sdkc
 if sdkconfig.exists() and sdkconfig.stat().st_mtime_ns < changed_ns:
     lines = sdkconfig.read_text(encoding="utf-8").splitlines(keepends=True)
     sdkconfig.write_text("".join(x for x in lines if "CONFIG_WHEELWIRE_" in x), encoding="utf-8")
-    print(f"{sdkconfig.name}: regenerated from the changed defaults; Wheelwire's options are kept")
+    print(f"{sdkconfig.name}: regenerated from the changed defaults; Wheelwire's options stay")

@@ -61,7 +61,7 @@ class Module(DocumentedEnum):
 
 
 class BoardState(DocumentedEnum):
-    """Where the board in force is from."""
+    """Where the active board is from."""
 
     NONE = 0, "There is none: nothing is driven."
     BUILT_IN = 1, "It is the image's own, which nobody confirmed: nothing is driven."

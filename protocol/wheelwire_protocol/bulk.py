@@ -89,8 +89,8 @@ def iter_capture(
         message_type: Class of the message to decode.
 
     Yields:
-        An array for each part; together they are the rows of `decode_capture`. Only the beginning
-        of one frame is kept between parts.
+        An array for each part; together they are the rows of `decode_capture`. Between parts
+        only the beginning of one frame is held.
     """
     partial = b""
     for part in parts:

@@ -92,11 +92,11 @@ class RefusalCode(DocumentedEnum):
     ON_TRIAL = 17, "Not possible while parameters are on trial; keep or revert them first."
     NO_TRIAL = (
         18,
-        "The trial of parameters is over and the former values are in force: "
+        "The trial of parameters is over and the previous values are active: "
         "it was not renewed in time, or its session ended. Revert it, then begin another.",
     )
     BOARD_REFUSED = 19, "The board breaks a rule of this device; see `wheelwire board check`."
-    BOARD_ON_TRIAL = 20, "A board is on trial: confirm it, or wait until the former one returns."
+    BOARD_ON_TRIAL = 20, "A board is on trial: confirm it, or wait until the previous one returns."
     NO_BOARD_ON_TRIAL = 21, "No board is on trial; write one and restart the device first."
     NOT_SUPPORTED = 22, "This device cannot do that; see its documentation for what does."
     BOARD_UNCONFIRMED = (
@@ -137,8 +137,8 @@ class TrialAction(DocumentedEnum):
 
     BEGIN = 1, "Values that are set from now on are on trial, for timeout_s."
     RENEW = 2, "The trial goes on, for timeout_s from now."
-    KEEP = 3, "Ends the trial; the values in force stay."
-    REVERT = 4, "Ends the trial: stops the wheels and has the former values again."
+    KEEP = 3, "Ends the trial; the active values stay."
+    REVERT = 4, "Ends the trial: stops the wheels and restores the previous values."
 
 
 class ResetReason(DocumentedEnum):
@@ -158,9 +158,9 @@ class EventCode(DocumentedEnum):
     """What an Event message reports."""
 
     SUPERVISOR = 0, "The supervisor changed its state."
-    STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; defaults are in force."
-    STORE_EMPTY = 2, "No parameters were saved yet; defaults are in force."
-    TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, the former parameters in force."
+    STORE_DEFAULTED = 1, "The parameter store was corrupt or foreign; the defaults are active."
+    STORE_EMPTY = 2, "No parameters were saved yet; the defaults are active."
+    TRIAL_EXPIRED = 3, "A trial was not renewed in time: stopped, with the previous parameters."
     ROLLING = 4, "The robot rolls although it is not driven: a slope, or somebody pushes it."
 
 
@@ -219,17 +219,17 @@ class Fault(DocumentedFlag):
     STORE_FULL = (
         256,
         "The flash of the saved parameters has no free page, so they could not be read and "
-        "defaults are in force: reset the parameters, which erases them and the board, clear the "
+        "the defaults are active: reset the parameters, which erases them and the board, clear the "
         "fault and restart. Afterwards nothing drives until `wheelwire board write`.",
     )
     STORE_NEWER = (
         512,
-        "The saved parameters have the format of a newer firmware, and defaults are in force: "
+        "The saved parameters have the format of a newer firmware, and the defaults are active: "
         "install that firmware, or reset the parameters and clear the fault.",
     )
     STORE_UNREADABLE = (
         1024,
-        "The saved parameters could not be read from flash, and defaults are in force: "
+        "The saved parameters could not be read from flash, and the defaults are active: "
         "reset the parameters, clear the fault and restart. If the whole flash partition is "
         "damaged, this erases the board, too, and nothing drives until `wheelwire board write`.",
     )

@@ -50,7 +50,7 @@ def _pin(name: str) -> Field:
 
 
 def board_fields() -> list[Field]:
-    """The packed struct in which a board travels and is kept: its fields, in order."""
+    """The packed struct in which a board is sent and stored: its fields, in order."""
     return [
         field("version", Int8ul, Unit.NONE, "Of this struct."),
         field("chip", Int8ul, Unit.NONE, "The chip whose pins these are.", Board),
@@ -297,7 +297,7 @@ CONTRADICTIONS_GET = Message(
 BOARD_GET = Message(
     id=0x20,
     name="BoardGet",
-    doc="Asks for the board in force; the answer is BoardValue.",
+    doc="Asks for the active board; the answer is BoardValue.",
     body=Struct(_session(), _request()),
     group=Group.BOARD,
 )
@@ -330,7 +330,7 @@ DEVICE_HELLO = Message(
     name="DeviceHello",
     doc="Answers Hello: who this is, and whether the session is open.",
     body=Struct(
-        # Shows which hello this answers: a late answer to a former one must not open a session.
+        # Shows which hello this answers: a late answer to a previous one must not open a session.
         field("nonce", Int32ul, Unit.NONE, "The host's, repeated."),
         field("protocol_version", Int16ul, Unit.NONE, "Of the device."),
         field("schema_hash", Int32ul, Unit.NONE, "Of the device's message definitions."),
@@ -413,7 +413,7 @@ PONG = Message(
 PARAMETER_VALUE = Message(
     id=0x85,
     name="ParameterValue",
-    doc="The value in force.",
+    doc="The active value.",
     body=Struct(
         _session(),
         _request(),
@@ -432,7 +432,7 @@ PARAMETER_ENTRY = Message(
         # In every entry: the host learns from the first one how many to ask for.
         field("parameter_count", Int8ul, Unit.NONE, "How many parameters there are."),
         _parameter(),
-        field("value", Float32l, Unit.NONE, "In force."),
+        field("value", Float32l, Unit.NONE, "The active value."),
         field("default_value", Float32l, Unit.NONE, "After a ParameterReset."),
         field("minimum", Float32l, Unit.NONE, "Smallest value allowed."),
         field("maximum", Float32l, Unit.NONE, "Largest value allowed."),
@@ -547,7 +547,7 @@ CONTRADICTIONS = Message(
 BOARD_VALUE = Message(
     id=0xA0,
     name="BoardValue",
-    doc="The board in force.",
+    doc="The active board.",
     body=Struct(
         _session(),
         _request(),

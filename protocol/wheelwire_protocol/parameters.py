@@ -18,7 +18,7 @@ class Kind(enum.Enum):
 
 
 class Changes(enum.Enum):
-    """When a value may change. Setting the value already in force is always allowed."""
+    """When a value may change. Setting the value that is already active is always allowed."""
 
     ALWAYS = "always"
     """Also while driving, from one control period to the next."""

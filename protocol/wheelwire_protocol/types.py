@@ -234,7 +234,7 @@ class ContradictionsGet(NamedTuple):
 
 
 class BoardGet(NamedTuple):
-    """Asks for the board in force; the answer is BoardValue."""
+    """Asks for the active board; the answer is BoardValue."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
@@ -428,7 +428,7 @@ class Pong(NamedTuple):
 
 
 class ParameterValue(NamedTuple):
-    """The value in force."""
+    """The active value."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""
@@ -454,7 +454,7 @@ class ParameterEntry(NamedTuple):
     parameter: int
     """Parameter id, from the table of parameters."""
     value: float
-    """In force."""
+    """The active value."""
     default_value: float
     """After a ParameterReset."""
     minimum: float
@@ -559,7 +559,7 @@ class Contradictions(NamedTuple):
 
 
 class BoardValue(NamedTuple):
-    """The board in force."""
+    """The active board."""
 
     session_id: int
     """Nonce XOR boot_id of the session."""

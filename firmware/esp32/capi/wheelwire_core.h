@@ -34,7 +34,7 @@ typedef struct wheelwire_identity {
 } wheelwire_identity;
 
 /* Stores a block of bytes, the saved parameters; size 0: removes it. Returns 1, or 0 on failure;
- * the former block must then still be there. */
+ * the previous block must then still be there. */
 typedef int (*wheelwire_save)(void* context, const uint8_t* block, size_t size);
 
 typedef struct wheelwire_inputs {
@@ -59,7 +59,7 @@ typedef struct wheelwire_stage {
 } wheelwire_stage;
 
 typedef struct wheelwire_outputs {
-  uint64_t deadline_us; /* When the setpoint in force expires. */
+  uint64_t deadline_us; /* When the active setpoint expires. */
   uint32_t period_us;   /* From this step to the next. */
   uint32_t faults;
   wheelwire_stage left;

@@ -38,7 +38,7 @@ void BoardKeeper::start() {
   if (!BoardBlock::decode(bytes, size, block_)) return;
   using Candidate = BoardBlock::Candidate;
   if (block_.candidate_state == Candidate::kRequested) {
-    // Noted before it is tried: if the chip does not come back, the next start finds it tried.
+    // The trial is recorded first: if the chip does not come back, the next start finds it tried.
     block_.candidate_state = Candidate::kTried;
     if (save() && take(block_.candidate, BoardState::kTrial)) return;
   }

@@ -9,7 +9,7 @@
 namespace wheelwire {
 
 /// Within this after the start a board on trial is confirmed, or the device restarts with the
-/// former one.
+/// previous one.
 constexpr uint64_t kBoardTrialUs = 10'000'000;
 
 /// What the store holds: both boards and how far the trial is, replaced as a whole. So a cut of the

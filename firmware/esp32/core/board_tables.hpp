@@ -10,7 +10,7 @@ constexpr uint32_t kMinPwmFrequencyHz = 100;
 constexpr uint32_t kMaxFilterNs = 12787;
 constexpr size_t kBoardPinCount = 18;
 
-/// A board as it travels and is kept. Fields that are codes may be unknown ones.
+/// A board as it is sent and stored. Fields that are codes may be unknown ones.
 struct BoardDescription {
   static constexpr size_t kSize = 67;
 

@@ -30,7 +30,7 @@ constexpr uint32_t kMaxHoldUs = 5'000'000;
 class BrakeHold {
  public:
   /// Call it with each result of StepWatch::check(), every kWatchPeriodUs. `stopped`: no step has
-  /// come for too long. `still`: the last step did not drive, and since then no wheel was told to.
+  /// come for too long. `still`: the last step did not drive, and since then no step drove a wheel.
   /// True as long as the motors must be released.
   [[gnu::always_inline]] bool must_release(bool stopped, bool still) {
     if (!stopped) {

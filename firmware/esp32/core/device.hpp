@@ -45,7 +45,7 @@ class Device {
   SupervisorState state() const { return robot_.state(); }
   uint32_t faults() const { return robot_.faults(); }
   bool has_session() const { return server_.has_session(); }
-  /// When the setpoint in force expires, device clock; 0: there is none.
+  /// When the active setpoint expires, device clock; 0: there is none.
   uint64_t deadline_us() const { return robot_.deadline_us(); }
 
  private:

@@ -32,7 +32,7 @@ void FollowingError::update(int32_t change, uint64_t now_us, uint32_t period_us,
     tick_us_ = now_us;
   }
   // The wheel may be up to a tick beyond the last edge, which was seen up to a period late, and
-  // edges are unevenly spaced. As long as the held value lies within these bounds it is kept: a
+  // edges are unevenly spaced. As long as the held value lies within these bounds it stays: a
   // correction that followed every tick would put ripple on the motor.
   const auto exact_um = static_cast<int32_t>((total_q10_ - trimmed_q10_) >> 10);
   const int32_t tick_um = um_per_tick_q10 >> 10;

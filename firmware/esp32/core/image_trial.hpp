@@ -1,5 +1,5 @@
-// When firmware that was installed over the link is kept. Until then the bootloader reverts to the
-// previous image at the next reset.
+// When firmware that was installed over the link has passed its trial. Until then the bootloader
+// reverts to the previous image at the next reset.
 #pragma once
 
 #include "protocol.hpp"

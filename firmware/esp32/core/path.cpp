@@ -25,8 +25,8 @@ WheelPair trim_errors(WheelPair behind, WheelPair setpoint, bool same_direction,
                       const PathGains& gains) {
   if (!same_direction) return {0, 0};
   if (saturated) {
-    // A wheel at its limit cannot catch up, so the lost distance is dropped. What leads off the
-    // path is kept: the other wheel can wait, and the heading is kept.
+    // A wheel at its limit cannot catch up, so the lost distance is dropped, but not what leads
+    // off the path: the other wheel can wait, which keeps the heading.
     const int32_t common = behind.left + behind.right;
     const int32_t left = scale(common, left_share_q8(setpoint), 8);
     behind = {behind.left - left, behind.right - (common - left)};

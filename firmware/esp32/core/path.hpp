@@ -30,7 +30,7 @@ WheelPair trim_errors(WheelPair behind, WheelPair setpoint, bool same_direction,
                       const PathGains& gains);
 
 /// The setpoint plus what corrects the errors, by cross-coupled control: the wheel that is ahead
-/// waits for the other one, so that the heading is kept. After Borenstein and Koren, "Motion
+/// waits for the other one, which keeps the heading. After Borenstein and Koren, "Motion
 /// control analysis of a mobile robot", Journal of Dynamic Systems, Measurement, and Control 109
 /// (1987).
 WheelPair correct_setpoint(WheelPair setpoint, WheelPair behind, const PathGains& gains);

@@ -58,10 +58,10 @@ enum class RefusalCode : uint8_t {
   kNotIntegral = 15,  ///< This parameter takes whole numbers only.
   kBooting = 16,      ///< The device is still starting; try again in a moment.
   kOnTrial = 17,      ///< Not possible while parameters are on trial; keep or revert them first.
-  kNoTrial = 18,  ///< The trial of parameters is over and the former values are in force: it was
+  kNoTrial = 18,  ///< The trial of parameters is over and the previous values are active: it was
                   ///< not renewed in time, or its session ended. Revert it, then begin another.
-  kBoardRefused = 19,    ///< The board breaks a rule of this device; see `wheelwire board check`.
-  kBoardOnTrial = 20,    ///< A board is on trial: confirm it, or wait until the former one returns.
+  kBoardRefused = 19,  ///< The board breaks a rule of this device; see `wheelwire board check`.
+  kBoardOnTrial = 20,  ///< A board is on trial: confirm it, or wait until the previous one returns.
   kNoBoardOnTrial = 21,  ///< No board is on trial; write one and restart the device first.
   kNotSupported = 22,    ///< This device cannot do that; see its documentation for what does.
   kBoardUnconfirmed =
@@ -87,8 +87,8 @@ enum class StopMode : uint8_t {
 enum class TrialAction : uint8_t {
   kBegin = 1,   ///< Values that are set from now on are on trial, for timeout_s.
   kRenew = 2,   ///< The trial goes on, for timeout_s from now.
-  kKeep = 3,    ///< Ends the trial; the values in force stay.
-  kRevert = 4,  ///< Ends the trial: stops the wheels and has the former values again.
+  kKeep = 3,    ///< Ends the trial; the active values stay.
+  kRevert = 4,  ///< Ends the trial: stops the wheels and restores the previous values.
 };
 
 enum class ResetReason : uint8_t {
@@ -104,9 +104,9 @@ enum class ResetReason : uint8_t {
 
 enum class EventCode : uint8_t {
   kSupervisor = 0,      ///< The supervisor changed its state.
-  kStoreDefaulted = 1,  ///< The parameter store was corrupt or foreign; defaults are in force.
-  kStoreEmpty = 2,      ///< No parameters were saved yet; defaults are in force.
-  kTrialExpired = 3,  ///< A trial was not renewed in time: stopped, the former parameters in force.
+  kStoreDefaulted = 1,  ///< The parameter store was corrupt or foreign; the defaults are active.
+  kStoreEmpty = 2,      ///< No parameters were saved yet; the defaults are active.
+  kTrialExpired = 3,    ///< A trial was not renewed in time: stopped, with the previous parameters.
   kRolling = 4,  ///< The robot rolls although it is not driven: a slope, or somebody pushes it.
 };
 
@@ -139,14 +139,14 @@ constexpr uint32_t kLeftEncoderImplausible = 64;
 /// The right wheel was driven harder than its measured speed explains: encoder edges are lost, or
 /// the load is heavier than plausibility_margin allows.
 constexpr uint32_t kRightEncoderImplausible = 128;
-/// The flash of the saved parameters has no free page, so they could not be read and defaults are
-/// in force: reset the parameters, which erases them and the board, clear the fault and restart.
+/// The flash of the saved parameters has no free page, so they could not be read and the defaults
+/// are active: reset the parameters, which erases them and the board, clear the fault and restart.
 /// Afterwards nothing drives until `wheelwire board write`.
 constexpr uint32_t kStoreFull = 256;
-/// The saved parameters have the format of a newer firmware, and defaults are in force: install
+/// The saved parameters have the format of a newer firmware, and the defaults are active: install
 /// that firmware, or reset the parameters and clear the fault.
 constexpr uint32_t kStoreNewer = 512;
-/// The saved parameters could not be read from flash, and defaults are in force: reset the
+/// The saved parameters could not be read from flash, and the defaults are active: reset the
 /// parameters, clear the fault and restart. If the whole flash partition is damaged, this erases
 /// the board, too, and nothing drives until `wheelwire board write`.
 constexpr uint32_t kStoreUnreadable = 1024;
@@ -872,7 +872,7 @@ struct ContradictionsGet {
   }
 };
 
-/// Asks for the board in force; the answer is BoardValue.
+/// Asks for the active board; the answer is BoardValue.
 struct BoardGet {
   static constexpr uint8_t kId = 0x20;
   static constexpr size_t kSize = 6;
@@ -1255,7 +1255,7 @@ struct Pong {
   }
 };
 
-/// The value in force.
+/// The active value.
 struct ParameterValue {
   static constexpr uint8_t kId = 0x85;
   static constexpr size_t kSize = 11;
@@ -1296,7 +1296,7 @@ struct ParameterEntry {
   uint8_t parameter_index{};  ///< As asked.
   uint8_t parameter_count{};  ///< How many parameters there are.
   uint8_t parameter{};        ///< Parameter id, from the table of parameters.
-  float value{};              ///< In force.
+  float value{};              ///< The active value.
   float default_value{};      ///< After a ParameterReset.
   float minimum{};            ///< Smallest value allowed.
   float maximum{};            ///< Largest value allowed.
@@ -1534,7 +1534,7 @@ struct Contradictions {
   }
 };
 
-/// The board in force.
+/// The active board.
 struct BoardValue {
   static constexpr uint8_t kId = 0xa0;
   static constexpr size_t kSize = 74;

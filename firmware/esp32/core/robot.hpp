@@ -34,7 +34,7 @@ struct Transition {
 class RobotObserver {
  public:
   virtual void on_transition(Transition transition, uint64_t now_us) = 0;
-  /// A trial was not renewed in time. The former parameters are in force.
+  /// A trial was not renewed in time. The previous parameters are active.
   virtual void on_trial_expired(uint64_t now_us) = 0;
   /// The robot rolls although nothing drives it.
   virtual void on_rolling(int32_t speed_umps, uint64_t now_us) = 0;
@@ -98,9 +98,9 @@ class Robot {
   uint32_t faults() const { return faults_; }
   /// How often a fault was latched that was not latched already. Wraps.
   uint16_t faults_tripped() const { return faults_tripped_; }
-  /// When the setpoint in force expires, device clock; 0: there is none.
+  /// When the active setpoint expires, device clock; 0: there is none.
   uint64_t deadline_us() const { return setpoint_.expiry_us; }
-  /// Of the setpoint in force; 0: there is none.
+  /// Of the active setpoint; 0: there is none.
   uint32_t command_seq() const { return setpoint_.command_seq; }
 
   const Parameters& parameters() const { return parameters_; }

@@ -6,7 +6,7 @@
 
 namespace wheelwire {
 
-/// The longest answer that is kept.
+/// The longest answer that a session stores.
 constexpr size_t kMaxAnswer = LinkCounters::kSize;
 
 /// An answer, kept for a repeat of its request.

@@ -1,4 +1,4 @@
-// A trial of parameters: the former values, and until when they may be replaced by others.
+// A trial of parameters: the previous values, and until when others may replace them.
 #pragma once
 
 #include "parameters.hpp"
@@ -24,7 +24,7 @@ class Trial {
   /// Its host may not know yet, and neither drives nor changes anything before it does.
   void expire() { state_ = State::kExpired; }
   void end() { state_ = State::kNone; }
-  /// In force before it began.
+  /// The values that were active before it began.
   const Parameters& former() const { return former_; }
 
   /// Why a parameter cannot change, and nothing can drive: the host believes in other values.

@@ -44,7 +44,7 @@ bool TwinStore::save(const uint8_t* data, size_t size) {
 }
 
 bool TwinStore::erase() {
-  // The one in force last: until it is gone, a cut of the power leaves it and not the one before.
+  // The valid one last: until it is gone, a cut of the power leaves it and not the one before.
   uint32_t number;
   const int last = find(number) == 0 ? 0 : 1;
   const bool both_erased = slots_[1 - last]->erase() && slots_[last]->erase();

@@ -1,4 +1,4 @@
-// A block in two slots by turns, so that the one in force is never overwritten.
+// A block in two slots, written alternately, so that no save overwrites the valid one.
 #pragma once
 
 #include "hal.hpp"
@@ -6,7 +6,7 @@
 namespace wheelwire {
 
 /// Each slot holds the block, a number that grows with each save, and a checksum over both; the
-/// highest number is in force. A save goes to the other slot and is read back: flash that was
+/// highest number is the valid one. A save goes to the other slot and is read back: flash that was
 /// written while the power failed may take a later write badly, and a store that keeps its entries
 /// there may lose one that it has just taken.
 class TwinStore final : public ParameterStore {
@@ -31,7 +31,7 @@ class TwinStore final : public ParameterStore {
 
   /// Reads into buffer_.
   Slot read(int slot);
-  /// The slot in force; -1 if none is.
+  /// The valid slot; -1 if there is none.
   int find(uint32_t& number);
 
   ParameterStore* slots_[2];

@@ -93,7 +93,7 @@ std::optional<Rule> rule_called(std::string_view code) {
 
 // --- the winding ---------------------------------------------------------------------------------
 
-/// S01. On a board that is wired otherwise than the firmware was told, windings do what they do.
+/// S01. On a board that is wired otherwise than the firmware believes, windings do what they do.
 void Judge::drive_only_in_driving() {
   const bool trusted = world_.wired_as_believed || !witness_.board_confirmed();
   check(Rule::kDriveOnlyInDriving,
@@ -432,7 +432,7 @@ void Judge::late_step_is_a_fault() {
 
 // --- at rest -------------------------------------------------------------------------------------
 
-/// S09: an e-stop is noted in flash once the wheels stand, and so is its end.
+/// S09: flash records an e-stop once the wheels stand, and its end.
 void Judge::estop_is_noted() {
   const bool estopped = simulator_.state() == SupervisorState::kEstopped;
   const bool rests = simulator_.board.plant.stands_still() &&
@@ -444,7 +444,7 @@ void Judge::estop_is_noted() {
   }
   if (memory_.latch_due_us == 0) memory_.latch_due_us = now_us() + kLatchNoteUs;
   check(Rule::kEstopSurvivesPowerLoss, now_us() <= memory_.latch_due_us,
-        std::string(estopped ? "an e-stop" : "its end") + " was not noted in flash");
+        std::string(estopped ? "an e-stop" : "its end") + " was not recorded in flash");
 }
 
 /// S23.
@@ -519,7 +519,7 @@ void Judge::rolling_is_reported() {
   if (memory_.rolling_since_us == 0) memory_.rolling_since_us = now_us();
   check(Rule::kRollingIsReported,
         memory_.rolling_told || now_us() <= memory_.rolling_since_us + kRollingUs,
-        "it rolls at " + text_of(speed) + " m/s without drive, and nobody is told");
+        "it rolls at " + text_of(speed) + " m/s without drive, and nobody reports it");
 }
 
 void Judge::on_event(const Event& event) {

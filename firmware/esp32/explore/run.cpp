@@ -524,7 +524,7 @@ void Run::wire(int board) {
   simulator_.board.wire(boards[static_cast<size_t>(board) % boards.size()]);
 }
 
-/// Whether the firmware has been told what is there.
+/// Whether the firmware believes in the board that is there.
 void Run::compare_boards() {
   world_.wired_as_believed = simulator_.board.is_wired_as_active() ||
                              fingerprint(simulator_.board.wired()) == fingerprint(witness_.board());

@@ -20,7 +20,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch {
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
 
-  /// False once a rule is broken, or nothing more can be said.
+  /// False once a rule is broken, or the run can judge nothing more.
   bool apply(const Operation& operation);
 
   const std::optional<Finding>& finding() const { return judge_.finding(); }

@@ -68,10 +68,10 @@ struct Task {
   Seen message;
   SupervisorState before{};
   bool is_new = false;     ///< Neither a repeat, nor too old, nor of another session.
-  bool is_repeat = false;  ///< Answered from what is kept, and not carried out again.
+  bool is_repeat = false;  ///< Answered from the stored answers, and not carried out again.
   bool answers = false;    ///< An answer must come.
   bool answered = false;
-  bool records = false;  ///< The answer is kept for repeats.
+  bool records = false;  ///< The device stores the answer for repeats.
   bool carried_out = false;
   RefusalCode refusal = RefusalCode::kNone;
   Codes codes;                ///< The answer is one of these.

@@ -3,8 +3,8 @@
 // - it drives only by a setpoint of the open session that has not expired, by the firmware's own
 //   account and by that of `DriveOracle`, and only in the state DRIVING without a fault;
 // - its deadline moves only when a setpoint is accepted, or is cleared with its session;
-// - a trial of parameters changes nothing that is saved, and when it ends without having been kept
-//   the parameters are what they were and nothing is driven.
+// - a trial of parameters changes nothing that is saved, and when it ends without a KEEP the
+//   parameters are what they were and nothing is driven.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// The board of this image: in force until another one is written. It was checked when it was
+// The board of this image: active until another one is written. It was checked when it was
 // generated into the core, at compile time.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Firmware that was installed over the link, on trial: image_trial.hpp says when it is kept.
+// Firmware that was installed over the link, on trial: image_trial.hpp says when it has passed.
 #pragma once
 
 #include "device.hpp"

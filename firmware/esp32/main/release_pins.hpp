@@ -43,7 +43,7 @@ constexpr PinMask mask_of(PinWords pins) { return PinMask{pins.high} << 32 | pin
 
 /// Takes the pins from the PWM and holds them low.
 [[gnu::always_inline]] inline void hold_low(PinWords pins) {
-  // Low first: a pin must not show its former level when it is taken from the PWM.
+  // Low first: a pin must not show its previous level when it leaves the PWM.
   REG_WRITE(GPIO_OUT_W1TC_REG, pins.low);
   if (pins.high != 0) REG_WRITE(GPIO_OUT1_W1TC_REG, pins.high);
   take_from_peripherals(pins);

@@ -102,7 +102,7 @@ bool StagePins::start_pwm(mcpwm_oper_handle_t channel, Input& input) {
       .comparator = input.comparator,
       .action = MCPWM_GEN_ACTION_LOW,
   };
-  // The driver has routed the pin to its output: noted for later, and taken back.
+  // The driver has routed the pin to its output: recorded for later, then undone.
   input.pwm_route = REG_READ(output_route_register(input.pin));
   hold_low(words_of(mask_of(input.pin)));
   // The falling edge first: an output with only a rising one would stay high.

@@ -102,7 +102,7 @@ class SimulatedBoard final : public EncoderPort {
   /// Advances physics and line to `end`, or to a brownout. A device that is not `listening` loses
   /// what it is sent.
   void run_until(Nanoseconds end, bool listening);
-  /// All pins float, counters and clock from 0, the line's buffers lost. The store is kept.
+  /// All pins float, counters and clock from 0, the line's buffers lost. The store stays.
   void reset();
 
   /// The firmware starts its peripherals on the GPIOs of its active board: a default one if it has

@@ -17,7 +17,7 @@ struct EncoderModel {
   bool magnet_missing = false;
   double lost = 0.0;  ///< Fraction of the edges that are lost, at random.
   /// Each edge is off by up to this part of a tick, the same at every turn; below 0.5, so that the
-  /// order of the edges is kept.
+  /// edges stay in order.
   double edge_error_ticks = 0.0;
 };
 

@@ -44,7 +44,7 @@ class Store final : public ParameterStore {
     partition_ = &partition;
     partition.stores.push_back(this);
   }
-  /// From now on the block is kept in this file.
+  /// From now on this file holds the block.
   void use_file(const std::string& path) { path_ = path; }
 
   Store() = default;

@@ -59,7 +59,7 @@ TEST(values_on_trial_are_judged_together_in_any_order) {
     CHECK(bench.refusal(begin) == RefusalCode::kNone);
     CHECK(bench.set(stream_first ? kStreamRateHz : kControlRateHz, 2000) == RefusalCode::kNone);
     if (stream_first) {
-      // Until the other value is there nothing drives, and the trial cannot be kept.
+      // Until the other value is there nothing drives, and a KEEP is refused.
       bench.drive(0.1f, 0.1f);
       CHECK(!bench.driven() && bench.of<Refuse>().back().code == RefusalCode::kContradiction);
       CHECK(bench.refusal(keep) == RefusalCode::kContradiction);

@@ -139,7 +139,7 @@ TEST(a_push_at_a_setpoint_of_zero_is_braked_and_no_fault) {
   turn_for(bench, 2000, 3, 0);
   CHECK(bench.state() == SupervisorState::kDriving);
   CHECK(bench.left.brakes());
-  // At rest the loop holds the wheel as before, and drives it when it is told to.
+  // At rest the loop holds the wheel as before, and drives it when a setpoint asks for it.
   turn_for(bench, 1000, 0, 0);
   turn_for(bench, 200, 0, 0.1f);
   CHECK(bench.left.duty() > 0);

@@ -45,7 +45,7 @@ TEST(a_new_session_stops_and_voids_the_setpoint) {
   CHECK(!bench.driven() && bench.state() == SupervisorState::kIdle);
   CHECK(bench.device.deadline_us() == 0);
   CHECK(newest_state(bench).command_seq == 0);
-  bench.send(bench.velocity(0.2f, 0.2f));  // of the former session
+  bench.send(bench.velocity(0.2f, 0.2f));  // of the previous session
   bench.step();
   CHECK(bench.of<Refuse>().back().code == RefusalCode::kNoSession);
 }
@@ -334,7 +334,7 @@ TEST(after_a_stop_velocity_begins_at_the_speed_that_the_wheels_have) {
   bench.run(600);
   bench.send(bench.velocity(0.4f, 0.4f));
   bench.run(3);
-  // From rest: three steps of 1.5 mm/s, fed forward. From the former target it would be 0.58.
+  // From rest: three steps of 1.5 mm/s, fed forward. From the previous target it would be 0.58.
   CHECK(bench.driven());
   CHECK(bench.left.duty() < 12'000);
 }

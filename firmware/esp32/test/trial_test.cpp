@@ -1,4 +1,4 @@
-// A trial of parameters: what ends it, and what is in force afterwards.
+// A trial of parameters: what ends it, and what is active afterwards.
 #include "check.hpp"
 #include "robot_bench.hpp"
 
@@ -60,7 +60,7 @@ TEST(a_trial_that_is_reverted_stops_and_leaves_nothing) {
   CHECK(!bench.driven() && bench.left.enable == 0 && bench.right.enable == 0);
   CHECK(bench.state() == SupervisorState::kIdle && bench.device.deadline_us() == 0);
   CHECK(has_former_values(bench));
-  bench.send(bench.duty(8'000, 0));  // by the former wiring
+  bench.send(bench.duty(8'000, 0));  // by the previous wiring
   bench.run(100);
   CHECK(bench.left.duty() == 8'000 && bench.right.duty() == 0);
 }
@@ -180,7 +180,7 @@ TEST(whether_the_contact_counts_is_never_on_trial) {
   RobotBench bench;
   begin(bench);
   CHECK(bench.set(kEstopInputEnabled, 0) == RefusalCode::kOnTrial);
-  CHECK(bench.set(kEstopInputEnabled, 1) == RefusalCode::kNone);  // in force already
+  CHECK(bench.set(kEstopInputEnabled, 1) == RefusalCode::kNone);  // active already
 }
 
 TEST(a_trial_does_not_begin_twice) {

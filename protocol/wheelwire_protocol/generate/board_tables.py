@@ -33,7 +33,7 @@ def _mask(pins: Iterable[int]) -> str:
 def _struct() -> list[str]:
     fields = board_fields()
     return [
-        "/// A board as it travels and is kept. Fields that are codes may be unknown ones.",
+        "/// A board as it is sent and stored. Fields that are codes may be unknown ones.",
         "struct BoardDescription {",
         f"  static constexpr size_t kSize = {BOARD_SIZE};",
         "",

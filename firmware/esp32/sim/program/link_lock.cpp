@@ -35,7 +35,7 @@ Descriptor lock(const std::string& path, const std::string& link) {
       throw std::runtime_error(link + " is the port of another simulator" + holder(file.get()) +
                                " that is running: use that one, end it, or give another --link");
     }
-    // The former holder may have removed the file after it was opened here and before it was
+    // The previous holder may have removed the file after it was opened here and before it was
     // locked.
     if (is_at(file.get(), path)) return file;
   }
