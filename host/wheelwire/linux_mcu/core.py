@@ -20,7 +20,7 @@ from .heartbeat import Heartbeat
 from .latches import latch_file
 from .line import Line
 from .settings import McuSettings
-from .whole_file import write_whole
+from .store import write_whole
 
 SERVICE_SIZE = 600
 """The most bytes that the core handles in one call of `service`."""

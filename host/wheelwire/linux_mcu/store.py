@@ -1,8 +1,12 @@
-"""Converts saved parameters of earlier releases, which were JSON, to the core's own format."""
+"""The file of saved parameters: replaced as a whole, and converted if an earlier release wrote it.
+
+Earlier releases wrote JSON; the core reads and writes a format of its own.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 from wheelwire_protocol.codes import Board
@@ -14,10 +18,21 @@ from ..errors import ConfigurationError, DriverUnavailable, WheelwireError
 from ..link.requests import Answer, RequestMessage
 from ..link.session import Phase, Session
 from ..parameters import checked_value
-from .whole_file import write_whole
 
 PERIOD_US = 1000
 ANSWER_TIMEOUT_US = 10_000_000
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Replace the content of `path`: whatever interrupts it, the old content or the new is there."""
+    # In the same folder: only within one file system is a rename atomic.
+    new = path.with_name(path.name + ".new")
+    with new.open("wb") as file:
+        file.write(content)
+        file.flush()
+        # Without it a power cut may leave the new name with nothing behind it.
+        os.fsync(file.fileno())
+    new.replace(path)
 
 
 def converted_store(path: Path) -> Path:
