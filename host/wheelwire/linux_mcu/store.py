@@ -24,7 +24,7 @@ ANSWER_TIMEOUT_US = 10_000_000
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Replace the content of `path`: whatever interrupts it, the old content or the new is there."""
+    """Replace the content of `path`: after a crash the old content or the new one is there."""
     # In the same folder: only within one file system is a rename atomic.
     new = path.with_name(path.name + ".new")
     with new.open("wb") as file:
