@@ -582,14 +582,24 @@ void Witness::notes_stop() {
 // --- resets --------------------------------------------------------------------------------------
 
 void Witness::cut_at_write(Written what) {
-  maybe_flash_ = flash_;
-  if (what == Written::kLatch) {
-    maybe_flash_->estop = !flash_.estop;
-  } else if (task_ && task_->is_new) {
-    change_flash(task_->message, *maybe_flash_);
-  } else {
-    maybe_flash_->candidate_state = boot_of(*maybe_flash_).candidate_state;
+  // The power may go once more before a start has shown which of them it is.
+  const std::vector<Flash> before = possible_flashes();
+  for (Flash flash : before) {
+    if (what == Written::kLatch) {
+      flash.estop = !flash.estop;
+    } else if (task_ && task_->is_new) {
+      change_flash(task_->message, flash);
+    } else {
+      flash.candidate_state = boot_of(flash).candidate_state;
+    }
+    maybe_flashes_.push_back(flash);
   }
+}
+
+std::vector<Flash> Witness::possible_flashes() const {
+  std::vector<Flash> all{flash_};
+  all.insert(all.end(), maybe_flashes_.begin(), maybe_flashes_.end());
+  return all;
 }
 
 void Witness::resets(bool loses_memory) {
@@ -637,16 +647,18 @@ Witness::Start Witness::boot_of(const Flash& flash) const {
 
 Finding Witness::starts() {
   Finding problem = starts_from(flash_);
-  if (!problem.text.empty() && maybe_flash_) {
-    const Finding second = starts_from(*maybe_flash_);
-    if (second.text.empty()) {
-      flash_ = *maybe_flash_;
+  const Finding first = problem;
+  for (const Flash& flash : maybe_flashes_) {
+    if (problem.text.empty()) break;
+    const Finding other = starts_from(flash);
+    if (other.text.empty()) {
+      flash_ = flash;
       problem.text.clear();
     } else {
-      problem = {Rule::kFlashOldOrNew, problem.text + "; after the cut: " + second.text};
+      problem = {Rule::kFlashOldOrNew, first.text + "; after the cut: " + other.text};
     }
   }
-  maybe_flash_.reset();
+  maybe_flashes_.clear();
   if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
   note_state();
   memory_kept_ = false;

@@ -171,6 +171,7 @@ class Witness {
     Candidate candidate_state = Candidate::kNone;
   };
   Start boot_of(const Flash& flash) const;
+  std::vector<Flash> possible_flashes() const;
   Finding starts_from(const Flash& flash);
   void presumes();
   Values defaults() const;
@@ -208,7 +209,7 @@ class Witness {
   Trial trial_ = Trial::kNone;
   uint64_t trial_until_us_ = 0;
   Flash flash_;
-  std::optional<Flash> maybe_flash_;  ///< If a write was cut.
+  std::vector<Flash> maybe_flashes_;  ///< What may lie there instead since a write was cut.
   uint32_t lasting_ = 0;
   bool flash_damaged_ = false;  ///< Its partition cannot be opened.
 
