@@ -1,76 +1,87 @@
-"""Decides which velocity commands are obeyed, and for how long. Sends nothing itself."""
+"""`cmd_vel`: its message type, the age of each command, and what the log says of ignored ones."""
 
 from __future__ import annotations
 
-import enum
 import math
-from collections import Counter
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Set
 from typing import Any
 
-COMMAND_TYPES = ("Twist", "TwistStamped")
-"""What can be published on cmd_vel, of geometry_msgs."""
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+import wheelwire
+
+from .connection import CommandIgnored, Ignored, RobotConnection
+from .lifecycle import steady_clock
+from .publishers import DEPTH, time_ns
+from .threads import NodeThreads
+from .time_base import TimeBase
+
+TOPIC = "cmd_vel"
+LIMITED_TOPIC = "~/cmd_vel_out"
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Only the newest command matters. A best-effort subscription hears every publisher, a reliable
+one only reliable publishers. The next command replaces a lost one; DDS sends nothing again late."""
+LOG_PERIOD_S = 5.0
+LOOK_PERIOD_S = 0.2
+"""How often the node looks who publishes. rclpy does not report a new publisher."""
+CHANCE_S = 1.0
+"""While silent publishers of both types are there, the node listens to each type for this long."""
+PACKAGE = "geometry_msgs/msg/"
+PLAIN, STAMPED = "Twist", "TwistStamped"
+TYPES = {PLAIN: Twist, STAMPED: TwistStamped}
 AUTO = "auto"
-"""Instead of one of them: what the first message is of."""
+"""In place of a type: the type of the first message."""
 
 
-class Ignored(enum.Enum):
-    """Why a command was not obeyed."""
+class CommandType:
+    """Decides which message type the node listens to. Pure: the time is an argument.
 
-    INACTIVE = "the node is not active"
-    ESTOPPED = "the e-stop is set"
-    STALE = "it is older than cmd_vel_timeout"
-    BEFORE_RECONNECT = "it is older than the connection to the robot"
-    INVALID = "it is not a finite velocity"
-    REFUSED = "the robot refused it"
-    UNARMED = "an e-stop or a fault was cleared: waiting for a zero command, or for a pause"
-    OUT_OF_REACH = "the robot cannot be reached"
+    With `auto` the node listens to Twist, until a publisher of TwistStamped is there. The first
+    message decides, not the first publisher, which may be a joystick that nobody touches. When the
+    last publisher of the decided type is gone, the next message decides again.
 
-
-class CommandIgnored(Exception):  # noqa: N818 - it says what happened to the command
-    """A command was not obeyed and is dropped."""
-
-    def __init__(self, reason: Ignored, detail: str = "") -> None:
-        super().__init__(f"command ignored: {detail or reason.value}")
-        self.reason = reason
-
-
-@dataclass
-class CommandGate:
-    """Accepts or rejects commands by their age.
-
-    Attributes:
-        timeout_s: How long a command is valid from its stamp.
-        connected_s: When the current session was ready, on the monotonic clock.
-        obeyed: Number of commands sent to the robot.
-        ignored: Number of commands that were not, by reason.
+    Args:
+        wanted: `Twist`, `TwistStamped` or `auto`.
     """
 
-    timeout_s: float
-    connected_s: float = 0.0
-    obeyed: int = 0
-    ignored: Counter[Ignored] = field(default_factory=Counter)
+    def __init__(self, wanted: str) -> None:
+        self._is_fixed = wanted != AUTO
+        self.name = wanted if self._is_fixed else PLAIN
+        """The type to subscribe to now."""
+        self.is_decided = self._is_fixed
+        """Whether it stays, whatever else is published."""
+        self._chance_ends_s = -math.inf
 
-    def check(self, born_s: float, now_s: float) -> None:
-        """Raise `CommandIgnored` if a command given at `born_s` is too old."""
-        age_s = now_s - born_s
-        if age_s >= self.timeout_s:
-            raise CommandIgnored(
-                Ignored.STALE,
-                f"it is {age_s:.3f} s old; are the computers' clocks synchronised?",
-            )
-        if born_s < self.connected_s:
-            raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+    def decide(self) -> bool:
+        """Note a message of the present type; whether that message decided the type."""
+        decides = not self.is_decided
+        self.is_decided = True
+        return decides
 
-    def count(self, ignored: CommandIgnored) -> None:
-        """Count a command that was not obeyed."""
-        self.ignored[ignored.reason] += 1
+    def look(self, published: Set[str], now_s: float) -> bool:
+        """Note which publishers are there now; whether `name` has changed.
+
+        Args:
+            published: The types that they publish, of those that the node can listen to.
+            now_s: On a monotonic clock.
+        """
+        if self._is_fixed or (self.is_decided and self.name in published):
+            return False
+        self.is_decided = False
+        other = STAMPED if self.name == PLAIN else PLAIN
+        if other not in published or (self.name in published and now_s < self._chance_ends_s):
+            return False
+        self.name = other
+        self._chance_ends_s = now_s + CHANCE_S
+        return True
 
 
 class LogPace:
-    """Decides what is logged of something that happens again and again.
+    """Limits how often the log repeats a line.
 
-    Each key for itself: two that alternate at 50 Hz are still two lines in a period.
+    Each key has a pace of its own: two that alternate at 50 Hz are still two lines in a period.
 
     Args:
         period_s: Between two lines of one key.
@@ -96,9 +107,153 @@ def command_age_s(stamp_ns: int | None, now_ns: int, waited_ns: int, rate: float
     Args:
         stamp_ns: From the message's header; None or 0: use the time of reception.
         now_ns: The current time on the clock of the stamps.
-        waited_ns: Time since it was received by this computer.
+        waited_ns: Time since this computer received it.
         rate: How fast that clock runs; a command lives in real time.
     """
     since_stamped_ns = (now_ns - stamp_ns) / rate if stamp_ns else 0
-    # At least 0: the clock that measured the wait may have been set back meanwhile.
+    # At least 0: somebody may have set back the clock that measured the wait.
     return max(0, waited_ns, since_stamped_ns) / 1e9
+
+
+class CommandSubscriber:
+    """Sends each command to the robot as it arrives, or counts why not.
+
+    DDS silently drops messages of another type than the subscriber's, and allows one type for each
+    topic and participant. So there is one subscription at a time, of the type that `CommandType`
+    decides; the log reports publishers of the other type as an error.
+
+    Args:
+        node: The lifecycle node.
+        connection: The connection to the robot.
+        threads: The node's; all of this runs in the thread of the urgent callbacks.
+        prepare: Called when a command meets a session that is not prepared.
+        clock: Converts between the ROS clock and the monotonic one.
+        type_name: `Twist`, `TwistStamped` or `auto`.
+        limited_frame: The robot's frame, to publish each command that the robot got, as limited;
+            empty: publish none.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        connection: RobotConnection,
+        threads: NodeThreads,
+        prepare: Callable[[], None],
+        clock: TimeBase,
+        type_name: str,
+        limited_frame: str,
+    ) -> None:
+        self.ignored_types: list[str] = []
+        """Other message types that somebody publishes on this topic."""
+        self._node = node
+        self._connection = connection
+        self._threads = threads
+        self._prepare = prepare
+        self._clock = clock
+        self._type = CommandType(type_name)
+        self._subscription: Any = None
+        self._pace = LogPace(LOG_PERIOD_S)
+        self._logged_clears = -1
+        """`RobotConnection.clears` when the log last said that the robot waits for a zero."""
+        self._topic = node.resolve_topic_name(TOPIC)
+        self._frame = limited_frame
+        self._limited = None
+        if limited_frame:
+            self._limited = threads.run_generally(
+                lambda: node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH)
+            )
+        threads.run_urgently(self._begin)
+
+    def destroy(self) -> None:
+        """Remove the topics."""
+        self._threads.run_urgently(self._end)
+        if self._limited is not None:
+            self._threads.run_generally(lambda: self._node.destroy_publisher(self._limited))
+
+    def _begin(self) -> None:
+        self._timer = self._node.create_timer(
+            LOOK_PERIOD_S, self._look, callback_group=self._threads.urgent, clock=steady_clock()
+        )
+        self._subscribe()
+        if self._type.is_decided:
+            self._node.get_logger().info(f"{self._topic} is {PACKAGE}{self._type.name}")
+        self._look()
+
+    def _end(self) -> None:
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_subscription(self._subscription)
+
+    def _look(self) -> None:
+        """Find out who publishes on the topic."""
+        publishers = self._node.get_publishers_info_by_topic(self._topic)
+        types = {publisher.topic_type for publisher in publishers}
+        known = {name for name in TYPES if PACKAGE + name in types}
+        if self._type.look(known, time.monotonic()):
+            self._subscribe()
+        # While the type is undecided, the node listens to both alternately: it drops none for good.
+        dropped = types - {PACKAGE + self._type.name} if self._type.is_decided else set()
+        others = sorted(dropped)
+        if others != self.ignored_types:
+            self.ignored_types = others
+            if others and self._pace.is_due(tuple(others), time.monotonic()):
+                self._node.get_logger().error(
+                    f"{self._topic}: DDS drops messages of type {', '.join(others)}, because the "
+                    f"node listens to {PACKAGE}{self._type.name}: have all publishers publish one "
+                    "type, or set cmd_vel_type"
+                )
+
+    def _subscribe(self) -> None:
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        name = self._type.name
+        callback = self._on_stamped_twist if name == STAMPED else self._on_twist
+        self._subscription = self._node.create_subscription(
+            TYPES[name], TOPIC, callback, NEWEST, callback_group=self._threads.urgent
+        )
+
+    def _on_stamped_twist(self, message: TwistStamped, info: dict[str, int]) -> None:
+        self._obey(message.twist, time_ns(message.header.stamp), info)
+
+    def _on_twist(self, message: Twist, info: dict[str, int]) -> None:
+        self._obey(message, None, info)
+
+    def _obey(self, twist: Twist, stamp_ns: int | None, info: dict[str, int]) -> None:
+        if self._type.decide():
+            self._node.get_logger().info(
+                f"{self._topic} is {PACKAGE}{self._type.name}: its first message decided"
+            )
+        now_ns, received_ns = self._node.get_clock().now().nanoseconds, info["received_timestamp"]
+        # By the wall clock. 0: the middleware does not report it.
+        waited_ns = time.time_ns() - received_ns if received_ns else 0
+        age_s = command_age_s(stamp_ns, now_ns, waited_ns, self._clock.rate)
+        try:
+            # On the monotonic clock from here on, so that setting a clock extends no command.
+            obeyed = self._connection.command(
+                wheelwire.Twist(twist.linear.x, twist.angular.z), time.monotonic() - age_s
+            )
+        except CommandIgnored as ignored:
+            self._connection.ignored[ignored.reason] += 1
+            self._log(ignored)
+            # Perhaps the session is a new one; does nothing if it is prepared.
+            self._prepare()
+        else:
+            self._publish_limited(obeyed)
+
+    def _publish_limited(self, obeyed: wheelwire.Twist) -> None:
+        if self._limited is not None:
+            message = TwistStamped()
+            message.header.stamp = self._node.get_clock().now().to_msg()
+            message.header.frame_id = self._frame
+            message.twist.linear.x, message.twist.angular.z = obeyed
+            self._limited.publish(message)
+
+    def _log(self, ignored: CommandIgnored) -> None:
+        if ignored.reason is Ignored.UNARMED:
+            # Once for each clear. The node counts some of these commands as sent, because the
+            # robot reports their refusal only with the next one.
+            is_due = self._logged_clears != self._connection.clears
+            self._logged_clears = self._connection.clears
+        else:
+            is_due = self._pace.is_due(ignored.reason, time.monotonic())
+        if is_due:
+            self._node.get_logger().warning(str(ignored))

@@ -1,10 +1,12 @@
-"""An open robot, with every new session prepared after a loss of its link."""
+"""Commands to an open robot. After a loss of its link, each new session is prepared first."""
 
 from __future__ import annotations
 
+import enum
 import math
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,6 +15,7 @@ from wheelwire import (
     BaseDriver,
     DeviceRefused,
     DifferentialDrive,
+    Expired,
     InvalidCommand,
     LinkClosed,
     LinkLost,
@@ -21,10 +24,30 @@ from wheelwire import (
     WheelwireError,
 )
 
-from .commands import CommandGate, CommandIgnored, Ignored
 from .speed_limiter import NO_LIMITS, Limits, SpeedLimiter
 
 REPLACED = "another device was connected: waiting for a zero command, or for a pause"
+
+
+class Ignored(enum.Enum):
+    """Why the node ignored a command."""
+
+    INACTIVE = "the node is not active"
+    ESTOPPED = "the e-stop is set"
+    STALE = "it is older than cmd_vel_timeout"
+    BEFORE_RECONNECT = "it is older than the connection to the robot"
+    INVALID = "it is not a finite velocity"
+    REFUSED = "the robot refused it"
+    UNARMED = "an e-stop or a fault was cleared: waiting for a zero command, or for a pause"
+    OUT_OF_REACH = "the robot cannot be reached"
+
+
+class CommandIgnored(Exception):  # noqa: N818 - it says what happened to the command
+    """The node ignored a command; nothing will send it later."""
+
+    def __init__(self, reason: Ignored, detail: str = "") -> None:
+        super().__init__(f"command ignored: {detail or reason.value}")
+        self.reason = reason
 
 
 @dataclass(frozen=True)
@@ -32,15 +55,17 @@ class Tuning:
     """The node's own limits and calibration. Can change at any time.
 
     Attributes:
+        timeout_s: How long a command is valid, from its stamp.
         limits: Limits of the body's motion.
         max_wheel_radps: Limit of each wheel's speed.
         separation_multiplier: Real wheel separation divided by the robot's, from calibration.
         left_radius_multiplier: The same for the left wheel's radius.
         right_radius_multiplier: The same for the right wheel's radius.
-        rearm_gap_s: The robot's parameter: a pause of commands that is as good as a zero command
-            where one is waited for; 0: none is waited for.
+        rearm_gap_s: The robot's parameter: while the node waits for a zero command, a pause of
+            this length between two commands serves as well. 0: the node does not wait.
     """
 
+    timeout_s: float = 0.5
     limits: Limits = NO_LIMITS
     max_wheel_radps: float = math.inf
     separation_multiplier: float = 1.0
@@ -71,7 +96,6 @@ class RobotConnection:
 
     Args:
         robot: The driver; the connection closes it.
-        gate: Decides by age which commands are obeyed.
         given: Parameters that the user gave, by name.
         tuning: Limits and calibration.
         on_session: Called by `follow` for each new session, to prepare it further.
@@ -80,14 +104,18 @@ class RobotConnection:
     def __init__(
         self,
         robot: BaseDriver,
-        gate: CommandGate,
         given: dict[str, float],
         tuning: Tuning,
         on_session: Callable[[], None],
     ) -> None:
         self.robot = robot
-        self.gate = gate
         self.tuning = tuning
+        self.connected_s = 0.0
+        """When the current session was ready, on the monotonic clock."""
+        self.obeyed = 0
+        """How many commands the node sent to the robot."""
+        self.ignored: Counter[Ignored] = Counter()
+        """How many commands the node ignored, by reason."""
         self.estopped = False
         """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
         self.problem: WheelwireError | None = None
@@ -102,6 +130,8 @@ class RobotConnection:
         self._moving_s = -math.inf
         """When motion was commanded last while it was waited for."""
         self._limiter = SpeedLimiter()
+        self._calibrated: tuple[object, DifferentialDrive | None] = None, None
+        """The geometry and the tuning that `drive` was computed from last, and the result."""
         self._given = given
         self._on_session = on_session
         self._session: int | None = None
@@ -131,7 +161,13 @@ class RobotConnection:
     @property
     def drive(self) -> DifferentialDrive:
         """The robot's geometry, calibrated."""
-        return self.tuning.calibrated(self.robot.geometry)
+        basis = self.robot.geometry, self.tuning
+        known, drive = self._calibrated
+        if drive is None or basis != known:
+            drive = self.tuning.calibrated(basis[0])
+            # Both in one assignment: no thread finds a new basis beside the old drive.
+            self._calibrated = basis, drive
+        return drive
 
     def follow(self) -> None:
         """Prepare the current session if that has not been done.
@@ -155,13 +191,13 @@ class RobotConnection:
         self.problem = None
         # Commands given before this moment are dropped. `session` was read before the preparation:
         # if the link was lost during it, the next call prepares the new session.
-        self.gate.connected_s = time.monotonic()
+        self.connected_s = time.monotonic()
         self._limiter.rest()
         board_id = _board_id(self.robot)
         if self._board_id not in (None, board_id):
             # Nobody may have looked at this one: whoever goes on commanding motion does not move
             # it. A device that was cleared refuses by itself; this one knows of no clear.
-            self._is_replaced, self._moving_s = True, self.gate.connected_s
+            self._is_replaced, self._moving_s = True, self.connected_s
             self.clears += 1
         self._board_id = board_id
         self._session = session
@@ -171,27 +207,29 @@ class RobotConnection:
 
         Args:
             twist: The body's velocity.
-            born_s: When it was given, on the monotonic clock.
+            born_s: When the sender made the command, on the monotonic clock.
 
         Raises:
-            CommandIgnored: It was not obeyed.
+            CommandIgnored: Nothing was sent.
         """
         try:
             with self._sending:
                 obeyed = self._command(twist, born_s)
+        except Expired as error:
+            raise self._too_old(born_s) from error
         except InvalidCommand as error:
             raise CommandIgnored(Ignored.INVALID, str(error)) from error
         except (LinkClosed, LinkLost) as error:
             raise CommandIgnored(Ignored.OUT_OF_REACH, str(error)) from error
         except DeviceRefused as error:
-            # It tells of the command before this one, which was noted as obeyed.
+            # The refusal is of the command before this one, which the limiter counted as obeyed.
             self._limiter.rest()
             if error.code == RefusalCode.UNARMED:
                 raise CommandIgnored(Ignored.UNARMED) from error
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
         except WheelwireError as error:
             raise CommandIgnored(Ignored.REFUSED, str(error)) from error
-        self.gate.obeyed += 1
+        self.obeyed += 1
         return obeyed
 
     def _command(self, twist: Twist, born_s: float) -> Twist:
@@ -201,29 +239,35 @@ class RobotConnection:
             raise CommandIgnored(Ignored.ESTOPPED)
         if not self.is_prepared:
             if self.problem is not None:
-                # Raised for every command until it is solved: tracebacks must not pile up.
+                # Raised for every command until somebody solves it: tracebacks must not pile up.
                 raise self.problem.with_traceback(None)
             raise CommandIgnored(Ignored.BEFORE_RECONNECT)
+        if born_s < self.connected_s:
+            raise self._too_old(born_s)
+        now_s = time.monotonic()
         if self._is_replaced:
-            self._wait_for_zero(twist, time.monotonic())
-        # One reading of the geometry for the whole command: a new session may change it meanwhile.
-        drive, now_s = self.drive, time.monotonic()
-        limited = self._limiter.limit(twist, self.tuning.limits, now_s)
+            self._wait_for_zero(twist, now_s)
+        tuning, drive = self.tuning, self.drive
+        limited = self._limiter.limit(twist, tuning.limits, now_s)
+        # Here, though the driver limits its wheels too: max_rpm may be lower, and the next
+        # command's acceleration counts from what the robot really gets.
         wheels = drive.saturate(drive.wheel_velocities(limited))
-        self.gate.check(born_s, time.monotonic())
         # The robot stores ttl_max_s in 32 bits, which may be a little below cmd_vel_timeout.
-        ttl_s = min(self.gate.timeout_s, self.robot.ttl_max_s or self.gate.timeout_s)
-        try:
-            # By its stamp, the command gains no life if this process is suspended meanwhile.
-            self.robot.set_wheel_velocity(*wheels, ttl_s, stamp=born_s)
-        except InvalidCommand:
-            # It may have expired since the check above: then it is stale, not invalid.
-            self.gate.check(born_s, time.monotonic())
-            raise
-        # As scaled to the wheels' limit: the next command's acceleration counts from there.
+        ttl_s = min(tuning.timeout_s, self.robot.ttl_max_s or tuning.timeout_s)
+        # The driver alone judges the age: the command gains no life while this process is
+        # suspended.
+        self.robot.set_wheel_velocity(*wheels, ttl_s, stamp=born_s)
         obeyed = drive.twist(wheels)
         self._limiter.obeyed(obeyed, now_s, born_s + ttl_s - now_s)
         return obeyed
+
+    def _too_old(self, born_s: float) -> CommandIgnored:
+        age_s = time.monotonic() - born_s
+        if born_s < self.connected_s and age_s < self.tuning.timeout_s:
+            return CommandIgnored(Ignored.BEFORE_RECONNECT)
+        return CommandIgnored(
+            Ignored.STALE, f"it is {age_s:.3f} s old; are the computers' clocks synchronised?"
+        )
 
     def _wait_for_zero(self, twist: Twist, now_s: float) -> None:
         before_s, self._moving_s = self._moving_s, now_s
@@ -261,10 +305,8 @@ class RobotConnection:
                 self.robot.parameters.set(name, value)
         except WheelwireError:
             with suppress(WheelwireError):
-                for (
-                    name,
-                    value,
-                ) in before.items():  # the failed one too: perhaps only its answer was lost
+                # The failed one too: perhaps only its answer was lost.
+                for name, value in before.items():
                     self.robot.parameters.set(name, value)
             raise
 

@@ -1,9 +1,8 @@
-"""The statuses in /diagnostics. Needs the message packages, not rclpy."""
+"""The statuses in /diagnostics, and the search for another node of the same name."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,18 +11,22 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from wheelwire import BaseDriver, WheelSample, WheelwireError
 
 from .connection import RobotConnection
+from .robot_state import RobotState
 from .time_base import WAITING_FOR_CLOCK
 
 TWIN = (
-    "another node has this node's name: both publish, and which of them answers a service, ~/estop "
-    "among them, is left to chance; end one of them, or rename it (-r __node:=..., -r __ns:=...)"
+    "another node has this node's name: both publish, and chance decides which of them answers a "
+    "service, ~/estop among them; end one of them, or rename it (-r __node:=..., -r __ns:=...)"
 )
+FORGOTTEN_S = 25.0
+"""A node that was killed is on the graph until its lease ends, 20 s with Fast DDS: one that
+restarts must not mistake its predecessor for a second robot."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
 
 NORMAL_STATES = ("IDLE", "DRIVING", "TIMED_OUT")
-"""TIMED_OUT as well: that is how every drive by hand ends, and stays until the next command."""
+"""TIMED_OUT as well: every drive by hand ends so, and the robot stays so until the next command."""
 
 
 @dataclass(frozen=True)
@@ -35,22 +38,32 @@ class Report:
     """The newest sample."""
     silence: WheelwireError | None
     """Why no sample has come recently; None if one has."""
-    ros_offset_error_s: float
-    """Error bound of the ROS clock's offset."""
-    rebases: int
-    """How often the odometry was rebased after a reset of the device."""
+    state: RobotState
+    link_values: dict[str, Any]
+    """The node's own counters for the status of the link."""
     ignored_types: list[str]
     """Message types that others publish on cmd_vel but this node does not subscribe to."""
-    published: int = 0
-    """Samples published; fewer than came where publish_rate is below the robot's rate."""
-    dropped: int = 0
-    """Samples that came but were not taken within a second."""
-    reset: str = ""
-    """That the device was reset, until somebody acknowledges it."""
-    resets: int = 0
-    """How often, until then."""
     waiting_for_clock: bool = False
     """Whether motion cannot be stamped, because use_sim_time is set and /clock is silent."""
+
+
+class TwinWatch:
+    """Whether another node of this name lives. Pure: the time is an argument."""
+
+    def __init__(self) -> None:
+        self.has_twin = False
+        self._since_s = math.inf
+
+    def look(self, nodes_of_this_name: int, now_s: float) -> bool:
+        """Look at the graph; whether this look was the first to find a twin.
+
+        Args:
+            nodes_of_this_name: This one included.
+            now_s: On a monotonic clock.
+        """
+        self._since_s = min(self._since_s, now_s) if nodes_of_this_name > 1 else math.inf
+        had_twin, self.has_twin = self.has_twin, now_s - self._since_s >= FORGOTTEN_S
+        return self.has_twin and not had_twin
 
 
 def closed_status(name: str, driver_type: str, reason: str) -> list[DiagnosticStatus]:
@@ -65,13 +78,16 @@ def twin_status(name: str) -> DiagnosticStatus:
 
 def open_statuses(name: str, driver_type: str, report: Report) -> list[DiagnosticStatus]:
     """The statuses of link, robot and commands of an open robot."""
-    robot = report.connection.robot
-    identity = identity_of(robot)
+    identity = identity_of(report.connection.robot)
+    parts = {
+        "link": _link(driver_type, report, identity),
+        "robot": _robot(report),
+        "commands": _commands(report),
+    }
     hardware = identity.get("board_id", "")
     statuses = [
-        _link(name, hardware, driver_type, report, identity),
-        _robot(name, hardware, report),
-        _commands(name, hardware, report),
+        _status(f"{name}: {part}", level, message, hardware, values)
+        for part, (level, message, values) in parts.items()
     ]
     if report.waiting_for_clock:
         statuses.append(_status(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {}))
@@ -99,85 +115,64 @@ def identity_of(robot: BaseDriver) -> dict[str, str]:
     return identity
 
 
-def last_start(robot: BaseDriver) -> tuple[str, str, str]:
-    """Why the device last started, by name and in words, and its board's identity."""
-    info = getattr(robot, "info", None)
-    if info is None:
-        return "UNKNOWN", "the driver does not tell why", ""
-    reason, doc = info.device.reset_reason.name, info.device.reset_reason.doc
-    return reason, doc[0].lower() + doc[1:].rstrip("."), info.device.board_id
-
-
 def warnings_of(robot: BaseDriver) -> tuple[str, ...]:
-    """What keeps the device from driving or makes it less safe, as of its board."""
+    """What keeps the device from driving or makes it less safe, by its board."""
     try:
         return tuple(getattr(robot, "warnings", ()))
     except WheelwireError:  # out of reach, which is another status
         return ()
 
 
-def _rolling(robot: BaseDriver) -> tuple[str, ...]:
-    rolling_mps = getattr(robot, "rolling_mps", None)
-    if rolling_mps is None:
-        return ()
-    return (f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it.",)
+Part = tuple[bytes, str, dict[str, Any]]
+"""Level, message and values of a status."""
 
 
-def _link(
-    name: str, hardware: str, driver_type: str, report: Report, identity: dict[str, str]
-) -> DiagnosticStatus:
-    robot = report.connection.robot
-    # The silence first: it may be why a session cannot be prepared.
+def _link(driver_type: str, report: Report, identity: dict[str, str]) -> Part:
+    # The silence first: it may be the reason why a session cannot be prepared.
     problem = report.silence or report.connection.problem
-    level, message = OK, "connected"
-    if problem is not None:
-        level, message = ERROR, str(problem)
-    values = {"driver": driver_type, **identity, **asdict(robot.statistics)}
+    values = {"driver": driver_type, **identity, **asdict(report.connection.robot.statistics)}
     if report.sample is not None:
         values["sample_time_error_s"] = report.sample.stamp_error_s
-    values["ros_clock_offset_error_s"] = report.ros_offset_error_s
-    values["odometry_rebases"] = report.rebases
-    values["samples_published"] = report.published
-    values["samples_dropped"] = report.dropped
-    return _status(f"{name}: link", level, message, hardware, values)
+    level, message = (OK, "connected") if problem is None else (ERROR, str(problem))
+    return level, message, values | report.link_values
 
 
-def _robot(name: str, hardware: str, report: Report) -> DiagnosticStatus:
-    sample, subject = report.sample, f"{name}: robot"
+def _robot(report: Report) -> Part:
+    sample, state, robot = report.sample, report.state, report.connection.robot
     if sample is None:
-        return _status(subject, WARN, "no sample yet", hardware, {})
-    faults = [fault for fault in type(sample.faults) if fault in sample.faults]
+        return WARN, "no sample yet", {}
     values = {
-        "state": sample.state.name,
-        "faults": " ".join(str(fault.name) for fault in faults),
+        "state": state.state,
+        "faults": state.fault_names,
         "control_overruns": sample.overruns,
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
-        "resets_unacknowledged": report.resets,
+        "resets_unacknowledged": state.resets,
+        **_control_counters(robot),
     }
-    robot = report.connection.robot
-    values |= _control_counters(robot)
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
-    # Before the silence: an e-stop of this node is in force even if the robot is not heard.
-    if report.connection.estopped or sample.state.name == "ESTOPPED":
-        return _status(subject, ERROR, "the e-stop is set", hardware, values)
+    return *_robots_level(report, sample), values
+
+
+def _robots_level(report: Report, sample: WheelSample) -> tuple[bytes, str]:
+    robot, state = report.connection.robot, report.state
+    # Before the silence: this node's e-stop acts even if the robot is not heard.
+    if report.connection.estopped or state.state == "ESTOPPED":
+        return ERROR, "the e-stop is set"
     if report.silence is not None:
-        return _status(
-            subject, STALE, "the last known state; the robot is silent", hardware, values
-        )
-    if faults:
-        return _status(subject, ERROR, " ".join(f.doc for f in faults), hardware, values)
-    reset = (_sentence(report.reset),) if report.reset else ()
-    warnings = (*_rolling(robot), *warnings_of(robot), *reset)
+        return STALE, "the last known state; the robot is silent"
+    if state.faults:
+        return ERROR, " ".join(fault.doc for fault in state.faults)
+    warnings = [*warnings_of(robot)]
+    rolling_mps = getattr(robot, "rolling_mps", None)
+    if rolling_mps is not None:
+        warnings.insert(0, f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it.")
+    if state.reset:
+        warnings.append(f"{state.reset[0].upper()}{state.reset[1:]}.")
     if warnings:
-        return _status(subject, WARN, " ".join(warnings), hardware, values)
-    level = OK if sample.state.name in NORMAL_STATES else WARN
-    return _status(subject, level, sample.state.doc, hardware, values)
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
+        return WARN, " ".join(warnings)
+    return OK if state.state in NORMAL_STATES else WARN, sample.state.doc
 
 
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:
@@ -196,19 +191,19 @@ def _control_counters(robot: BaseDriver) -> dict[str, Any]:
     }
 
 
-def _commands(name: str, hardware: str, report: Report) -> DiagnosticStatus:
-    gate = report.connection.gate
+def _commands(report: Report) -> Part:
+    obeyed, reasons = report.connection.obeyed, report.connection.ignored
+    ignored = sum(reasons.values())
+    values = {"obeyed": obeyed, "ignored": ignored}
     # Sorted by text, since the members of an Enum have no order.
-    ignored = {f"ignored_{r.name.lower()}": n for r, n in sorted(gate.ignored.items(), key=str)}
-    values = {"obeyed": gate.obeyed, "ignored": sum(gate.ignored.values()), **ignored}
-    level, message = OK, f"{gate.obeyed} obeyed, {sum(gate.ignored.values())} ignored"
-    if report.ignored_types:
-        level = WARN
-        message = (
-            f"commands of type {', '.join(report.ignored_types)} are ignored: "
-            "have all publishers publish one type, or set cmd_vel_type"
-        )
-    return _status(f"{name}: commands", level, message, hardware, values)
+    values |= {f"ignored_{r.name.lower()}": n for r, n in sorted(reasons.items(), key=str)}
+    if not report.ignored_types:
+        return OK, f"{obeyed} obeyed, {ignored} ignored", values
+    message = (
+        f"the node ignores commands of type {', '.join(report.ignored_types)}: "
+        "have all publishers publish one type, or set cmd_vel_type"
+    )
+    return WARN, message, values
 
 
 def _status(
@@ -219,14 +214,11 @@ def _status(
         name=name,
         message=message,
         hardware_id=hardware_id,
-        values=list(_key_values(values)),
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
     )
 
 
-def _key_values(values: dict[str, Any]) -> Iterable[KeyValue]:
-    for key, value in values.items():
-        if isinstance(value, float):
-            text = "" if math.isnan(value) else f"{value:.6g}"
-        else:
-            text = str(value)
-        yield KeyValue(key=key, value=text)
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)

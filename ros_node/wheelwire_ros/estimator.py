@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
+from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,8 +20,6 @@ from wheelwire import (
     WheelSample,
     WheelVelocities,
 )
-
-from .pose_file import PoseRecord
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -42,9 +42,41 @@ class RobotMotion(NamedTuple):
     covariance: npt.NDArray[np.float64]
     """Covariance of (x, y, heading), 3 by 3, in m and rad."""
     twist: Twist
+    """The mean of the last samples."""
     left: WheelMotion
     right: WheelMotion
     battery_v: float | None
+
+
+@dataclass(frozen=True)
+class PoseRecord:
+    """The pose at one sample, and what the wheels had counted by then.
+
+    Attributes:
+        board_id: The identity of the board that counted; empty where the driver has none.
+        boot_id: The sample's.
+        t_us: The device's time of it.
+        left_ticks: The device's counter.
+        right_ticks: The device's counter.
+        left_total: Ticks since the odometry began, which joint_states shows.
+        right_total: The same of the right wheel.
+        pose: x and y in m, heading in rad.
+        covariance: Of the pose, 3 by 3, row by row.
+        saved_s: When the node saved it, on the wall clock.
+        is_final: Whether the wheels stood, and nothing of this node moved them later.
+    """
+
+    board_id: str
+    boot_id: int
+    t_us: int
+    left_ticks: int
+    right_ticks: int
+    left_total: int
+    right_total: int
+    pose: tuple[float, float, float]
+    covariance: tuple[float, ...]
+    saved_s: float = 0.0
+    is_final: bool = False
 
 
 class MotionEstimator:
@@ -53,14 +85,16 @@ class MotionEstimator:
     Args:
         drive: The robot's geometry.
         wheel_variance_m: Variance of a wheel's travel per metre travelled. [m^2/m]
+        window: The twist is the mean of this many samples, as in diff_drive_controller.
     """
 
-    def __init__(self, drive: DifferentialDrive, wheel_variance_m: float) -> None:
+    def __init__(self, drive: DifferentialDrive, wheel_variance_m: float, window: int = 1) -> None:
         self._lock = threading.Lock()
         self._odometry = Odometry(drive)
         self._covariance = PoseCovariance(wheel_variance_m, wheel_variance_m)
         self._left_ticks = self._right_ticks = 0
         self._last: WheelSample | None = None
+        self._twists: deque[Twist] = deque(maxlen=window)
         self.unseen_m = 0.0
         """How far a wheel may have travelled uncounted at the last reset of the device."""
 
@@ -87,16 +121,21 @@ class MotionEstimator:
             covariance = self._covariance.update(update, drive.wheel_separation)
             if update.rebased:
                 self.unseen_m = max(abs(update.unseen_left_m), abs(update.unseen_right_m))
-            travel = sample.since(self._last or sample)
-            self._last = sample
+            last, self._last = self._last or sample, sample
+            travel = sample.since(last)
             # Summed up here, since the device's counters wrap, and begin anew after a reset.
             self._left_ticks += travel.left
             self._right_ticks += travel.right
+            if sample.boot_id != last.boot_id:
+                self._twists.clear()
+            self._twists.append(drive.twist(WheelVelocities(sample.left_mps, sample.right_mps)))
+            linear_mps, angular_radps = map(sum, zip(*self._twists, strict=True))
+            count = len(self._twists)
             return RobotMotion(
                 sample.stamp,
                 update.pose,
                 covariance,
-                drive.twist(WheelVelocities(sample.left_mps, sample.right_mps)),
+                Twist(linear_mps / count, angular_radps / count),
                 _wheel(self._left_ticks, sample.left_mps, drive),
                 _wheel(self._right_ticks, sample.right_mps, drive),
                 sample.battery_v,
@@ -109,13 +148,13 @@ class MotionEstimator:
             self._covariance.reset()
 
     def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> None:
-        """Say where the robot is, and how well that is known: (x, y, heading), 3 by 3."""
+        """Go on from this pose; its covariance is of (x, y, heading), 3 by 3."""
         with self._lock:
             self._odometry.reset(pose)
             self._covariance.matrix = covariance
 
     def record(self, board_id: str, *, is_final: bool = False) -> PoseRecord | None:
-        """The pose at the last sample, to go on from; None before the first one."""
+        """The pose at the last sample, to resume from; None before the first one."""
         with self._lock:
             last, pose = self._last, self._odometry.pose
             if last is None:
@@ -136,8 +175,9 @@ class MotionEstimator:
     def resume(self, record: PoseRecord, first: WheelSample) -> OdometryUpdate:
         """Go on from a record of the same boot, before the first update.
 
-        What the wheels counted since is taken for one arc. The robot may have come to its end by
-        any other path of the same count, so the covariance grows by the arc's own bend, too.
+        The estimator treats what the wheels counted since the record as one arc. The robot may have
+        reached the arc's end by any other path with the same counts, so the covariance grows by the
+        arc's bend, too.
         """
         with self._lock:
             self._begin(record)

@@ -14,8 +14,8 @@ from rclpy.executors import ExternalShutdownException
 from wheelwire import BaseDriver, Pins, SerialDriver, driver_names, open_driver
 
 from .node import BaseRobotNode
-from .pacing import sampling_rate_hz
 from .parameters import Setting
+from .reader import sampling_rate_hz
 
 CONNECT_TIMEOUT_S = 2.0
 """Short, because a transition, and the end of the node, may wait for it."""

@@ -14,17 +14,16 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from wheelwire import BaseDriver, LinkLost, WheelwireError
 
-from . import diagnostics, robot_state
+from . import diagnostics
 from .library_log import forward_library_log
 from .lifecycle import Autostart, defer_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import Setting, is_set
-from .pose_memory import PoseMemory
+from .pose import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, RobotServices
 from .threads import NodeThreads
-from .twins import TwinWatch
 
 DIAGNOSTICS_PERIOD_S = 1.0
 ESTOP_WAITS = "the e-stop is noted and is the first thing that the robot gets"
@@ -53,7 +52,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         self._bridge = ParameterBridge(self, settings, self._use_settings, problem)
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
-        self._twins = TwinWatch()
+        self._twins = diagnostics.TwinWatch()
         self._poses = PoseMemory(self.get_logger())
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
@@ -271,7 +270,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def _present_state(self) -> RobotState:
         open_robot = self._open
         if open_robot is None:
-            return robot_state.closed(self._closed_reason)
+            return RobotState("closed", self._closed_reason)
         return open_robot.state()
 
     def _hardware_id(self) -> str:

@@ -8,20 +8,14 @@ from typing import Any
 
 from wheelwire import BaseDriver, SupervisorState, WheelSample, WheelwireError
 
-from . import diagnostics, pose_file, robot_settings, robot_state
-from .command_subscriber import CommandSubscriber
-from .commands import CommandGate
+from . import diagnostics, parameters, pose, robot_state
+from .commands import CommandSubscriber
 from .connection import RobotConnection
 from .estimator import MotionEstimator
-from .pacing import Pacer
 from .parameter_bridge import ParameterBridge
-from .pose_memory import PoseMemory
-from .publishers import LimitedVelocityPublisher, MotionPublisher
-from .reader import SampleReader
-from .resets import ResetWatch
-from .robot_state import RobotState
-from .rolling_twist import RollingTwist
-from .set_pose import PoseSetter
+from .publishers import MotionPublisher
+from .reader import Pacer, SampleReader
+from .robot_state import ResetWatch, RobotState
 from .threads import NodeThreads
 from .time_base import TimeBase
 
@@ -39,7 +33,7 @@ class OpenRobot:
         bridge: The bridge of the node's parameters.
         threads: The node's.
         on_change: Called in any thread when `state` may have changed.
-        on_failure: Called in any thread when a thread fails; the wheels are stopped then.
+        on_failure: Called in any thread when a thread has failed, after the wheels were stopped.
         poses: The node's, from one robot that it opens to the next.
         estopped: Latch the e-stop before anything else.
 
@@ -55,7 +49,7 @@ class OpenRobot:
         threads: NodeThreads,
         on_change: Callable[[], None],
         on_failure: Callable[[Exception], None],
-        poses: PoseMemory,
+        poses: pose.PoseMemory,
         *,
         estopped: bool,
     ) -> None:
@@ -99,15 +93,13 @@ class OpenRobot:
             return
         # Not locked: if two threads come here at once, the second preparation has nothing to do.
         self._preparing = True
-        with suppress(RuntimeError):  # the lane is closed, and so is the robot soon
+        with suppress(RuntimeError):  # the thread pool is closed, and so is the robot soon
             self._threads.requests.submit(self._prepare)
 
     def use_settings(self) -> None:
         """Apply the parameters that can change while the robot is open."""
-        get, connection = self._node.setting, self.connection
-        connection.gate.timeout_s = get("cmd_vel_timeout")
-        connection.tuning = robot_settings.tuning(get)
-        self.estimator.drive = connection.drive
+        self.connection.tuning = parameters.tuning(self._node.setting)
+        self.estimator.drive = self.connection.drive
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -128,18 +120,17 @@ class OpenRobot:
         """For `~/state`."""
         connection = self.connection
         is_estopped = self._newest is not None and self._newest.state is SupervisorState.ESTOPPED
-        # An e-stop of ours that was just cleared is still ours, until a sample shows the end of it.
+        # An e-stop of ours that was just cleared is still ours, until a sample shows its end.
         self._estopped_by_us = is_estopped and (self._estopped_by_us or connection.estopped)
-        state = robot_state.of_robot(
+        return robot_state.of_robot(
             self._newest,
             self._reader.silence,
             connection.problem,
             connection.robot.sessions,
+            self._resets,
             prepared=connection.is_prepared,
             estopped=self._estopped_by_us,
         )
-        resets = self._resets
-        return state._replace(reset=resets.text, reset_reason=resets.reason, resets=resets.count)
 
     def hardware_id(self) -> str:
         """The board's, for `~/state`."""
@@ -153,13 +144,14 @@ class OpenRobot:
             self.connection,
             self._newest,
             self._reader.silence,
-            self._time_base.error_s,
-            self.estimator.rebases,
-            self._commands.ignored_types(),
-            self._publisher.published,
-            self._reader.dropped,
-            reset=self._resets.text,
-            resets=self._resets.count,
+            self.state(),
+            {
+                "ros_clock_offset_error_s": self._time_base.error_s,
+                "odometry_rebases": self.estimator.rebases,
+                "samples_published": self._publisher.published,
+                "samples_dropped": self._reader.dropped,
+            },
+            self._commands.ignored_types,
             waiting_for_clock=not self._time_base.runs,
         )
         return diagnostics.open_statuses(name, driver_type, report)
@@ -175,42 +167,34 @@ class OpenRobot:
     def _prepare_robot(self, robot: BaseDriver, *, estopped: bool) -> None:
         get = self._node.setting
         self.connection = RobotConnection(
-            robot,
-            CommandGate(get("cmd_vel_timeout")),
-            self._bridge.given,
-            robot_settings.tuning(get),
-            self._on_session,
+            robot, self._bridge.given, parameters.tuning(get), self._on_session
         )
         # All of this before `follow`, which sends the e-stop first, and then calls `_on_session`.
         self.connection.estopped = estopped
-        self.estimator = MotionEstimator(self.connection.drive, get("wheel_variance"))
-        self._twist = RollingTwist(get("velocity_rolling_window_size"))
+        self.estimator = MotionEstimator(
+            self.connection.drive, get("wheel_variance"), get("velocity_rolling_window_size")
+        )
         self._pacer = Pacer(get("publish_rate"))
         self.connection.follow()
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
-        node, threads = self._node, self._threads
-        # Waits for the first sample, which tells whether there is a topic for the battery.
+        node, threads, get = self._node, self._threads, self._node.setting
+        # Waits for the first sample, which shows whether there is a topic for the battery.
         first = robot.read()
-        has_battery = first.battery_v is not None
         self._remember_pose(first, resources)
-        topics = robot_settings.topics(node.setting, has_battery=has_battery)
-        setter = PoseSetter(node, threads, self.estimator, topics.frames.odom)
+        topics = parameters.topics(get, has_battery=first.battery_v is not None)
+        setter = pose.PoseSetter(node, threads, self.estimator, topics.frames.odom)
         resources.callback(setter.destroy)
         self._publisher = MotionPublisher(node, threads, topics)
         resources.callback(self._publisher.destroy)
-        limited = None
-        if node.setting("publish_limited_velocity"):
-            limited = LimitedVelocityPublisher(node, threads, topics.frames.base)
-            resources.callback(limited.destroy)
         self._commands = CommandSubscriber(
             node,
             self.connection,
             threads,
             self.prepare_soon,
-            robot_settings.command_type(node.setting),
             self._time_base,
-            limited,
+            parameters.command_type(get),
+            topics.frames.base if get("publish_limited_velocity") else "",
         )
         resources.callback(self._commands.destroy)
         # The last to begin and the first to end: its callbacks use all of the above.
@@ -220,19 +204,19 @@ class OpenRobot:
     def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:
         node = self._node
         self._resets.note(first, self.connection.robot)
-        board_id = self._resets.board_id
         setting = node.setting("pose_file")
-        if setting == pose_file.AUTO and node.driver_type == "mock":
+        if setting == pose.AUTO and node.driver_type == "mock":
             setting = ""  # each one is another robot, at a place of its own
-        path = pose_file.path_of(setting, node.get_fully_qualified_name(), board_id)
+        name, board_id = node.get_fully_qualified_name(), self._resets.board_id
+        path = pose.path_of(setting, name, board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
         self._poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
         resources.callback(self._poses.close)
 
     def _prepare(self) -> None:
-        """In the lane of requests."""
+        """Runs in the thread of requests."""
         try:
-            with suppress(WheelwireError):  # kept as `connection.problem`
+            with suppress(WheelwireError):  # `connection.problem` has it
                 self.connection.follow()
         except Exception as error:
             self._fail(error)
@@ -256,7 +240,7 @@ class OpenRobot:
         before, self._newest = self._newest, sample
         was_reset = self._resets.note(sample, self.connection.robot)
         # Each one, also while the node is inactive: the robot may be pushed, and the pose follows.
-        motion = self._twist.smooth(self.estimator.update(sample), sample.boot_id)
+        motion = self.estimator.update(sample)
         if was_reset:
             self._node.get_logger().warning(
                 f"{self._resets.text}; odom may be off by {self.estimator.unseen_m:.2f} m, "

@@ -14,8 +14,7 @@ from wheelwire import BaseDriver, ConfigurationError, WheelwireError
 
 from . import parameters
 from .connection import RobotConnection
-from .parameter_checks import Disagreement, disagreements, same
-from .start_values import StartValues
+from .parameter_values import Disagreement, disagreements, same, start_values
 from .threads import NodeThreads
 
 
@@ -107,9 +106,10 @@ class ParameterBridge:
 
     def _start(self) -> None:
         """Set what the user gave, except what is refused."""
-        start = StartValues(self._node, self._settings.keys() | parameters.ROBOT_PARAMETERS.keys())
-        for parameter in start.values.values():
-            reason = start.conflicts.get(parameter.name) or self._wrong(parameter)
+        names = self._settings.keys() | parameters.ROBOT_PARAMETERS.keys()
+        values, conflicts = start_values(self._node, names)
+        for parameter in values.values():
+            reason = conflicts.get(parameter.name) or self._wrong(parameter)
             if reason is None:
                 (result,) = self._node.set_parameters([parameter])
                 reason = None if result.successful else result.reason

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -16,8 +16,12 @@ from rclpy.parameter import Parameter as RosParameter
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
 
-from . import parameter_checks as checks
-from .commands import AUTO, COMMAND_TYPES
+from . import parameter_values as checks
+from .commands import AUTO, STAMPED, TYPES
+from .connection import Tuning
+from .parameter_values import Get
+from .publishers import Frames, MotionTopics
+from .speed_limiter import AxisLimits, Limits
 
 Value = bool | int | float | str | list[float] | list[str]
 
@@ -89,7 +93,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
     Setting("cmd_vel_type", "auto",
             "Twist, TwistStamped, or auto: of whichever type the first message is.",
-            check=checks.one_of(*COMMAND_TYPES, AUTO)),
+            check=checks.one_of(*TYPES, AUTO)),
     Setting("use_stamped_vel", False, "True is cmd_vel_type TwistStamped."),
     Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",
             0.02, 5, live=True, check=checks.command_timeout),
@@ -145,17 +149,6 @@ SETTINGS: tuple[Setting, ...] = (
       for axis in ("linear.x", "angular.z")),
 )
 # fmt: on
-
-ALIASES = {
-    "serial_port": "port",
-    "wheel_base": "wheel_separation",
-    "cpr": "counts_per_revolution",
-    "max_speed": "max_velocity_mps",
-    "pwm_frequency": "pwm_frequency_hz",
-    "left_wheel_name": "left_wheel_names",
-    "right_wheel_name": "right_wheel_names",
-}
-"""Other names, from other packages and former releases. Read at the start, and never listed."""
 
 _KIND_TYPES = {
     Kind.REAL: RosParameter.Type.DOUBLE,
@@ -231,3 +224,47 @@ def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float)
 
 def _type_of(value: Value) -> Any:
     return RosParameter.Type.from_parameter_value(value)
+
+
+def tuning(get: Get) -> Tuning:
+    """The settings that can change while the robot is open."""
+    max_rpm = get("max_rpm")
+    return Tuning(
+        timeout_s=get("cmd_vel_timeout"),
+        limits=Limits(_axis_limits("linear.x", get), _axis_limits("angular.z", get)),
+        max_wheel_radps=math.inf if math.isnan(max_rpm) else max_rpm * 2 * math.pi / 60,
+        separation_multiplier=get("wheel_separation_multiplier"),
+        left_radius_multiplier=get("left_wheel_radius_multiplier"),
+        right_radius_multiplier=get("right_wheel_radius_multiplier"),
+        rearm_gap_s=get("rearm_gap_s") or 0.0,  # None before the robot is open
+    )
+
+
+def _axis_limits(axis: str, get: Get) -> AxisLimits:
+    return AxisLimits(**{field.name: get(f"{axis}.{field.name}") for field in fields(AxisLimits)})
+
+
+def command_type(get: Get) -> str:
+    """The type of cmd_vel, or `AUTO`."""
+    name = str(get("cmd_vel_type"))
+    return STAMPED if name == AUTO and get("use_stamped_vel") else name
+
+
+def frames(get: Get) -> Frames:
+    """The frames' names, with the prefix and a slash if there is one."""
+    prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
+    names = get("odom_frame_id"), get("base_frame_id")
+    return Frames(*(f"{prefix}/{name}" if prefix else name for name in names))
+
+
+def topics(get: Get, *, has_battery: bool) -> MotionTopics:
+    """The settings of what the node publishes."""
+    return MotionTopics(
+        frames=frames(get),
+        joints=(tuple(get("left_wheel_names")), tuple(get("right_wheel_names"))),
+        transform=get("enable_odom_tf"),
+        battery=has_battery,
+        battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
+        pose_diagonal=get("pose_covariance_diagonal"),
+        twist_diagonal=get("twist_covariance_diagonal"),
+    )

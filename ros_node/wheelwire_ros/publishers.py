@@ -1,4 +1,8 @@
-"""The topics on which the robot's motion is published."""
+"""The topics on which the node publishes the robot's motion, and their messages.
+
+REP-103 and REP-105: x forward, counter-clockwise positive; the pose in the odometry's frame, the
+twist in the robot's.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,12 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-from geometry_msgs.msg import TwistStamped
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState
 
-from wheelwire import Pose, Twist
-
-from . import conversions
-from .conversions import NANOSECONDS, Frames
-from .estimator import RobotMotion, WheelMotion
+from .estimator import RobotMotion
 from .message_template import MessageTemplate
 from .threads import NodeThreads
 
@@ -24,28 +24,29 @@ try:
 except ImportError:  # not on PyPI; every ROS installation has it
     TFMessage = None
 
+NANOSECONDS = 1_000_000_000
 DEPTH = 10
-BATTERY_PERIOD_NS = 1_000_000_000
+BATTERY_PERIOD_NS = NANOSECONDS
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
-
+PLANAR = (0, 1, 5)
+"""Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
 
 # What changes from sample to sample. The other components of a planar pose stay 0.
 STAMP = (("header.stamp.sec", "i"), ("header.stamp.nanosec", "I"))
 POSE = ("position.x", "d"), ("position.y", "d"), ("orientation.z", "d"), ("orientation.w", "d")
-AT_REST = RobotMotion(
-    stamp_s=0.0,
-    pose=Pose(),
-    covariance=np.zeros((3, 3)),
-    twist=Twist(0.0, 0.0),
-    left=WheelMotion(0.0, 0.0),
-    right=WheelMotion(0.0, 0.0),
-    battery_v=None,
-)
+TRANSFORM = ("translation.x", "d"), ("translation.y", "d"), ("rotation.z", "d"), ("rotation.w", "d")
+
+
+class Frames(NamedTuple):
+    """The names of the frames, prefix included."""
+
+    odom: str
+    base: str
 
 
 class MotionTopics(NamedTuple):
-    """What is published, and its names."""
+    """What the node publishes, and its names."""
 
     frames: Frames
     joints: tuple[Sequence[str], Sequence[str]]
@@ -53,7 +54,7 @@ class MotionTopics(NamedTuple):
     transform: bool
     battery: bool
     battery_range_v: tuple[float, float]
-    """The voltages of an empty and of a full battery; NaN where they are not known."""
+    """The voltages of an empty and of a full battery; NaN: unknown."""
     pose_diagonal: Sequence[float]
     twist_diagonal: Sequence[float]
 
@@ -64,81 +65,76 @@ class MotionPublisher:
     Args:
         node: The lifecycle node.
         threads: The node's.
-        topics: What to publish. `transform` needs tf2_msgs; if it is missing, a warning says so.
+        topics: What to publish. `transform` needs tf2_msgs; if that is missing, the log says so.
     """
 
     def __init__(self, node: Any, threads: NodeThreads, topics: MotionTopics) -> None:
+        if topics.transform and TFMessage is None:
+            node.get_logger().warning(
+                "the node does not publish /tf: install tf2_msgs (ros-jazzy-tf2-msgs)"
+            )
+            topics = topics._replace(transform=False)
         self.topics = topics
         self.published = 0
         """Samples published."""
-        self._publishes_transform = topics.transform and TFMessage is not None
         self._templates = MotionTemplates(topics)
         self._node = node
         self._threads = threads
-        if topics.transform and TFMessage is None:
-            node.get_logger().warning("/tf is not published: install tf2_msgs (ros-jazzy-tf2-msgs)")
         self._battery_due_ns = 0
         threads.run_generally(self._create)
 
     def _create(self) -> None:
         create = self._node.create_lifecycle_publisher
-        self._odometry = create(Odometry, "odom", DEPTH)
-        self._joints = create(JointState, "joint_states", DEPTH)
-        self._publishers = [self._odometry, self._joints]
-        if self._publishes_transform:
-            self._transform = create(TFMessage, "/tf", TF_DEPTH)
-            self._publishers.append(self._transform)
+        self._publishers = [
+            create(Odometry, "odom", DEPTH),
+            create(JointState, "joint_states", DEPTH),
+        ]
+        if self.topics.transform:
+            self._publishers.append(create(TFMessage, "/tf", TF_DEPTH))
         if self.topics.battery:
             self._battery = create(BatteryState, "battery_state", DEPTH)
-            self._publishers.append(self._battery)
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement."""
-        topics = self.topics
-        self._odometry.publish(self._templates.odometry(motion, stamp_ns))
+        for publisher, message in zip(
+            self._publishers, self._templates.fill(motion, stamp_ns), strict=True
+        ):
+            publisher.publish(message)
         self.published += 1
-        if self._publishes_transform:
-            self._transform.publish(self._templates.transform(motion, stamp_ns))
-        self._joints.publish(self._templates.joints(motion, stamp_ns))
-        if topics.battery and motion.battery_v is not None and stamp_ns >= self._battery_due_ns:
+        voltage_v = motion.battery_v
+        if self.topics.battery and voltage_v is not None and stamp_ns >= self._battery_due_ns:
             self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
             # Once a second a message may be built the slow way, without a template.
-            stamp = conversions.time_message(stamp_ns)
-            self._battery.publish(
-                conversions.battery_message(
-                    motion.battery_v, stamp, topics.frames.base, *topics.battery_range_v
-                )
-            )
+            message = battery_message(voltage_v, *self.topics.battery_range_v)
+            message.header.stamp = time_message(stamp_ns)
+            message.header.frame_id = self.topics.frames.base
+            self._battery.publish(message)
 
     def destroy(self) -> None:
         """Remove the topics."""
         self._threads.run_generally(self._destroy)
 
     def _destroy(self) -> None:
+        if self.topics.battery:
+            self._publishers.append(self._battery)
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
 
 
 class MotionTemplates:
-    """The messages of each sample, serialised: as those of `conversions`, only quicker.
+    """The messages of each sample, serialised.
 
     Args:
         topics: As of `MotionPublisher`.
     """
 
     def __init__(self, topics: MotionTopics) -> None:
+        frames, joints = topics.frames, topics.joints
         self._pose_diagonal = topics.pose_diagonal
-        self._wheels = [len(names) for names in topics.joints]
-        # An array is serialised with its length, so a template is for one number of wheels.
-        count = f"{sum(self._wheels)}d"
-        stamp = conversions.time_message(0)
-        odometry = conversions.odometry_message(
-            AT_REST,
-            stamp,
-            topics.frames,
-            topics.pose_diagonal,
-            conversions.diagonal(topics.twist_diagonal),
-        )
+        self._wheels = [len(names) for names in joints]
+        odometry = Odometry(child_frame_id=frames.base)
+        odometry.header.frame_id = frames.odom
+        odometry.twist.covariance[::7] = topics.twist_diagonal
         self._odometry = MessageTemplate(
             odometry,
             [
@@ -149,81 +145,102 @@ class MotionTemplates:
                 ("twist.twist.angular.z", "d"),
             ],
         )
+        count = f"{sum(self._wheels)}d"
         self._joints = MessageTemplate(
-            conversions.joint_message(AT_REST, stamp, topics.joints),
+            JointState(name=[*joints[0], *joints[1]]),
             [*STAMP, ("position", count), ("velocity", count)],
         )
-        if topics.transform and TFMessage is not None:
-            one = conversions.transform_message(odometry)
-            names = ("translation.x", "translation.y", "rotation.z", "rotation.w")
+        self._transform = None
+        if topics.transform:
+            one = TransformStamped(child_frame_id=frames.base)
+            one.header.frame_id = frames.odom
             self._transform = MessageTemplate(
                 TFMessage(transforms=[one]),
                 [
                     *((f"transforms.0.{path}", format_) for path, format_ in STAMP),
-                    *((f"transforms.0.transform.{name}", "d") for name in names),
+                    *((f"transforms.0.transform.{path}", format_) for path, format_ in TRANSFORM),
                 ],
             )
 
-    def odometry(self, motion: RobotMotion, stamp_ns: int) -> bytes:
-        """nav_msgs/Odometry."""
-        covariance = conversions.pose_covariance(motion.covariance, self._pose_diagonal)
-        return self._odometry.fill(
-            *_stamp(stamp_ns),
-            *_pose(motion.pose),
-            covariance,
+    def fill(self, motion: RobotMotion, stamp_ns: int) -> Iterator[bytes]:
+        """The nav_msgs/Odometry, the sensor_msgs/JointState and, if asked for, the TFMessage."""
+        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+        # The heading need not be wrapped: a full turn changes both signs, which is the same
+        # rotation.
+        half_rad = motion.pose.heading_rad / 2
+        numbers = (
+            (seconds,),
+            (nanoseconds,),
+            (motion.pose.x_m,),
+            (motion.pose.y_m,),
+            (math.sin(half_rad),),
+            (math.cos(half_rad),),
+        )
+        yield self._odometry.fill(
+            *numbers,
+            pose_covariance(motion.covariance, self._pose_diagonal),
             (motion.twist.linear_mps,),
             (motion.twist.angular_radps,),
         )
-
-    def transform(self, motion: RobotMotion, stamp_ns: int) -> bytes:
-        """tf2_msgs/TFMessage: the same pose."""
-        return self._transform.fill(*_stamp(stamp_ns), *_pose(motion.pose))
-
-    def joints(self, motion: RobotMotion, stamp_ns: int) -> bytes:
-        """sensor_msgs/JointState."""
         left, right = self._wheels
         wheels = [motion.left] * left + [motion.right] * right
-        return self._joints.fill(
-            *_stamp(stamp_ns),
+        yield self._joints.fill(
+            *numbers[:2],
             [wheel.angle_rad for wheel in wheels],
             [wheel.velocity_radps for wheel in wheels],
         )
+        if self._transform is not None:
+            yield self._transform.fill(*numbers)
 
 
-def _stamp(stamp_ns: int) -> tuple[tuple[int], tuple[int]]:
+def time_message(stamp_ns: int) -> Time:
+    """Convert nanoseconds since the epoch to a message."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-    return (seconds,), (nanoseconds,)
+    return Time(sec=seconds, nanosec=nanoseconds)
 
 
-def _pose(pose: Pose) -> Iterator[tuple[float]]:
-    half_rad = pose.heading_rad / 2
-    for number in (pose.x_m, pose.y_m, math.sin(half_rad), math.cos(half_rad)):
-        yield (number,)
+def time_ns(message: Time) -> int:
+    """Convert a time message to nanoseconds; an empty one is 0."""
+    return int(message.sec) * NANOSECONDS + int(message.nanosec)
 
 
-class LimitedVelocityPublisher:
-    """Publishes the commands that were obeyed, as limited, on ~/cmd_vel_out.
+def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:
+    """ROS's 6 by 6 covariance matrix, row by row.
 
     Args:
-        node: An rclpy node.
-        threads: The node's.
-        frame: The robot's frame.
+        planar: Covariance of (x, y, heading), 3 by 3.
+        base_diagonal: Variances to add, for errors that dead reckoning does not model.
     """
+    matrix = [0.0] * 36
+    matrix[::7] = base_diagonal
+    # Lists of floats: taking single numbers out of an array costs more than the sums.
+    for row, values in zip(PLANAR, planar.tolist(), strict=True):
+        for column, value in zip(PLANAR, values, strict=True):
+            matrix[6 * row + column] += value
+    return matrix
 
-    def __init__(self, node: Any, threads: NodeThreads, frame: str) -> None:
-        self._node = node
-        self._threads = threads
-        self._frame = frame
-        threads.run_generally(self._create)
 
-    def _create(self) -> None:
-        self._publisher = self._node.create_publisher(TwistStamped, "~/cmd_vel_out", DEPTH)
+def battery_message(voltage_v: float, empty_v: float, full_v: float) -> BatteryState:
+    """A battery whose voltage alone is measured; everything else says that it is unknown.
 
-    def publish(self, twist: Twist) -> None:
-        """Publish one command, stamped with the current time."""
-        stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(conversions.limited_message(twist, stamp, self._frame))
-
-    def destroy(self) -> None:
-        """Remove the topic."""
-        self._threads.run_generally(lambda: self._node.destroy_publisher(self._publisher))
+    Args:
+        voltage_v: [V]
+        empty_v: The voltage that is 0 %; NaN: unknown. [V]
+        full_v: The voltage that is 100 %; NaN: unknown. [V]
+    """
+    share = (voltage_v - empty_v) / (full_v - empty_v)
+    unknown = math.nan
+    return BatteryState(
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_UNKNOWN,
+        power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN,
+        power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_UNKNOWN,
+        voltage=voltage_v,
+        temperature=unknown,
+        current=unknown,
+        charge=unknown,
+        capacity=unknown,
+        design_capacity=unknown,
+        # ROS's "percentage" is 0 to 1.
+        percentage=share if math.isnan(share) else min(max(share, 0.0), 1.0),
+        present=True,
+    )

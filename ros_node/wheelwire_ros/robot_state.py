@@ -7,26 +7,28 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from wheelwire import Fault, SupervisorState, WheelSample, WheelwireError
+from wheelwire import BaseDriver, Fault, SupervisorState, WheelSample, WheelwireError
 
-from .qos import LATCHED
-
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""A subscriber that comes later gets the last message, too."""
 NOT_CONFIGURED = "not configured"
 PREPARING = "a new session is being prepared"
 ESTOP_BY_NODE = "the e-stop was set by ~/estop of this node"
 ESTOP_BY_OTHERS = "the e-stop was set by its contact or by another program"
+ACKNOWLEDGED_BY = "~/clear_fault acknowledges it"
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class RobotState(NamedTuple):
-    """What is told at each change. Empty texts are unknown."""
+    """What the node reports at each change. An empty text is unknown."""
 
     link: str
     """`closed`: the node is not configured; `lost`, `preparing` or `connected`."""
     cause: str
-    """Why it cannot be driven; empty if it can."""
+    """Why the robot cannot be driven; empty if it can."""
     state: str = ""
     """The supervisor's, by name."""
     faults: tuple[Fault, ...] = ()
@@ -35,9 +37,9 @@ class RobotState(NamedTuple):
     reset: str = ""
     """That the device was reset or replaced, until somebody acknowledges it."""
     reset_reason: str = ""
-    """Why it last started, by name, as long."""
+    """Why the device last started, by name, until then."""
     resets: int = 0
-    """How often, as long."""
+    """How often the device was reset, until then."""
 
     @property
     def level(self) -> Any:
@@ -53,11 +55,16 @@ class RobotState(NamedTuple):
             return "; ".join(filter(None, (self.cause, self.reset)))
         return SupervisorState[self.state].doc if self.state else "connected"
 
+    @property
+    def fault_names(self) -> str:
+        """The names of the latched faults."""
+        return " ".join(str(fault.name) for fault in self.faults)
+
     def message(self, name: str, hardware_id: str) -> DiagnosticStatus:
         """The message on `~/state`."""
         values = {
             "state": self.state,
-            "faults": " ".join(str(fault.name) for fault in self.faults),
+            "faults": self.fault_names,
             "cause": self.cause,
             "link": self.link,
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
@@ -74,9 +81,54 @@ class RobotState(NamedTuple):
         )
 
 
-def closed(reason: str) -> RobotState:
-    """The state while the robot is not open."""
-    return RobotState("closed", reason)
+class ResetWatch:
+    """Remembers that the device was reset or replaced, until somebody acknowledges it.
+
+    Nothing else shows a chip that crashes and is back within a second to somebody who looks later.
+    """
+
+    def __init__(self) -> None:
+        self.reason = ""
+        """Why the device last started, by name; empty after no reset."""
+        self.count = 0
+        """Resets that nobody has acknowledged."""
+        self.text = ""
+        """One sentence for a person; empty after no reset."""
+        self.board_id = ""
+        """Of the device that sent the last sample; empty where the driver does not report it."""
+        self._boot_id: int | None = None
+
+    def note(self, sample: WheelSample, robot: BaseDriver) -> bool:
+        """Look at the next sample; whether it is the first after a reset."""
+        if sample.boot_id == self._boot_id:
+            return False
+        is_first, self._boot_id = self._boot_id is None, sample.boot_id
+        # Samples begin after the hello, so what the driver knows is of this boot.
+        reason, doc, board_id = _last_start(robot)
+        is_replaced, self.board_id = board_id != self.board_id, board_id
+        if is_first:
+            return False
+        self.count += 1
+        self.reason = reason
+        if is_replaced:
+            self.text = f"another device was connected: {board_id}; {ACKNOWLEDGED_BY}"
+        else:
+            times = f" ({self.count} times)" if self.count > 1 else ""
+            self.text = f"the device was reset{times}: {reason}, {doc}; {ACKNOWLEDGED_BY}"
+        return True
+
+    def acknowledge(self) -> None:
+        """Forget all resets so far."""
+        self.count, self.reason, self.text = 0, "", ""
+
+
+def _last_start(robot: BaseDriver) -> tuple[str, str, str]:
+    """Why the device last started, by name and in words, and its board's identity."""
+    info = getattr(robot, "info", None)
+    if info is None:
+        return "UNKNOWN", "the driver does not report why", ""
+    reason, doc = info.device.reset_reason.name, info.device.reset_reason.doc
+    return reason, doc[0].lower() + doc[1:].rstrip("."), info.device.board_id
 
 
 def of_robot(
@@ -84,6 +136,7 @@ def of_robot(
     silence: WheelwireError | None,
     problem: WheelwireError | None,
     session: int,
+    resets: ResetWatch,
     *,
     prepared: bool,
     estopped: bool,
@@ -91,14 +144,15 @@ def of_robot(
     """The state of an open robot.
 
     Args:
-        sample: The newest one, if there is one.
+        sample: The newest one; None before the first.
         silence: Why no sample has come recently; None if one has.
         problem: Why the session could not be prepared; None if it could.
         session: Its number.
-        prepared: Whether it has been.
+        resets: The device's.
+        prepared: Whether the session is prepared.
         estopped: Whether this node has set the e-stop.
     """
-    # The first of these that applies hides the rest: what lies behind a lost link is not known.
+    # The first of these that applies hides the rest: behind a lost link nobody knows more.
     if silence is not None:
         link, cause = "lost", f"the robot cannot be reached: {silence}"
     elif problem is not None:
@@ -107,14 +161,24 @@ def of_robot(
         link, cause = "preparing", PREPARING
     else:
         link, cause = "connected", ""
+    state = RobotState(
+        link,
+        cause,
+        session=session,
+        reset=resets.text,
+        reset_reason=resets.reason,
+        resets=resets.count,
+    )
     if sample is None:
-        return RobotState(link, cause, session=session)
+        return state
     faults = tuple(fault for fault in Fault if fault in sample.faults)
     if not cause and sample.state is SupervisorState.ESTOPPED:
         cause = ESTOP_BY_NODE if estopped else ESTOP_BY_OTHERS
     elif not cause:
         cause = " ".join(f"{fault.name}: {fault.doc}" for fault in faults)
-    return RobotState(link, cause, sample.state.name, faults, sample.boot_id, session)
+    return state._replace(
+        cause=cause, state=sample.state.name, faults=faults, boot_id=sample.boot_id
+    )
 
 
 class StateReporter:
@@ -122,8 +186,8 @@ class StateReporter:
 
     Args:
         node: An rclpy node.
-        state: Finds out the present state.
-        hardware_id: The robot's board.
+        state: Returns the present state.
+        hardware_id: Returns the identity of the robot's board.
         on_change: Called after each change.
     """
 
@@ -139,28 +203,28 @@ class StateReporter:
         self._hardware_id = hardware_id
         self._on_change = on_change
         self._publisher = node.create_publisher(DiagnosticStatus, "~/state", LATCHED)
-        self._told: RobotState | None = None
+        self._reported: RobotState | None = None
         self._lock = threading.Lock()
 
     def update(self) -> None:
-        """Publish and log the state, unless it is the one that was told last."""
-        if not self._node.context.ok():  # the node is ending, and nobody can be told
+        """Publish and log the state, unless it is the one that was reported last."""
+        if not self._node.context.ok():  # the node is ending, and cannot publish any more
             return
-        with self._lock:  # the newest state is told last
-            state, before = self._state(), self._told
+        with self._lock:  # so that the newest state is the last on the topic
+            state, before = self._state(), self._reported
             if state == before:
                 return
-            self._told = state
+            self._reported = state
             name = self._node.get_fully_qualified_name().lstrip("/")
             self._publisher.publish(state.message(name, self._hardware_id()))
             self._log(state, before)
         self._on_change()
 
     def _log(self, state: RobotState, before: RobotState | None) -> None:
-        """One line for what a person should know; driving and standing still is not told."""
+        """One line for what a person should know; driving and standing still are not logged."""
         logger = self._node.get_logger()
         if state.cause == PREPARING or (before is None and state.cause == NOT_CONFIGURED):
-            # Every start and every reconnection begins like this: only what follows is told.
+            # Every start and every reconnection begins like this: the next change is worth a line.
             return
         cause = before.cause if before is not None else ""
         if state.cause == NOT_CONFIGURED:

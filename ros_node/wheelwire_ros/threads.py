@@ -78,31 +78,28 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         finally:
             self.spins.clear()
 
-    def run(self, callback: Callable[[], None]) -> None:
-        """Run a callback in the thread that spins, and wait for it; raises what it raises.
+    def run(self, call: Callable[[], Result]) -> Result:
+        """Make a call in the thread that spins, and wait for it; returns or raises as the call.
 
-        If none spins, it runs at once.
+        If no thread spins, this one makes the call.
         """
         if not self.spins.is_set() or self._thread == threading.get_ident():
-            callback()
-            return
-        done: Future[None] = Future()
+            return call()
+        done: Future[Result] = Future()
 
         def run() -> None:
             try:
-                callback()
+                done.set_result(call())
             except Exception as error:
                 done.set_exception(error)
-            else:
-                done.set_result(None)
 
         # A task, not a guard condition: rclpy marks a triggered one on the node's side, so that
         # either executor could run it.
         self.create_task(run)
         while not wait([done], SPIN_ENDED_S).done:
-            if not self.spins.is_set() and not done.done():  # it ended before it came to this
+            if not self.spins.is_set() and not done.done():  # the executor ended before the task
                 run()
-        done.result()
+        return done.result()
 
     def get_nodes(self) -> list[Any]:
         """The node. It knows one executor only, and wakes that one when it has a new entity."""
@@ -164,18 +161,18 @@ class NodeThreads:
         """Run a callback in the general thread; from any thread."""
         self._general.create_task(callback)
 
-    def run_generally(self, callback: Callable[[], None]) -> None:
-        """Run a callback in the general thread, and wait for it; raises what it raises.
+    def run_generally(self, call: Callable[[], Result]) -> Result:
+        """Make a call in the general thread, and wait for it; returns or raises as the call.
 
         Publishers are created and destroyed there once the threads run, like all entities of the
         default group: rclpy's executor raises InvalidHandle when the event handler of a
         publisher is destroyed while another thread prepares to wait for it.
         """
-        self._general.run(callback)
+        return self._general.run(call)
 
-    def run_urgently(self, callback: Callable[[], None]) -> None:
+    def run_urgently(self, call: Callable[[], Result]) -> Result:
         """As `run_generally`, for the entities of the group `urgent` and in its thread."""
-        self._urgent.run(callback)
+        return self._urgent.run(call)
 
     def fail(self, error: Exception) -> None:
         """Have `spin` raise the error; from any thread."""

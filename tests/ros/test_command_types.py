@@ -110,7 +110,7 @@ def test_the_first_message_decides_the_type(tmp_path: Path, graph: Graph, type_:
         with Repeater(publisher, lambda: message_of(type_)):
             stop_host.wait(simulator, lambda state: state.drive_on)
             later.enter_context(RobotNode(graph, DRIVING.format(type=other.__name__)))
-            wait(lambda: f"type {name} are dropped" in node.errors(), "the error")
+            wait(lambda: f"drops messages of type {name}" in node.errors(), "the error")
         graph.destroy(publisher)
         wait(lambda: decided(other) in node.errors(), "the new type")
         simulator.take_states()

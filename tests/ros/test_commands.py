@@ -17,7 +17,7 @@ from support.ros import Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import Rig, open_rig, twist
 from support.stop_host import stopped
-from wheelwire_ros.command_subscriber import LOG_PERIOD_S
+from wheelwire_ros.commands import LOG_PERIOD_S
 
 CMD_VEL_TIMEOUT_S = 0.5
 CLOCK_ERROR_US = 10_000
@@ -103,7 +103,7 @@ def test_commands_of_the_other_type_are_reported(rig: Rig) -> None:
         rig.diagnostics.wait(
             "commands",
             lambda status, _: (
-                status.level == DiagnosticStatus.WARN and "msg/Twist " in status.message
+                status.level == DiagnosticStatus.WARN and "msg/Twist:" in status.message
             ),
         )
     rig.diagnostics.wait("commands", lambda status, _: status.level == DiagnosticStatus.OK)

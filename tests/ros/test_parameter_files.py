@@ -20,8 +20,7 @@ from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, twist
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_ros.parameter_checks import same
-from wheelwire_ros.parameters import ALIASES
+from wheelwire_ros.parameter_values import ALIASES, same
 
 DIFF_DRIVE_CONTROLLER = """
 /**:

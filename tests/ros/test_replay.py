@@ -1,7 +1,9 @@
-"""A recording of the topics, replayed into the estimator."""
+"""A recording of joint_states, replayed by the example."""
 
 from __future__ import annotations
 
+import math
+import runpy
 from pathlib import Path
 
 import pytest
@@ -11,41 +13,59 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from sensor_msgs.msg import JointState
 
 from support.ros import Repeater, wait
-from support.ros_rig import NODE, open_rig, twist
+from support.ros_process import RobotNode
+from support.ros_rig import NODE, Rig, open_rig, twist
 from support.stop_host import stopped
 from wheelwire import DifferentialDrive
-from wheelwire_ros import conversions
-from wheelwire_ros.conversions import time_ns
-from wheelwire_ros.replay import JointReplay
+from wheelwire_ros.publishers import time_ns
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "replay_joint_states.py"
 GEOMETRY = ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
+
+
+def drive_a_bend_and_back(rig: Rig) -> None:
+    with Repeater(rig.commands, lambda: twist(0.3, 1.5)):
+        wait(lambda: rig.x_m() > 0.1, "a stretch of the way")
+    with Repeater(rig.commands, lambda: twist(-0.2, 0.7)):
+        rig.truth(lambda state: state.left_mps < -0.1)
+    rig.truth(stopped)
 
 
 def test_joint_states_replay_to_the_pose_of_odom_bit_by_bit(tmp_path: Path) -> None:
     with open_rig(tmp_path) as rig:
         joints = rig.graph.listen(JointState, "joint_states")
         wait(lambda: joints, "joint_states")
-        with Repeater(rig.commands, lambda: twist(0.3, 1.5)):
-            wait(lambda: rig.x_m() > 0.1, "a stretch of the way")
-        with Repeater(rig.commands, lambda: twist(-0.2, 0.7)):
-            rig.truth(lambda state: state.left_mps < -0.1)
-        rig.truth(stopped)
+        drive_a_bend_and_back(rig)
         geometry = [rig.graph.parameter(NODE, name) for name in GEOMETRY]
-        variance = rig.graph.parameter(NODE, "wheel_variance")
         odometry = {time_ns(message.header.stamp): message for message in tuple(rig.odometry)}
-    replay = JointReplay(DifferentialDrive(*geometry), variance)
+    replay = runpy.run_path(str(EXAMPLE))["JointReplay"](DifferentialDrive(*geometry))
     compared = moved = 0
     for message in tuple(joints):
-        motion = replay.update(message)
+        replayed = replay.update(message)
         there = odometry.get(time_ns(message.header.stamp))
         if there is None:
             continue
-        position = there.pose.pose.position
-        assert (motion.pose.x_m, motion.pose.y_m) == (position.x, position.y)
-        assert conversions.heading_quaternion(motion.pose.heading_rad) == (
-            there.pose.pose.orientation
-        )
+        position, rotation = there.pose.pose.position, there.pose.pose.orientation
+        assert (replayed.x_m, replayed.y_m) == (position.x, position.y)
+        half_rad = replayed.heading_rad / 2
+        assert (math.sin(half_rad), math.cos(half_rad)) == (rotation.z, rotation.w)
         compared += 1
         moved += position.x != 0
     assert moved > 20
     assert compared > moved
+
+
+PROGRAM = f"""
+import runpy, sys
+sys.stdout = sys.stderr
+runpy.run_path({str(EXAMPLE)!r}, run_name="__main__")
+"""
+
+
+def test_the_program_shows_the_poses_of_odom(tmp_path: Path) -> None:
+    with open_rig(tmp_path) as rig, RobotNode(rig.graph, PROGRAM) as program:
+        wait(lambda: "x 0.0000 m" in program.errors(), "a first pose")
+        drive_a_bend_and_back(rig)
+        pose = rig.odometry[-1].pose.pose
+        shown = f"x {pose.position.x:.4f} m, y {pose.position.y:.4f} m, heading "
+        wait(lambda: program.errors().rstrip().rpartition("\n")[2].startswith(shown), shown)

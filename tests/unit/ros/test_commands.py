@@ -1,26 +1,70 @@
+"""What is decided about commands without a node."""
+
 from __future__ import annotations
 
 import pytest
 
-from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored, command_age_s
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from wheelwire_ros.commands import (
+    AUTO,
+    CHANCE_S,
+    PLAIN,
+    STAMPED,
+    CommandType,
+    LogPace,
+    command_age_s,
+)
 
 SECOND = 1_000_000_000
 NOW = 1_700_000_000 * SECOND
+BOTH = {PLAIN, STAMPED}
 
 
-@pytest.mark.parametrize("age_s", [0.5, 0.6, 1e9])
-def test_a_command_older_than_the_timeout_is_stale(age_s: float) -> None:
-    with pytest.raises(CommandIgnored) as ignored:
-        CommandGate(timeout_s=0.5).check(born_s=100.0 - age_s, now_s=100.0)
-    assert ignored.value.reason is Ignored.STALE
+def test_it_is_twist_until_a_publisher_of_the_other_is_there() -> None:
+    type_ = CommandType(AUTO)
+    assert not type_.look(set(), 0.0)
+    assert not type_.look({PLAIN}, 1.0)
+    assert (type_.name, type_.is_decided) == (PLAIN, False)
+    assert type_.look({STAMPED}, 2.0)
+    assert type_.name == STAMPED
 
 
-def test_a_command_of_before_the_reconnect_is_void_though_it_is_fresh() -> None:
-    gate = CommandGate(timeout_s=0.5, connected_s=99.9)
-    with pytest.raises(CommandIgnored) as ignored:
-        gate.check(born_s=99.8, now_s=100.0)
-    assert ignored.value.reason is Ignored.BEFORE_RECONNECT
-    gate.check(born_s=99.95, now_s=100.0)
+def test_a_message_decides_until_its_last_publisher_is_gone() -> None:
+    type_ = CommandType(AUTO)
+    assert type_.decide()
+    assert not type_.decide()
+    assert not type_.look(BOTH, 1.0)
+    assert not type_.look(BOTH, 100.0)
+    assert type_.look({STAMPED}, 101.0)
+    assert not type_.is_decided
+
+
+def test_a_publisher_that_comes_back_beside_another_decides_nothing() -> None:
+    type_ = CommandType(AUTO)
+    type_.decide()
+    assert not type_.look(set(), 1.0)
+    assert type_.look(BOTH, 2.0)
+
+
+def test_while_two_are_silent_each_gets_its_time() -> None:
+    type_ = CommandType(AUTO)
+    changes = [now_s for now_s in range(40) if type_.look(BOTH, now_s * CHANCE_S / 4)]
+    assert changes == list(range(0, 40, 4))
+
+
+@pytest.mark.parametrize("name", [PLAIN, STAMPED])
+def test_a_given_type_stays(name: str) -> None:
+    type_ = CommandType(name)
+    assert not type_.look(BOTH - {name}, 1.0)
+    assert not type_.decide()
+    assert type_.name == name
+
+
+def test_two_reasons_that_alternate_are_two_lines_a_period() -> None:
+    pace = LogPace(5.0)
+    assert sum(pace.is_due(tick % 2, tick / 50) for tick in range(240)) == 2
+    assert pace.is_due(0, 5.0)
 
 
 @pytest.mark.parametrize("stamp_ns", [None, 0])

@@ -12,6 +12,7 @@ from wheelwire import (
     BaseDriver,
     DeviceRefused,
     DifferentialDrive,
+    Expired,
     InvalidCommand,
     LinkLost,
     ParameterOutOfRange,
@@ -19,8 +20,7 @@ from wheelwire import (
     Twist,
 )
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
-from wheelwire_ros.connection import RobotConnection, Tuning
+from wheelwire_ros.connection import CommandIgnored, Ignored, RobotConnection, Tuning
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, AxisLimits, Limits
 
 GIVEN = {"proportional_gain": 2.0, "wheel_radius": 0.04}
@@ -52,7 +52,7 @@ class RecordingRobot:
 
     def set_wheel_velocity(self, left: float, right: float, ttl: float, *, stamp: float) -> None:
         if time.monotonic() >= stamp + ttl:
-            raise InvalidCommand("the time to live has run out")
+            raise Expired("the time to live has run out")
         self._tell(("drive", left, right, stamp + ttl))
 
     def estop(self) -> None:
@@ -85,7 +85,6 @@ def robot() -> RecordingRobot:
 def connection(robot: RecordingRobot) -> RobotConnection:
     connection = RobotConnection(
         cast("BaseDriver", robot),
-        CommandGate(0.5),
         dict(GIVEN),
         Tuning(),
         lambda: None,
@@ -106,7 +105,7 @@ def ignored(connection: RobotConnection, born_s: float | None = None) -> Ignored
 def test_a_command_lives_no_longer_than_the_robot_takes(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
-    connection.gate.connected_s = 0
+    connection.connected_s = 0
     robot.ttl_max_s = 0.3
     born_s = time.monotonic()
     connection.command(Twist(0.2, 0.0), born_s)
@@ -116,13 +115,30 @@ def test_a_command_lives_no_longer_than_the_robot_takes(
 def test_a_command_becomes_one_setpoint_with_the_rest_of_its_life(
     connection: RobotConnection, robot: RecordingRobot
 ) -> None:
-    connection.gate.connected_s = 0
+    connection.connected_s = 0
     born_s = time.monotonic() - 0.2
     connection.command(Twist(0.2, 1.0), born_s)
     ((_, left, right, end_s),) = robot.told
     assert (left, right) == pytest.approx((0.1, 0.3))
     assert end_s == born_s + 0.5
-    assert connection.gate.obeyed == 1
+    assert connection.obeyed == 1
+
+
+@pytest.mark.parametrize("connected_s", [0.0, 1e9])
+@pytest.mark.parametrize("age_s", [0.5, 0.6, 1e9])
+def test_a_command_older_than_the_timeout_is_stale_whenever_the_session_began(
+    connection: RobotConnection, robot: RecordingRobot, age_s: float, connected_s: float
+) -> None:
+    connection.connected_s = connected_s
+    assert ignored(connection, time.monotonic() - age_s) is Ignored.STALE
+    assert robot.told == []
+
+
+def test_a_velocity_that_the_driver_refuses_is_invalid(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.error = InvalidCommand("left = nan: give a finite number")
+    assert ignored(connection) is Ignored.INVALID
 
 
 def test_a_new_session_gets_the_parameters_and_the_estop_before_any_command(
@@ -287,6 +303,18 @@ def test_multipliers_calibrate_the_robots_numbers(connection: RobotConnection) -
     assert (drive.left_radius_multiplier, drive.right_radius_multiplier) == (0.9, 1.05)
 
 
+def test_the_calibrated_geometry_is_computed_at_changes_only(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    drive = connection.drive
+    connection.command(Twist(0.2, 0.0), time.monotonic())
+    assert connection.drive is drive
+    connection.tuning = Tuning(separation_multiplier=1.1)
+    assert connection.drive.wheel_separation == pytest.approx(0.22)
+    robot.geometry = DifferentialDrive(0.3, 0.033, 360)
+    assert connection.drive.wheel_separation == pytest.approx(0.33)
+
+
 def drive(connection: RobotConnection, twist: Twist) -> Twist:
     return connection.command(twist, time.monotonic())
 
@@ -367,4 +395,4 @@ def test_a_command_whose_life_ends_while_it_is_handed_over_is_stale(
     monkeypatch.setattr(robot, "set_wheel_velocity", frozen)
     assert ignored(connection, now_s) is Ignored.STALE
     assert robot.told == []
-    assert connection.gate.obeyed == 0
+    assert connection.obeyed == 0

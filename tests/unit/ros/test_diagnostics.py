@@ -1,4 +1,4 @@
-"""With the message packages; without rclpy."""
+"""What the statuses say, without a node."""
 
 from __future__ import annotations
 
@@ -8,20 +8,18 @@ from typing import Any, cast
 
 import pytest
 
-pytest.importorskip(
-    "diagnostic_msgs.msg", reason="`make ros` brings ROS's messages (Linux, x86-64)"
-)
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from support.host_samples import sample
-from wheelwire import BaseDriver, LinkLost, LinkStatistics
+from wheelwire import BaseDriver, LinkLost, LinkStatistics, WheelSample
 from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import ControlCounters
 from wheelwire_ros import diagnostics
-from wheelwire_ros.commands import CommandGate, CommandIgnored, Ignored
-from wheelwire_ros.connection import RobotConnection, Tuning
-from wheelwire_ros.diagnostics import Report
+from wheelwire_ros.connection import Ignored, RobotConnection, Tuning
+from wheelwire_ros.diagnostics import FORGOTTEN_S, Report, TwinWatch
+from wheelwire_ros.robot_state import ResetWatch, of_robot
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -40,10 +38,16 @@ class CountingRobot(Robot):
         return ControlCounters(7, 7, 1, 2, 3, 4, 5)
 
 
-def report(**changes: Any) -> Report:
-    robot = cast("BaseDriver", Robot())
-    connection = RobotConnection(robot, CommandGate(0.5), {}, Tuning(), lambda: None)
-    return replace(Report(connection, sample(), None, 1e-6, 0, []), **changes)
+def report(
+    robot: Robot | None = None,
+    newest: WheelSample | None = None,
+    silence: LinkLost | None = None,
+    **changes: Any,
+) -> Report:
+    connection = RobotConnection(cast("BaseDriver", robot or Robot()), {}, Tuning(), lambda: None)
+    newest = newest or sample()
+    state = of_robot(newest, silence, None, 1, ResetWatch(), prepared=True, estopped=False)
+    return replace(Report(connection, newest, silence, state, {}, []), **changes)
 
 
 def statuses(report: Report) -> dict[str, Any]:
@@ -62,7 +66,7 @@ def test_without_a_robot_there_is_the_reason() -> None:
 
 
 def test_what_is_in_order() -> None:
-    found = statuses(report(sample=sample(state=SupervisorState.DRIVING)))
+    found = statuses(report(newest=sample(state=SupervisorState.DRIVING)))
     assert [status.level for status in found.values()] == [OK, OK, OK]
     link = values(found["link"])
     assert (link["driver"], link["sessions"], link["round_trip_p50_us"]) == ("mock", "2", "812.5")
@@ -72,11 +76,7 @@ def test_what_is_in_order() -> None:
 
 def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
     assert "latest_step_us" not in values(statuses(report())["robot"])
-    robot = CountingRobot()
-    connection = RobotConnection(
-        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(), lambda: None
-    )
-    told = values(statuses(report(connection=connection))["robot"])
+    told = values(statuses(report(CountingRobot()))["robot"])
     assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")
     assert (told["left_illegal_transitions"], told["right_illegal_transitions"]) == ("4", "5")
 
@@ -89,7 +89,7 @@ def test_a_silence_is_the_links_and_makes_the_rest_stale() -> None:
 
 def test_faults_by_name_and_meaning() -> None:
     fault = Fault.LEFT_NOT_COUNTING
-    status = statuses(report(sample=sample(faults=fault)))["robot"]
+    status = statuses(report(newest=sample(faults=fault)))["robot"]
     assert (status.level, values(status)["faults"]) == (ERROR, "LEFT_NOT_COUNTING")
     assert status.message == fault.doc
 
@@ -109,28 +109,21 @@ class LostRobot(Robot):
         raise LinkLost("unplugged")
 
 
-def of(robot: Robot) -> Report:
-    connection = RobotConnection(
-        cast("BaseDriver", robot), CommandGate(0.5), {}, Tuning(), lambda: None
-    )
-    return report(connection=connection)
-
-
 def test_what_the_board_and_rolling_warn_of_is_told_as_long_as_it_lasts() -> None:
     robot = WarningRobot()
-    status = statuses(of(robot))["robot"]
+    status = statuses(report(robot))["robot"]
     assert status.level == WARN
     assert status.message == (
         "The robot rolls at 0.50 m/s although nothing drives it. Nobody has confirmed it."
     )
     robot.rolling_mps = None
-    assert statuses(of(robot))["robot"].message == "Nobody has confirmed it."
-    assert statuses(of(LostRobot()))["robot"].level == OK  # the link's status tells
+    assert statuses(report(robot))["robot"].message == "Nobody has confirmed it."
+    assert statuses(report(LostRobot()))["robot"].level == OK  # the link's status tells
 
 
 def test_what_was_ignored_by_reason() -> None:
     one = report()
-    one.connection.gate.count(CommandIgnored(Ignored.STALE))
+    one.connection.ignored[Ignored.STALE] += 1
     status = statuses(one)["commands"]
     assert values(status) == {"obeyed": "0", "ignored": "1", "ignored_stale": "1"}
 
@@ -139,3 +132,13 @@ def test_commands_that_nobody_hears() -> None:
     status = statuses(report(ignored_types=["geometry_msgs/msg/Twist"]))["commands"]
     assert status.level == WARN
     assert "cmd_vel_type" in status.message
+
+
+def test_a_node_that_was_killed_is_no_twin() -> None:
+    twins = TwinWatch()
+    assert not any(twins.look(2, float(now_s)) for now_s in range(int(FORGOTTEN_S)))
+    assert not twins.look(1, FORGOTTEN_S)
+    assert not twins.look(2, FORGOTTEN_S + 1)
+    assert twins.look(2, 2 * FORGOTTEN_S + 1)
+    assert not twins.look(2, 2 * FORGOTTEN_S + 2)  # it is said once
+    assert twins.has_twin

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from support.host_samples import sample
-from wheelwire import DifferentialDrive, Pose
+from wheelwire import DifferentialDrive, Pose, WheelSample
 from wheelwire_ros.estimator import MotionEstimator
 
 DRIVE = DifferentialDrive(wheel_separation=0.2, wheel_radius=0.05, counts_per_revolution=1000)
 
 
-def estimator() -> MotionEstimator:
-    return MotionEstimator(DRIVE, wheel_variance_m=1e-4)
+def estimator(window: int = 1) -> MotionEstimator:
+    return MotionEstimator(DRIVE, wheel_variance_m=1e-4, window=window)
 
 
 def test_one_turn_of_both_wheels() -> None:
@@ -60,3 +60,27 @@ def test_new_numbers_count_from_now_on() -> None:
     motions.drive = replace(DRIVE, wheel_radius=0.1)
     two = motions.update(sample(left_ticks=200, right_ticks=200, t_us=2)).pose.x_m
     assert two == pytest.approx(3 * one)
+
+
+def measured(linear_mps: float, *, turn_mps: float = 0.0, boot_id: int = 1) -> WheelSample:
+    return sample(left_mps=linear_mps - turn_mps, right_mps=linear_mps + turn_mps, boot_id=boot_id)
+
+
+def test_a_window_of_one_changes_nothing() -> None:
+    motions = estimator()
+    for linear_mps, turn_mps in ((0.1, 0.0), (0.3, -0.1)):
+        twist = motions.update(measured(linear_mps, turn_mps=turn_mps)).twist
+        assert twist == pytest.approx((linear_mps, turn_mps * 10))
+
+
+def test_the_velocity_is_the_mean_of_the_last_samples_and_the_rest_stays() -> None:
+    motions = estimator(window=2)
+    means = [motions.update(measured(v, turn_mps=-v / 10)).twist for v in (0.1, 0.3, 0.7)]
+    assert means == [pytest.approx(pair) for pair in ((0.1, -0.1), (0.2, -0.2), (0.5, -0.5))]
+    assert motions.update(measured(0.0)).left.velocity_radps == 0.0
+
+
+def test_a_reset_of_the_device_begins_a_new_mean() -> None:
+    motions = estimator(window=10)
+    motions.update(measured(1.0))
+    assert motions.update(measured(0.0, boot_id=2)).twist == (0.0, 0.0)

@@ -3,6 +3,8 @@ from __future__ import annotations
 import queue
 from typing import Any, cast
 
+import pytest
+
 from support.host_samples import sample
 from wheelwire import (
     BaseDriver,
@@ -12,7 +14,7 @@ from wheelwire import (
     WheelSample,
     WheelwireError,
 )
-from wheelwire_ros.reader import UNEXPLAINED, SampleReader
+from wheelwire_ros.reader import UNEXPLAINED, Pacer, SampleReader, sampling_rate_hz
 
 TIMEOUT_S = 30.0
 
@@ -91,3 +93,38 @@ def test_a_link_that_is_down_for_good_is_no_silence() -> None:
 def test_what_fails_is_handed_over() -> None:
     error = RuntimeError("a defect")
     assert events(sample(), error, count=3)[-1] is error
+
+
+def published(pacer: Pacer, times_us: list[int], boot_id: int = 1) -> list[int]:
+    return [t for t in times_us if pacer.is_due(sample(t_us=t, boot_id=boot_id))]
+
+
+def test_four_times_the_rate_is_thinned_evenly() -> None:
+    times = published(Pacer(50), list(range(0, 1_000_000, 5_000)))
+    assert times == list(range(0, 1_000_000, 20_000))
+
+
+@pytest.mark.parametrize("jitter_us", [-900, 0, 900])
+def test_the_rate_itself_passes_whole_though_it_jitters(jitter_us: int) -> None:
+    times = [n * 20_000 + (jitter_us if n % 2 else 0) for n in range(100)]
+    assert published(Pacer(50), times) == times
+
+
+def test_a_gap_is_followed_by_no_burst() -> None:
+    times = [0, 5_000, *range(2_000_000, 2_100_000, 5_000)]
+    assert published(Pacer(50), times) == [0, *range(2_000_000, 2_100_000, 20_000)]
+
+
+def test_a_device_that_starts_anew_is_heard_at_once() -> None:
+    pacer = Pacer(50)
+    published(pacer, [0, 90_000_000])
+    assert published(pacer, [100, 5_100, 20_100], boot_id=2) == [100, 20_100]
+
+
+@pytest.mark.parametrize(
+    ("publish_rate_hz", "expected_hz"), [(1.0, 8), (2.5, 9), (3.0, 9), (8.0, 8), (49.5, 50)]
+)
+def test_the_robot_measures_a_multiple_of_the_rate_and_never_too_seldom(
+    publish_rate_hz: float, expected_hz: int
+) -> None:
+    assert sampling_rate_hz(publish_rate_hz) == expected_hz

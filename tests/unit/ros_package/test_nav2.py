@@ -82,7 +82,7 @@ def test_frames_are_the_nodes(nav2: Parameters, node: Parameters) -> None:
 
 def test_topics_are_the_nodes(nav2: Parameters) -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
-    from wheelwire_ros.command_subscriber import TOPIC
+    from wheelwire_ros.commands import TOPIC
 
     assert nav2["collision_monitor"]["cmd_vel_out_topic"] == TOPIC
     assert {value for name, value in _entries(nav2) if name == "odom_topic"} == {"odom"}

@@ -1,4 +1,4 @@
-"""Which values the node's parameters may have, beyond type and range. Needs no rclpy.
+"""Values of parameters: those that the user gave at the start, and whether values are right.
 
 A check returns None, or what is wrong with a value and what to write instead.
 """
@@ -7,15 +7,29 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from difflib import get_close_matches
 from typing import Any, NamedTuple
+
+from rclpy.parameter import Parameter
 
 Check = Callable[[Any], str | None]
 Get = Callable[[str], Any]
 """Returns the value of a parameter by its name."""
 
-AXES = 6
-"""x, y, z, roll, pitch, yaw."""
+ALIASES = {
+    "serial_port": "port",
+    "wheel_base": "wheel_separation",
+    "cpr": "counts_per_revolution",
+    "max_speed": "max_velocity_mps",
+    "pwm_frequency": "pwm_frequency_hz",
+    "left_wheel_name": "left_wheel_names",
+    "right_wheel_name": "right_wheel_names",
+}
+"""Other names, from other packages and previous releases. The node reads them at the start, and
+never lists them."""
+
+_Type = Parameter.Type
 
 
 class Disagreement(NamedTuple):
@@ -32,7 +46,7 @@ def anything(_value: Any) -> str | None:
 
 def variances(values: Sequence[float]) -> str | None:
     """One finite variance for each of x, y, z, roll, pitch and yaw."""
-    if len(values) != AXES:
+    if len(values) != 6:
         return f"it has {len(values)} numbers: write six, for x, y, z, roll, pitch and yaw"
     if not all(math.isfinite(value) and value >= 0 for value in values):
         return "a variance is a finite number of at least 0"
@@ -60,23 +74,23 @@ def command_timeout(seconds: float) -> str | None:
 
 def at_least_zero(value: float) -> str | None:
     """An upper limit; NaN for none."""
-    if math.isnan(value) or 0 <= value < math.inf:
-        return None
-    return "write a number of at least 0.0, or .NAN for no limit"
+    return _limit(0 <= value < math.inf, value, "of at least")
 
 
 def at_most_zero(value: float) -> str | None:
     """A lower limit; NaN for none."""
-    if math.isnan(value) or -math.inf < value <= 0:
-        return None
-    return "write a number of at most 0.0, or .NAN for no limit"
+    return _limit(-math.inf < value <= 0, value, "of at most")
 
 
 def above_zero(value: float) -> str | None:
     """A limit that leaves some motion; NaN for none."""
-    if math.isnan(value) or 0 < value < math.inf:
+    return _limit(0 < value < math.inf, value, "above")
+
+
+def _limit(is_valid: bool, value: float, bound: str) -> str | None:
+    if is_valid or math.isnan(value):
         return None
-    return "write a number above 0.0, or .NAN for no limit"
+    return f"write a number {bound} 0.0, or .NAN for no limit"
 
 
 def only(accepted: Any, instead: str) -> Check:
@@ -157,3 +171,67 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
             f"wheels_per_side is {get('wheels_per_side')}, but left_wheel_names has {len(left)}: "
             "leave out wheels_per_side",
         )
+
+
+def start_values(node: Any, names: Collection[str]) -> tuple[dict[str, Parameter], dict[str, str]]:
+    """What the user gave to a node whose parameters are declared, with other names resolved.
+
+    Args:
+        node: An rclpy node.
+        names: Its parameters, without those that rclpy declares and sets itself.
+
+    Returns:
+        The values by the parameters' own names, and what is wrong with each parameter that has two
+        different values under two names.
+    """
+    # rclpy has no public access to what was given for parameters that are not declared.
+    given: dict[str, Parameter] = node._parameter_overrides
+    values: dict[str, Parameter] = {}
+    conflicts: dict[str, str] = {}
+    own = [(name, name) for name in given if name in names]
+    others = [(name, alias) for alias, name in ALIASES.items() if alias in given and name in names]
+    for name, given_as in own + others:
+        adapted = _adapt(name, given[given_as], _Type(node.describe_parameter(name).type))
+        other = values.setdefault(name, adapted)
+        # Equal ones are no conflict: one file may serve this node and another package's.
+        if not (other.type_ == adapted.type_ and same(other.value, adapted.value)):
+            conflicts[name] = (
+                f"{given_as} is another name of {name}, and they differ "
+                f"({adapted.value} and {other.value}): give only one of them"
+            )
+        if given_as != name:
+            node.get_logger().info(f"parameter {given_as} is read as {name}")
+    _warn_of_unknown(node, given)
+    return values, conflicts
+
+
+def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
+    """The parameter with its value as the declared type; unchanged where that loses something."""
+    type_, value = parameter.type_, parameter.value
+    # To YAML a number without a point is an integer, and rclpy never converts.
+    if (type_, expected) == (_Type.INTEGER, _Type.DOUBLE):
+        value = float(value)
+    elif (type_, expected) == (_Type.DOUBLE, _Type.INTEGER) and value.is_integer():
+        value = int(value)
+    elif (type_, expected) == (_Type.INTEGER_ARRAY, _Type.DOUBLE_ARRAY):
+        value = [float(number) for number in value]
+    elif (type_, expected) == (_Type.STRING, _Type.STRING_ARRAY):
+        value = [value]
+    elif type_ == _Type.NOT_SET and expected in {_Type.STRING_ARRAY, _Type.DOUBLE_ARRAY}:
+        return Parameter(name, expected, [])  # an empty list in YAML has no type
+    return Parameter(name, value=value)
+
+
+def _warn_of_unknown(node: Any, given: dict[str, Parameter]) -> None:
+    """Warn of parameters that nobody declared: rclpy ignores them, so a typo would go unseen.
+
+    No error, because a file for `/**` may have parameters of other nodes.
+    """
+    known = [*node._parameters, *ALIASES]
+    unknown = [
+        name + "".join(f" (did you mean {near}?)" for near in get_close_matches(name, known, n=1))
+        for name in sorted(given)
+        if name not in known
+    ]
+    if unknown:
+        node.get_logger().warning(f"unknown parameters, ignored: {', '.join(unknown)}")

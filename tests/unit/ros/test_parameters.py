@@ -1,14 +1,12 @@
-"""With the message packages; without rclpy."""
-
 from __future__ import annotations
 
 from typing import Any
 
 import pytest
 
-pytest.importorskip("nav_msgs.msg", reason="`make ros` brings ROS's messages (Linux, x86-64)")
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
-from wheelwire_ros import robot_settings
+from wheelwire_ros import parameters
 
 
 @pytest.mark.parametrize(
@@ -22,7 +20,7 @@ def test_a_prefix_is_parted_from_the_frame_by_one_slash(prefix: str, base: str) 
         "odom_frame_id": "odom",
         "base_frame_id": "base_link",
     }
-    assert robot_settings.frames(values.__getitem__).base == base
+    assert parameters.frames(values.__getitem__).base == base
 
 
 def test_a_prefix_can_be_switched_off() -> None:
@@ -32,4 +30,4 @@ def test_a_prefix_can_be_switched_off() -> None:
         "odom_frame_id": "odom",
         "base_frame_id": "base_link",
     }
-    assert robot_settings.frames(values.__getitem__) == ("odom", "base_link")
+    assert parameters.frames(values.__getitem__) == ("odom", "base_link")

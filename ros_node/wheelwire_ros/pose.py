@@ -1,0 +1,359 @@
+"""The robot's pose across restarts, in `pose_file`, and `~/set_pose`.
+
+`PoseMemory` resumes the odometry when a robot is opened, from the file or from the last record of
+this process. `PoseSaver` writes the file in a thread of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from wheelwire import DifferentialDrive, Pose, WheelSample
+
+from .estimator import MotionEstimator, PoseRecord
+from .publishers import PLANAR
+from .threads import NodeThreads
+
+AUTO = "auto"
+"""In place of a path: below ROS's own folder, by the node's name and the board's identity."""
+FORMAT = 1
+PERIOD_S = 1.0
+JOIN_S = 2.0
+MOVED_M, MOVED_RAD = 0.1, 0.2
+"""Allowed for a robot that stood while nothing counted: somebody may have pushed it."""
+TOPIC = "~/set_pose"
+LOOSE = 1e-3
+"""What rounding may do to a quaternion that somebody typed."""
+
+
+class PoseFileError(Exception):
+    """The file cannot be used; says why."""
+
+
+def path_of(setting: str, node_name: str, board_id: str) -> Path | None:
+    """The file that `pose_file` means; None for none.
+
+    Args:
+        setting: The parameter: `auto`, a path, or nothing.
+        node_name: With its namespace.
+        board_id: So that two robots of one name, on two domains, do not share a file.
+    """
+    if setting != AUTO:
+        return Path(setting).expanduser() if setting else None
+    home = os.environ.get("ROS_HOME") or "~/.ros"
+    name = "-".join(filter(None, [node_name.strip("/").replace("/", "."), board_id]))
+    return Path(home).expanduser() / "wheelwire" / f"{name}.pose.json"
+
+
+def read(path: Path) -> PoseRecord | None:
+    """The file's record; None if there is no file.
+
+    Raises:
+        PoseFileError: The file cannot be read, or is no pose file.
+    """
+    try:
+        return _record(json.loads(path.read_text("utf-8")))
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise PoseFileError(f"{path}: {error}") from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise PoseFileError(f"{path}: it is no pose file of this release ({error})") from error
+
+
+def write(path: Path, record: PoseRecord) -> None:
+    """Replace the file: a reader finds the old one or the new one, also after a power cut.
+
+    Raises:
+        PoseFileError: It cannot be written.
+    """
+    beside = path.with_name(f"{path.name}.{os.getpid()}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with beside.open("w", encoding="utf-8") as file:
+                json.dump({"format": FORMAT, **asdict(record)}, file)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise PoseFileError(f"{path}: {error}") from error
+
+
+def _record(found: Any) -> PoseRecord:
+    if found.pop("format") != FORMAT:
+        raise ValueError("another format")
+    lists = {name: tuple(found[name]) for name in ("pose", "covariance")}
+    one = PoseRecord(**{**found, **lists})
+    numbers = (*one.pose, *one.covariance, one.saved_s)
+    counters = (one.boot_id, one.t_us, one.left_ticks, one.right_ticks, one.left_total)
+    # By `type`, because to Python a bool is an int.
+    if not (
+        (len(one.pose), len(one.covariance)) == (3, 9)
+        and all(type(number) in (int, float) and math.isfinite(number) for number in numbers)
+        and all(type(counter) is int for counter in (*counters, one.right_total))
+        and min(one.covariance[::4]) >= 0
+        and (type(one.board_id), type(one.is_final)) == (str, bool)
+    ):
+        raise ValueError("a value of the wrong type, or out of range")
+    return one
+
+
+class PoseSaver:
+    """Saves the pose at most once a second, and only after a change, until `close`.
+
+    In a thread of its own: a memory card may take longer for a file than a sample may wait.
+
+    Args:
+        path: The file.
+        present: Returns the present pose; None before the first sample.
+        on_problem: Called with the reason when the file cannot be written, once in a row.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        present: Callable[[], PoseRecord | None],
+        on_problem: Callable[[str], None],
+    ) -> None:
+        self._path = path
+        self._present = present
+        self._on_problem = on_problem
+        self._saved: PoseRecord | None = None
+        self._has_failed = False
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="wheelwire pose", daemon=True)
+        self._thread.start()
+
+    def close(self, last: PoseRecord | None) -> None:
+        """End the thread, and save the last pose."""
+        self._closing.set()
+        self._thread.join(JOIN_S)
+        if last is not None:
+            self._save(last)
+
+    def _run(self) -> None:
+        while True:
+            record, saved = self._present(), self._saved
+            # For a robot that stands there is nothing to write, though its clock advances.
+            if record is not None and (saved is None or replace(saved, t_us=record.t_us) != record):
+                self._save(record)
+            if self._closing.wait(PERIOD_S):
+                return
+
+    def _save(self, record: PoseRecord) -> None:
+        try:
+            write(self._path, replace(record, saved_s=time.time()))
+        except PoseFileError as error:
+            if not self._has_failed:
+                self._on_problem(str(error))
+            self._has_failed = True
+        else:
+            self._saved, self._has_failed = record, False
+
+
+class PoseMemory:
+    """Remembers the pose of each board from one opening of the robot to the next.
+
+    In this process, and in a file for the next process.
+
+    Args:
+        logger: The node's.
+    """
+
+    def __init__(self, logger: Any) -> None:
+        self._logger = logger
+        self._closed: dict[str, PoseRecord] = {}
+        self._saver: PoseSaver | None = None
+        self._board_id = ""
+        self._present: Callable[[bool], PoseRecord | None] = lambda _is_final: None
+
+    def open(
+        self,
+        path: Path | None,
+        board_id: Callable[[], str],
+        first: WheelSample,
+        estimator: MotionEstimator,
+        longest_drive_s: float,
+    ) -> None:
+        """Resume the odometry from the last pose, and save it from now on.
+
+        Args:
+            path: The file; None for none.
+            board_id: Returns the identity of the present board. After another board was connected,
+                nothing is saved: that board's ticks do not continue this one's.
+            first: The robot's first sample.
+            estimator: Before its first update.
+            longest_drive_s: How long a robot drives on at most after its node has died.
+        """
+        self._board_id = board_id()
+        self._present = lambda is_final: (
+            estimator.record(self._board_id, is_final=is_final)
+            if board_id() == self._board_id
+            else None
+        )
+        record = self._find(path)
+        if record is not None:
+            self._resume(record, first, estimator, longest_drive_s)
+        if path is not None:
+            self._saver = PoseSaver(path, lambda: self._present(False), self._warn)
+
+    def close(self) -> None:
+        """Save the last pose; the wheels have stopped."""
+        record = self._present(True)
+        if record is not None:
+            self._closed[self._board_id] = record
+        saver, self._saver = self._saver, None
+        if saver is not None:
+            saver.close(record)
+
+    def _find(self, path: Path | None) -> PoseRecord | None:
+        try:
+            found = None if path is None else read(path)
+        except PoseFileError as error:
+            self._warn(str(error))
+            found = None
+        if found is not None and found.board_id != self._board_id:
+            self._warn(f"{path}: it is another board's")
+            found = None
+        return found or self._closed.get(self._board_id)
+
+    def _resume(
+        self,
+        record: PoseRecord,
+        first: WheelSample,
+        estimator: MotionEstimator,
+        longest_drive_s: float,
+    ) -> None:
+        place = words(Pose(*record.pose))
+        if record.boot_id == first.boot_id:
+            update = estimator.resume(record, first)
+            turn = math.degrees(update.turn_rad)
+            self._logger.info(
+                f"the odometry goes on from {place}: meanwhile the wheels counted "
+                f"{update.distance_m:.3f} m and a turn of {turn:.1f} degrees"
+            )
+            return
+        off_m, off_rad = how_far_off(record, estimator.drive, longest_drive_s)
+        estimator.resume_after_reset(record, off_m, off_rad)
+        self._logger.warning(
+            f"the odometry goes on from {place}, but the device was reset since and counted "
+            f"nothing: the pose may be off by {off_m:.2f} m and {math.degrees(off_rad):.0f} "
+            "degrees, and by more if somebody moved the robot; correct it with ~/set_pose or "
+            "~/reset_odometry"
+        )
+
+    def _warn(self, problem: str) -> None:
+        self._logger.warning(f"pose_file: {problem}; without it a restart loses the pose")
+
+
+def how_far_off(
+    record: PoseRecord, drive: DifferentialDrive, longest_drive_s: float
+) -> tuple[float, float]:
+    """How far a robot may be from its last known pose, in m and rad, if nobody moved it.
+
+    Args:
+        record: The last known pose.
+        drive: The robot's geometry and speed.
+        longest_drive_s: How long its last command may have acted.
+    """
+    if record.is_final:
+        return MOVED_M, MOVED_RAD
+    # The node died: a last command just before that is in no file. The age is never negative,
+    # though somebody may have set back the wall clock.
+    age_s = max(0.0, time.time() - record.saved_s)
+    off_m = drive.max_velocity_mps * min(age_s, PERIOD_S + longest_drive_s)
+    turn_rad = 2 * off_m / drive.wheel_separation
+    return max(off_m, MOVED_M), min(max(turn_rad, MOVED_RAD), math.pi)
+
+
+class PoseSetter:
+    """Sets the pose of the odometry to that of each message on `~/set_pose`, with its covariance.
+
+    Args:
+        node: An rclpy node.
+        threads: The node's.
+        estimator: The odometry.
+        frame: The odometry's frame; the node refuses a pose in another one.
+    """
+
+    def __init__(
+        self, node: Any, threads: NodeThreads, estimator: MotionEstimator, frame: str
+    ) -> None:
+        self._node = node
+        self._threads = threads
+        self._estimator = estimator
+        self._frame = frame
+        self._subscription = threads.run_generally(
+            lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, self._on_pose, 1)
+        )
+
+    def destroy(self) -> None:
+        """Remove the topic."""
+        self._threads.run_generally(lambda: self._node.destroy_subscription(self._subscription))
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        logger = self._node.get_logger()
+        frame = message.header.frame_id
+        if frame not in {"", self._frame}:
+            logger.warning(f"{TOPIC} ignored: it is in {frame}; give the pose in {self._frame}")
+            return
+        try:
+            pose = planar_pose(message.pose.pose)
+            covariance = planar_covariance(message.pose.covariance)
+        except ValueError as error:
+            logger.warning(f"{TOPIC} ignored: {error}")
+            return
+        self._estimator.set_pose(pose, covariance)
+        logger.info(f"the pose was set to {words(pose)}")
+
+
+def planar_pose(pose: Any) -> Pose:
+    """The place and the heading of a geometry_msgs/Pose.
+
+    Raises:
+        ValueError: A robot on a floor cannot have this pose.
+    """
+    x, y, z, w = (getattr(pose.orientation, axis) for axis in "xyzw")
+    numbers = (pose.position.x, pose.position.y, x, y, z, w)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a number is not finite")
+    if abs(x * x + y * y + z * z + w * w - 1) > LOOSE:
+        raise ValueError(
+            "the orientation is no unit quaternion; for heading 0 give x, y, z = 0 and w = 1"
+        )
+    if max(abs(x), abs(y)) > LOOSE:
+        raise ValueError("the pose rolls or pitches; give one on a level floor")
+    return Pose(pose.position.x, pose.position.y, 2 * math.atan2(z, w))
+
+
+def planar_covariance(covariance: Sequence[float]) -> Any:
+    """Of (x, y, heading), 3 by 3, from ROS's 6 by 6.
+
+    Raises:
+        ValueError: It is no covariance.
+    """
+    matrix = np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]
+    if not np.all(np.isfinite(matrix)):
+        raise ValueError("a covariance is not finite")
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -LOOSE:
+        raise ValueError("the covariance of x, y and yaw is not symmetrical, or below 0")
+    return matrix
+
+
+def words(pose: Pose) -> str:
+    """A pose for a person."""
+    return f"x {pose.x_m:.3f} m, y {pose.y_m:.3f} m, {math.degrees(pose.heading_rad):.1f} degrees"

@@ -1,0 +1,163 @@
+"""The messages, with rclpy's serialisation; without a node."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
+from wheelwire import Pose, Twist
+from wheelwire_ros import publishers
+from wheelwire_ros.estimator import RobotMotion, WheelMotion
+from wheelwire_ros.message_template import MessageTemplate
+from wheelwire_ros.publishers import Frames, MotionTemplates, MotionTopics
+
+POSE_DIAGONAL = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+TWIST_DIAGONAL = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+JOINTS = (["front_left", "rear_left"], ["front_right", "rear_right"])
+STAMP_NS = 1_700_000_000_123_456_789
+
+
+def motion(chance: random.Random) -> RobotMotion:
+    def number() -> float:
+        return chance.uniform(-100, 100)
+
+    return RobotMotion(
+        number(),
+        Pose(number(), number(), number()),
+        np.array([[number() for _ in range(3)] for _ in range(3)]),
+        Twist(number(), number()),
+        WheelMotion(number(), number()),
+        WheelMotion(number(), number()),
+        None,
+    )
+
+
+def templates(*, transform: bool = False) -> MotionTemplates:
+    return MotionTemplates(
+        MotionTopics(
+            frames=Frames("robot/odom", "robot/base_link"),
+            joints=JOINTS,
+            transform=transform,
+            battery=False,
+            battery_range_v=(math.nan, math.nan),
+            pose_diagonal=POSE_DIAGONAL,
+            twist_diagonal=TWIST_DIAGONAL,
+        )
+    )
+
+
+def odometry_and_joints(made: MotionTemplates, one: RobotMotion, stamp_ns: int) -> Any:
+    odometry, joints = made.fill(one, stamp_ns)
+    return deserialize_message(odometry, Odometry), deserialize_message(joints, JointState)
+
+
+def heading_of(rotation: Any) -> float:
+    return 2 * math.atan2(rotation.z, rotation.w)
+
+
+def check_header(message: Any) -> None:
+    assert publishers.time_ns(message.header.stamp) == STAMP_NS
+    assert (message.header.frame_id, message.child_frame_id) == ("robot/odom", "robot/base_link")
+
+
+@pytest.mark.parametrize("stamp_ns", [0, 999_999_999, 1_000_000_000, STAMP_NS])
+def test_times_go_there_and_back(stamp_ns: int) -> None:
+    assert publishers.time_ns(publishers.time_message(stamp_ns)) == stamp_ns
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_odometry(seed: int) -> None:
+    one = motion(random.Random(seed))
+    message, _ = odometry_and_joints(templates(), one, STAMP_NS)
+    check_header(message)
+    position, rotation = message.pose.pose.position, message.pose.pose.orientation
+    assert (position.x, position.y, position.z) == (one.pose.x_m, one.pose.y_m, 0.0)
+    assert (rotation.x, rotation.y) == (0.0, 0.0)
+    turned = heading_of(rotation) - one.pose.heading_rad
+    assert math.remainder(turned, 2 * math.pi) == pytest.approx(0, abs=1e-9)
+    covariance = np.diag(POSE_DIAGONAL)
+    covariance[np.ix_([0, 1, 5], [0, 1, 5])] += one.covariance
+    assert np.array_equal(np.reshape(message.pose.covariance, (6, 6)), covariance)
+    twist = message.twist.twist
+    assert (twist.linear.x, twist.linear.y, twist.linear.z) == (one.twist.linear_mps, 0.0, 0.0)
+    assert (twist.angular.x, twist.angular.y, twist.angular.z) == (0, 0, one.twist.angular_radps)
+    assert np.array_equal(np.reshape(message.twist.covariance, (6, 6)), np.diag(TWIST_DIAGONAL))
+
+
+def test_all_wheels_of_a_side_turn_together() -> None:
+    one = motion(random.Random(1))
+    _, message = odometry_and_joints(templates(), one, STAMP_NS)
+    assert publishers.time_ns(message.header.stamp) == STAMP_NS
+    assert message.name == [*JOINTS[0], *JOINTS[1]]
+    wheels = (one.left, one.left, one.right, one.right)
+    assert list(message.position) == [wheel.angle_rad for wheel in wheels]
+    assert list(message.velocity) == [wheel.velocity_radps for wheel in wheels]
+
+
+def test_the_transform_is_the_odometrys_pose() -> None:
+    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
+    odometry, _, transform = templates(transform=True).fill(motion(random.Random(7)), STAMP_NS)
+    pose = deserialize_message(odometry, Odometry).pose.pose
+    (message,) = deserialize_message(transform, tf2.TFMessage).transforms
+    check_header(message)
+    translation = message.transform.translation
+    assert (translation.x, translation.y, translation.z) == (pose.position.x, pose.position.y, 0.0)
+    assert message.transform.rotation == pose.orientation
+
+
+def test_one_message_after_the_other() -> None:
+    made, chance = templates(), random.Random(3)
+    for stamp_ns in (1, 2, 1 << 60):
+        one = motion(chance)
+        odometry, joints = odometry_and_joints(made, one, stamp_ns)
+        assert odometry.pose.pose.position.x == one.pose.x_m
+        assert publishers.time_ns(odometry.header.stamp) == stamp_ns
+        assert joints.header == type(joints.header)(stamp=odometry.header.stamp)
+
+
+def test_a_field_that_is_not_there_is_an_error() -> None:
+    message = JointState(position=[])
+    with pytest.raises(ValueError, match="position"):
+        MessageTemplate(message, [("position", "2d"), ("position", "2d")])
+
+
+def test_a_battery_says_what_it_does_not_know() -> None:
+    message = publishers.battery_message(7.4, math.nan, math.nan)
+    assert message.voltage == pytest.approx(7.4)
+    not_measured = (
+        message.temperature,
+        message.current,
+        message.charge,
+        message.capacity,
+        message.design_capacity,
+        message.percentage,
+    )
+    assert all(math.isnan(value) for value in not_measured)
+    assert message.power_supply_status == message.POWER_SUPPLY_STATUS_UNKNOWN
+    assert message.power_supply_health == message.POWER_SUPPLY_HEALTH_UNKNOWN
+    assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
+    assert not len(message.cell_voltage)
+    assert not len(message.cell_temperature)
+    assert not message.location
+    assert not message.serial_number
+    assert message.present
+
+
+@pytest.mark.parametrize(
+    ("voltage_v", "share"), [(5.0, 0.0), (6.0, 0.0), (7.2, 0.5), (8.4, 1.0), (9.0, 1.0)]
+)
+def test_a_batterys_charge_lies_on_a_line_between_two_voltages(
+    voltage_v: float, share: float
+) -> None:
+    assert publishers.battery_message(voltage_v, 6.0, 8.4).percentage == pytest.approx(share)
