@@ -25,6 +25,8 @@ from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .prompts import ask_yes_or_no
+
 if TYPE_CHECKING:
     from wheelwire.config import RobotConfig
     from wheelwire.drivers.base import BaseDriver
@@ -224,7 +226,7 @@ def _confirm(device: str, chosen: str) -> None:
             f"{chosen}, and there is no terminal to ask on: name the robot, "
             f"as the first argument or in {ENVIRONMENT}, or give --yes"
         )
-    if not typer.confirm(f"{chosen}. Its wheels may move. Continue?", err=True):
+    if not ask_yes_or_no(f"{chosen}. Its wheels may move. Continue?"):
         raise RobotNotNamed(f"{device} was not used: name the robot")
 
 

@@ -22,14 +22,12 @@ from wheelwire_protocol.codes import RefusalCode
 from . import INTERRUPTED
 from .board import app as board_app
 from .flash import flash
-from .local import demo, ports, sim
-from .mcu import mcu
+from .interruptions import Interrupted
+from .local import demo, mcu, ports, sim
 from .output import UsageError, print_error, print_interruption, show_help_alone
-from .parameter_files import app as parameters_app
-from .prompts import use_read_line
+from .parameters import app as parameters_app
 from .robot import clear, drive, estop, info, monitor
 from .setup import setup
-from .signals import Interrupted
 from .teleop import teleop
 
 USAGE = 2
@@ -67,7 +65,6 @@ def run() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail
-    use_read_line()
     return _result(sys.argv[1:])
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -31,6 +32,7 @@ from .output import (
     show_help_alone,
 )
 from .parameters import RobotCommand
+from .prompts import ask, ask_yes_or_no
 
 if TYPE_CHECKING:
     from wheelwire.board import BoardDescription
@@ -39,8 +41,6 @@ if TYPE_CHECKING:
     from wheelwire_protocol.board import BoardPin
 
 app = typer.Typer()
-
-_Answer = TypeVar("_Answer")
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
@@ -302,7 +302,7 @@ def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> Non
     if not as_json:
         _show(found, as_json=False)
     question = f"Is the robot wired like this, to {found.name}? If not, its wheels may run away."
-    if not _confirm(question, default=False):
+    if not ask_yes_or_no(question, default=False):
         raise ConfigurationError(
             f"{found.name} was not confirmed, and nothing drives: write the board that is there "
             "with `wheelwire board write`"
@@ -392,7 +392,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     ]
     default_stage = base.stage if base else Stage.ENABLE_IN1_IN2
     stage = STAGE_BY_NAME[_choose("stage", list(STAGE_BY_NAME), default_stage.name.lower())]
-    name = _ask("name", str, base.name if base else None)
+    name = ask("name", base.name if base else None)
     made = BoardDescription(name, chip, stage, WheelPins(), WheelPins(), encoder_filter_ns=1000)
     made = _ask_for_module(made, base)
     if base is not None:
@@ -407,7 +407,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     # The stage that was chosen may be slower than the one that the frequency was meant for.
     made = replace(made, pwm_frequency_hz=min(made.pwm_frequency_hz, _most_hz(made)))
     internal = made.encoder_pulls is EncoderPulls.INTERNAL
-    if _confirm("Do the chip's own pull-ups hold the encoders' outputs?", default=internal):
+    if ask_yes_or_no("Do the chip's own pull-ups hold the encoders' outputs?", default=internal):
         made = replace(made, encoder_pulls=EncoderPulls.INTERNAL)
     else:
         made = replace(made, encoder_pulls=EncoderPulls.EXTERNAL)
@@ -423,8 +423,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
     for function in optional:
         made = _ask_for_pin(made, function, base, optional=True)
     if made.battery is not None:
-        divider = _ask("battery volts per volt at the pin", float, made.battery_divider)
-        made = replace(made, battery_divider=divider)
+        made = replace(made, battery_divider=_ask_for_divider(made.battery_divider))
     # Only a chip with native USB leaves a choice.
     likely = base.line if base else BoardLine.UART
     if CHIPS[chip].usb and _choose("link", ["uart", "usb"], likely.name.lower()) == "usb":
@@ -456,6 +455,13 @@ def _most_hz(made: BoardDescription) -> int:
     return STAGES[made.stage].max_frequency_hz
 
 
+def _ask_for_divider(default: float) -> float:
+    while True:
+        with suppress(ValueError):
+            return float(ask("battery volts per volt at the pin", default))
+        typer.echo("give a number", err=True)
+
+
 def _ask_for_pin(
     made: BoardDescription,
     function: BoardPin,
@@ -467,7 +473,7 @@ def _ask_for_pin(
     default = base.pin(function) if base else None
     prompt = f"{function.doc}: GPIO" + (", - for none" if optional else "")
     while True:
-        text = _ask(prompt, str, "-" if optional and default is None else default)
+        text = ask(prompt, "-" if optional and default is None else default)
         if optional and text.strip() == "-":
             return made
         if not text.strip().isdecimal() or int(text) > 63:
@@ -517,22 +523,14 @@ def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -
         where = f"{issue.function.doc}, GPIO {issue.pin}"
         question = f"Is there a resistor of 10 kOhm from {where}, to ground?"
         fitted = base is not None and issue.pin in base.pulldowns
-        if _confirm(question, default=fitted):
+        if ask_yes_or_no(question, default=fitted):
             made = replace(made, pulldowns=made.pulldowns | {issue.pin})
     return made
 
 
 def _choose(what: str, choices: list[str], default: str) -> str:
     while True:
-        text = _ask(f"{what} ({', '.join(choices)})", str, default)
+        text = ask(f"{what} ({', '.join(choices)})", default)
         if text in choices:
             return text
         typer.echo(f"choose one of {', '.join(choices)}", err=True)
-
-
-def _ask(what: str, kind: Callable[[Any], _Answer], default: object = None) -> _Answer:
-    return kind(typer.prompt(what, default=default, type=kind, err=True))
-
-
-def _confirm(question: str, *, default: bool) -> bool:
-    return typer.confirm(question, default=default, err=True)

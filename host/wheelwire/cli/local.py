@@ -1,10 +1,11 @@
-"""Commands that need no robot: sim, ports, demo."""
+"""Commands that need no robot: sim, ports, demo, mcu."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import signal
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -111,3 +112,17 @@ def demo(
     # Last: what was measured is shown in any case.
     if report.picture_error and find_spec("matplotlib") is not None:
         raise OutputFailed(f"the picture was not written: {report.picture_error}")
+
+
+def mcu(
+    config: Annotated[Path, typer.Option(help="YAML file of a robot with driver l298n or pigpio.")],
+    listen: Annotated[str, typer.Option(help="Where hosts connect: unix:/run/wheelwire.sock.")],
+) -> None:
+    """Run the firmware's core on this computer's own pins until SIGTERM or Ctrl-C."""
+    from wheelwire.config import load_config, service_settings
+
+    settings = service_settings(load_config(config), listen)
+    # exec, so that the service runs without the configuration libraries in memory and receives
+    # the service manager's signals itself.
+    command = [sys.executable, "-m", "wheelwire.linux_mcu", settings.to_json()]
+    os.execv(sys.executable, command)  # noqa: S606

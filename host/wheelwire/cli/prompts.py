@@ -1,4 +1,4 @@
-"""What typer's prompts read a line with."""
+"""Questions at a terminal. They go to standard error where standard output may be a pipe."""
 
 from __future__ import annotations
 
@@ -8,16 +8,41 @@ import signal
 import sys
 import textwrap
 from shutil import get_terminal_size
-from typing import Any
-
-import typer
 
 from wheelwire.errors import InvalidArgument
 
 PIPE_BYTES = 4096
 
 
-def read_line(prompt: str = "") -> str:
+def ask(question: str, default: object = None, *, err: bool = True) -> str:
+    """The answer to a question; Enter gives the default, and without one asks again.
+
+    Raises:
+        InvalidArgument: Standard input has ended.
+    """
+    prompt = f"{question}: " if default is None else f"{question} [{default}]: "
+    while True:
+        if answer := read_line(prompt, err=err):
+            return answer
+        if default is not None:
+            return str(default)
+
+
+def ask_yes_or_no(question: str, *, default: bool = False) -> bool:
+    """Whether the answer is yes.
+
+    Raises:
+        InvalidArgument: Standard input has ended.
+    """
+    prompt = f"{question} [{'Y/n' if default else 'y/N'}]: "
+    while True:
+        answer = read_line(prompt).lower()
+        if answer in ("", "y", "yes", "n", "no"):
+            return answer.startswith("y") if answer else default
+        _show("answer y or n\n", err=True)
+
+
+def read_line(prompt: str, *, err: bool = True) -> str:
     """As `input`, at a terminal without its gap in which Ctrl-C is lost.
 
     `input` shows its prompt and begins to wait within one call. Python notes a signal that comes in
@@ -27,28 +52,37 @@ def read_line(prompt: str = "") -> str:
     Raises:
         InvalidArgument: There is no line any more.
     """
-    if not sys.stdin.isatty():
-        try:
-            return input(prompt)
-        except EOFError:
-            raise _no_answer() from None
-    sys.stdout.write(_wrapped(prompt))
-    sys.stdout.flush()
+    _show(_wrapped(prompt) if sys.stdin.isatty() else prompt, err=err)
+    if sys.stdin.isatty():
+        _wait_for_a_line()
+    line = sys.stdin.readline()
+    if not line:
+        _show("\n", err=err)  # the line after the prompt is the error's
+        raise InvalidArgument(
+            "the question was not answered, because standard input has ended: run the command "
+            "again, in a terminal"
+        )
+    return line.strip()
+
+
+def _show(text: str, *, err: bool) -> None:
+    stream = sys.stderr if err else sys.stdout
+    stream.write(text)
+    stream.flush()
+
+
+def _wait_for_a_line() -> None:
+    """A terminal hands over one line at a time, so none is in Python's buffer."""
     noted, note = os.pipe()
     os.set_blocking(note, False)
     before = signal.set_wakeup_fd(note, warn_on_full_buffer=False)
     try:
-        # A terminal hands over one line at a time, so none is in Python's buffer.
         while noted in select.select([sys.stdin, noted], [], [])[0]:
             os.read(noted, PIPE_BYTES)  # its handler has run, and raised nothing
     finally:
         signal.set_wakeup_fd(before)
         os.close(noted)
         os.close(note)
-    line = sys.stdin.readline()
-    if not line:
-        raise _no_answer()
-    return line.rstrip("\n")
 
 
 def _wrapped(prompt: str) -> str:
@@ -63,20 +97,3 @@ def _wrapped(prompt: str) -> str:
     )
     blanks = prompt[len(prompt.rstrip(" ")) :]
     return "\n".join(lines) + blanks
-
-
-def _no_answer() -> InvalidArgument:
-    # The line after the prompt is the error's.
-    sys.stdout.write("\n")
-    return InvalidArgument(
-        "the question was not answered, because standard input has ended: run the command again, "
-        "in a terminal"
-    )
-
-
-def use_read_line() -> None:
-    """Have `typer.prompt` and `typer.confirm` read lines by `read_line`."""
-    # Click keeps its function in a variable of this module, where its own test tools replace it,
-    # too. Versions of typer differ in which copy of click they use.
-    termui: Any = sys.modules[typer.prompt.__module__]
-    termui.visible_prompt_func = read_line

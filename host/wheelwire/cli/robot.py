@@ -18,9 +18,8 @@ from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
 
 from .address import BaudRateOption, RobotArgument, YesFlag, resolve
-from .lost_link import LinkNews, ended_by_a_loss, watch
+from .interruptions import LinkNews, ended_by_a_loss, ended_by_signals, watch
 from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
-from .signals import ended_by_signals
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3

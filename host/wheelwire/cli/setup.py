@@ -22,10 +22,9 @@ from wheelwire.errors import (
 )
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
-from .lost_link import ended_by_a_loss
-from .output import JsonFlag, check_writable, console, error_console, print_json
-from .signals import ended_by_signals
-from .time_left import TimeLeft
+from .interruptions import ended_by_a_loss, ended_by_signals
+from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
+from .prompts import ask
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
@@ -223,9 +222,7 @@ class _Terminal:
         """Ask until the answer can be understood."""
         choices = f" ({', '.join(question.choices)})" if question.choices else ""
         while True:
-            given = typer.prompt(
-                f"{question.text}{choices}", default=question.default, err=self._err
-            )
+            given = ask(f"{question.text}{choices}", question.default, err=self._err)
             try:
                 return question.parse(given)
             except InvalidArgument as error:

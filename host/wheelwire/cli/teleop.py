@@ -15,8 +15,8 @@ from wheelwire.teleop.terminal import Terminal
 from wheelwire_protocol.codes import SupervisorState
 
 from .address import BaudRateOption, RobotArgument, YesFlag, outlives_commands, resolve
+from .interruptions import ended_by_signals, stop
 from .output import console
-from .signals import ended_by_signals, stop
 
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
 

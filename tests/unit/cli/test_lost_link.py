@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from wheelwire import LinkClosed, LinkLost, RequestTimeout, WheelSample
-from wheelwire.cli.lost_link import SILENT_S, SLICE_S, LinkNews, ended_by_a_loss, watch
+from wheelwire.cli.interruptions import SILENT_S, SLICE_S, LinkNews, ended_by_a_loss, watch
 from wheelwire.errors import BoardMismatch
 
 SAMPLE = cast("WheelSample", object())

@@ -8,13 +8,11 @@ import io
 import os
 import select
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import typer
 
 from wheelwire.cli import prompts
 from wheelwire.errors import InvalidArgument
@@ -42,7 +40,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
 def test_lines_that_are_typed_ahead(terminal: Terminal, capsys: pytest.CaptureFixture[str]) -> None:
     terminal.press(b"left\n\nx\x7fright\n")
     assert [prompts.read_line("which? ") for _ in range(3)] == ["left", "", "right"]
-    assert capsys.readouterr().out == "which? " * 3
+    assert capsys.readouterr().err == "which? " * 3
 
 
 @pytest.mark.parametrize("columns", [12, 20, 37, 80, 200])
@@ -58,7 +56,7 @@ def test_no_question_breaks_within_a_word(
     )
     terminal.press(b"yes\n")
     assert prompts.read_line(question) == "yes"
-    shown = capsys.readouterr().out
+    shown = capsys.readouterr().err
     assert shown.endswith(" ")
     assert shown.split() == question.split()
     assert max(len(line) for line in shown.split("\n")) <= columns
@@ -67,14 +65,14 @@ def test_no_question_breaks_within_a_word(
 def test_the_end_of_the_input(terminal: Terminal) -> None:
     terminal.press(b"\x04")
     with pytest.raises(InvalidArgument, match="standard input has ended"):
-        prompts.read_line()
+        prompts.read_line("")
 
 
 def test_input_that_is_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("left\nright\n"))
-    assert [prompts.read_line(), prompts.read_line()] == ["left", "right"]
+    assert [prompts.read_line(""), prompts.read_line("")] == ["left", "right"]
     with pytest.raises(InvalidArgument, match="standard input has ended"):
-        prompts.read_line()
+        prompts.read_line("")
 
 
 def test_ctrl_c_in_the_last_moment_before_it_waits(
@@ -98,7 +96,7 @@ def test_ctrl_c_in_the_last_moment_before_it_waits(
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            prompts.read_line()
+            prompts.read_line("")
     finally:
         signal.signal(signal.SIGINT, before)
     assert timer.is_alive()
@@ -116,16 +114,25 @@ def test_a_signal_whose_handler_returns_ends_no_wait(terminal: Terminal) -> None
 
     typist = threading.Timer(0.05, signal_and_type)
     typist.start()
-    assert prompts.read_line() == "left"
+    assert prompts.read_line("") == "left"
     typist.join()
     signal.signal(signal.SIGUSR1, before)
     assert signal.set_wakeup_fd(-1) == -1
 
 
-def test_typers_prompts_read_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Put back afterwards.
-    monkeypatch.setattr(sys.modules[typer.prompt.__module__], "visible_prompt_func", input)
-    monkeypatch.setattr(prompts, "read_line", lambda _: "y")
-    prompts.use_read_line()
-    assert typer.prompt("Which wheel?") == "y"
-    assert typer.confirm("Go on?")
+def test_enter_gives_the_default_and_without_one_the_question_comes_again(
+    terminal: Terminal, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terminal.press(b"\n\nright\n")
+    assert [prompts.ask("Which?", "left", err=False), prompts.ask("Which?")] == ["left", "right"]
+    assert capsys.readouterr() == ("Which? [left]: ", "Which?: Which?: ")
+
+
+def test_yes_or_no(terminal: Terminal, capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.press(b"\nYes\nmaybe\nn\n")
+    assert [prompts.ask_yes_or_no("Go on?", default=d) for d in (True, False, True)] == [
+        True,
+        True,
+        False,
+    ]
+    assert capsys.readouterr().err.count("Go on? [Y/n]: ") == 3  # once for "maybe"

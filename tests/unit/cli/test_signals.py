@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from wheelwire import LinkLost, open_driver
-from wheelwire.cli.signals import Interrupted, ended_by_signals
+from wheelwire.cli.interruptions import Interrupted, ended_by_signals
 from wheelwire.drivers.mock import MockDriver
 
 CODES = [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]

@@ -6,7 +6,7 @@ import io
 
 from rich.console import Console
 
-from wheelwire.cli.time_left import TimeLeft
+from wheelwire.cli.output import TimeLeft
 
 
 class Clock:
