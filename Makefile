@@ -52,6 +52,7 @@ lint: $(VENV)/installed  ## Style, layers, formatting, words that only insiders 
 	$(BIN)/lint-imports
 	@$(BIN)/clang-format --dry-run -Werror $(CXX_FILES)
 	@$(MDFORMAT) --check $(MD_FILES)
+	@$(BIN)/zizmor --offline --quiet --min-severity medium .github
 	@$(BIN)/python tools/check_words.py
 
 type: $(VENV)/installed  ## mypy --strict
