@@ -12,7 +12,7 @@ import sys
 import generated
 from generated import table
 from wheelwire.simulation.library import FwSim, Variable
-from wheelwire.simulation.plant import load_plant, shipped_plants
+from wheelwire.files.plant import load_plant, shipped_plants
 
 PAGE = generated.ROOT / "docs" / "simulator.md"
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
 
     from . import aio as aio
-    from .address import connect as connect
     from .config import RobotConfig as RobotConfig
+    from .config import connect as connect
     from .config import load_config as load_config
     from .config import open_robot as open_robot
     from .drivers.base import BaseDriver as BaseDriver
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
     from .errors import WrongBoard as WrongBoard
+    from .files.pins import Pins as Pins
     from .link.info import Health as Health
     from .link.info import LinkStatistics as LinkStatistics
     from .link.latest_sample import Latest as Latest
     from .link.port_list import SerialPort as SerialPort
     from .link.port_list import ports as ports
     from .link.sample_iterator import SampleIterator as SampleIterator
-    from .linux_mcu.pins import Pins as Pins
     from .motion.covariance import PoseCovariance as PoseCovariance
     from .motion.kinematics import DifferentialDrive as DifferentialDrive
     from .motion.kinematics import Twist as Twist
@@ -63,9 +63,8 @@ if TYPE_CHECKING:
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
-    "address": ("connect",),
     "motion.covariance": ("PoseCovariance",),
-    "config": ("RobotConfig", "load_config", "open_robot"),
+    "config": ("RobotConfig", "connect", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
     "drivers.serial": ("SerialDriver",),
     "errors": (
@@ -91,7 +90,7 @@ _MODULES = {
     ),
     "drivers.factory": ("driver_names", "open_driver"),
     "motion.kinematics": ("DifferentialDrive", "Twist", "WheelVelocities"),
-    "linux_mcu.pins": ("Pins",),
+    "files.pins": ("Pins",),
     "motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("WheelTravel", "WheelSample"),
     "link.sample_iterator": ("SampleIterator",),

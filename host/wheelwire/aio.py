@@ -33,8 +33,8 @@ from wheelwire_protocol.types import (
     LinkCountersGet,
 )
 
-from .address import driver_at, named
 from .arguments import timeout_s
+from .config import driver_at, named
 from .drivers.base import FIRST_SAMPLE_S
 from .drivers.device_parameters import (
     REVERT,
@@ -70,7 +70,6 @@ if TYPE_CHECKING:
     from .board import BoardDescription
     from .drivers.mock import MockProcess
     from .drivers.pins import PinProcess
-    from .linux_mcu.pins import Pins
     from .simulation.simulator import Simulator
 
 __all__ = [
@@ -505,7 +504,7 @@ def open_driver(
 def open_driver(
     name: Literal["l298n"],
     *,
-    pins: Pins | BoardDescription | None = ...,
+    pins: BoardDescription | None = ...,
     pwm_chip: int | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
@@ -518,7 +517,7 @@ def open_driver(
     *,
     host: str = ...,
     port: int = ...,
-    pins: Pins | BoardDescription | None = ...,
+    pins: BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
     core_timeout_ms: int = ...,

@@ -1,64 +1,39 @@
-"""A robot described by one YAML file: driver, pins and parameters.
-
-The parameters and their bounds are the firmware's. Common names from other packages are accepted
-as aliases and reported.
-"""
+"""A robot by its address, which is written the same way everywhere, or by a YAML file."""
 
 from __future__ import annotations
 
-import logging
-import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+import os
+import re
+from dataclasses import asdict, dataclass, field, replace
 from difflib import get_close_matches
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
-
-from .arguments import top_level
+from .arguments import text
 from .board import BoardDescription
-from .board_file import checked_board, shipped_boards
 from .drivers.factory import check_options, driver_class, driver_names, open_driver
 from .drivers.serial import DEFAULT_BAUD_RATE, serial_link
-from .errors import (
-    ConfigurationError,
-    DriverUnavailable,
-    InvalidArgument,
-    ParameterOutOfRange,
-    shown,
-)
+from .errors import ConfigurationError, InvalidArgument, RobotNotNamed, shown
+from .files.board import checked_board, shipped_boards
+from .files.pins import Pins
+from .files.reading import reading
+from .files.robot import BUILT_IN, parse_robot
 from .link.base_link import CONNECT_TIMEOUT_S
 from .link.transports import UNIX
-from .linux_mcu.pins import Pins
 from .linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from .linux_mcu.store import converted_store
-from .parameters import checked_value
-from .yaml_file import reading
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
 
-log = logging.getLogger("wheelwire")
-
-DEFAULT_FILE = "pi4b_params.yaml"
-"""In this package."""
-
-ALIASES = {
-    "driver_type": "driver",
-    "wheel_base": "parameters.wheel_separation",
-    "wheel_radius": "parameters.wheel_radius",
-    "cpr": "parameters.counts_per_revolution",
-    "max_speed": "parameters.max_velocity_mps",
-    "pwm_frequency": "parameters.pwm_frequency_hz",
-    "pigpio_host": "pigpio.host",
-    "pigpio_port": "pigpio.port",
-    "serial_port": "serial.port",
-}
-"""Top-level names from other packages' files, and the names used here."""
-MAX_RPM = "max_rpm"
-"""The motor's no-load speed; with the wheel's radius it is the velocity feed-forward."""
+ENVIRONMENT = "WHEELWIRE_ROBOT"
+"""Names the robot where no address is given."""
+MOCK = "mock"
+ADDRESS_KINDS = "a port, socket://HOST:PORT, unix:PATH, a board's id, a robot's YAML file or mock"
+BOARD_PORTS = "/dev/ttyUSB*,/dev/ttyACM*"
+"""Where a board is looked for by its id: the ports of USB adapters and of chips with USB."""
+_ROBOT_FILES = (".yaml", ".yml")
+DEFAULT_FILE = Path(__file__).parent / "files" / "pi4b_robot.yaml"
 
 
 @dataclass(frozen=True)
@@ -101,7 +76,7 @@ class RobotConfig:
     """
 
     driver: str = "pigpio"
-    pins: Pins = field(default_factory=Pins)
+    pins: BoardDescription = field(default_factory=Pins)
     board: str | None = None
     pigpio: PigpioOptions = field(default_factory=PigpioOptions)
     serial: SerialOptions = field(default_factory=SerialOptions)
@@ -111,8 +86,8 @@ class RobotConfig:
     options: dict[str, Any] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
 
-    def wiring(self) -> Pins | BoardDescription:
-        """What the drivers of this computer's own pins are given.
+    def wiring(self) -> BoardDescription:
+        """The wiring of this computer's own pins.
 
         Raises:
             ConfigurationError: The board cannot be used.
@@ -144,8 +119,102 @@ class RobotConfig:
         return {**self.options, **{name: it for name, it in beside.items() if it is not None}}
 
 
+def connect(robot: str | os.PathLike[str] | None = None) -> BaseDriver:
+    """Open a robot by its address, as the commands do: for `with`, which closes it, or without.
+
+    Args:
+        robot: A port, such as `/dev/ttyUSB0`; `socket://HOST:PORT`; `unix:PATH`; a board's id, as
+            `wheelwire info` shows it; a robot's YAML file; or `mock`, a simulated robot. None: the
+            one that the environment's WHEELWIRE_ROBOT names.
+
+    For a board's id all free USB ports are opened to ask who is there. Where that is not wanted, a
+    robot's file says which ports those are, with `serial.board_id`.
+
+    Raises:
+        InvalidArgument: This is no address.
+        RobotNotNamed: No address was given, and WHEELWIRE_ROBOT is not set.
+        ConfigurationError: The robot's file is missing or invalid.
+        PortUnavailable: The port cannot be opened, or the board is at none.
+        WheelwireError: As `open_driver`.
+    """
+    name, options = driver_at(named(robot))
+    return open_driver(name, **options)
+
+
+def named(robot: str | os.PathLike[str] | None) -> str:
+    """The address that was given, else the one in the environment.
+
+    Raises:
+        InvalidArgument: It is empty, or of another type.
+        RobotNotNamed: There is none.
+    """
+    if robot is None:
+        robot = os.environ.get(ENVIRONMENT)
+        if not robot:
+            raise RobotNotNamed(f"no robot was named: give {ADDRESS_KINDS}, or set {ENVIRONMENT}")
+    if robot == "":  # an unset shell variable; taking the default would move another robot
+        raise InvalidArgument(f"ROBOT is empty (an unset variable?): give {ADDRESS_KINDS}")
+    return text("ROBOT", robot, "/dev/ttyUSB0")
+
+
+def driver_at(
+    address: str, *, baud_rate: int | None = None, bare: bool = False
+) -> tuple[str, dict[str, Any]]:
+    """The driver of the robot at an address, and its options. Opens no port.
+
+    Args:
+        address: See `connect`.
+        baud_rate: Of a port, to be tried first; None: the default.
+        bare: Nothing in its file is to change a serial robot, or keep it from being opened: for
+            those who only look at the robot or its parameters, or stop it.
+
+    Raises:
+        InvalidArgument: A baud rate was given, but the address is not a port; or this is none.
+        ConfigurationError: The robot's file is missing or invalid.
+        DriverUnavailable: No driver has the name in its file.
+    """
+    # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
+    if address != MOCK and not is_robot_file(address):
+        return "serial", _port_options(address, baud_rate)
+    if baud_rate is not None:
+        raise InvalidArgument(
+            f"a baud rate is only for ports, not for {address}: leave it out; "
+            "in a robot's file, set serial.baud_rate"
+        )
+    if address == MOCK:
+        return MOCK, {}
+    name, options = driver_of(load_config(address), address)
+    if bare and name == "serial":
+        # The other drivers start a core of their own, which has no parameters before.
+        for changing in ("parameters", "board", "stream_rate_hz"):
+            del options[changing]
+    return name, options
+
+
+def is_robot_file(address: str) -> bool:
+    """Whether an address is a robot's file."""
+    return address.lower().endswith(_ROBOT_FILES)
+
+
+def is_board_id(address: str) -> bool:
+    """Whether an address is a board's id."""
+    return bool(re.fullmatch("[0-9a-fA-F]{12}", address)) and not Path(address).exists()
+
+
+def _port_options(address: str, baud_rate: int | None) -> dict[str, Any]:
+    options: dict[str, Any] = {} if baud_rate is None else {"baud_rate": baud_rate}
+    if is_board_id(address):
+        return {"port": BOARD_PORTS, "board_id": address, **options}
+    if Path(address).is_file() or Path(address).is_dir():
+        raise InvalidArgument(
+            f"{address} is neither a port nor a robot's file, whose name ends in .yaml: "
+            f"give {ADDRESS_KINDS}"
+        )
+    return {"port": address, **options}
+
+
 def open_robot(file: str | Path | None = None) -> BaseDriver:
-    """Open the robot described by a YAML file; by default the built-in `pi4b_params.yaml`.
+    """Open the robot described by a YAML file; by default the built-in `pi4b_robot.yaml`.
 
     A serial robot receives the file's parameters each time a session opens; they override what it
     has saved. The others start with the file's, and values saved in `store` override these.
@@ -166,7 +235,7 @@ def driver_of(config: RobotConfig, file: str | Path | None) -> tuple[str, dict[s
         DriverUnavailable: No driver has this name, or what it needs is not installed.
     """
     options = config.driver_options()
-    if config.driver not in _BUILT_IN:  # those were checked with the file
+    if config.driver not in BUILT_IN:  # those were checked with the file
         try:
             check_options(config.driver, driver_class(config.driver), options)
         except InvalidArgument as error:
@@ -191,7 +260,7 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
         raise ConfigurationError(f"driver = {config.driver!r}: a service needs l298n or pigpio")
     return McuSettings(
         backend="pigpio" if config.driver == "pigpio" else "l298n",
-        pins=config.wiring(),
+        board=config.wiring(),
         parameters=config.parameters,
         # Converted here: the process itself reads no other format than the core's.
         store=None if config.store is None else str(converted_store(Path(config.store))),
@@ -204,18 +273,17 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
 
 
 def load_config(file: str | Path | None = None) -> RobotConfig:
-    """Read and check a YAML file; by default the built-in `pi4b_params.yaml`.
+    """Read and check a YAML file; by default the built-in `pi4b_robot.yaml`.
 
     Raises:
         ConfigurationError: The message has the key, the value and what is allowed.
-        DriverUnavailable: pydantic is not installed.
     """
     if file is not None and not isinstance(file, (str, Path)):
         raise ConfigurationError(f"{shown(file)} is not a file: give a path")
-    source = Path(str(files(__package__) / DEFAULT_FILE)) if file is None else Path(file)
+    source = DEFAULT_FILE if file is None else Path(file)
     with reading(source, "robot") as content:
         config = parse_config(content)
-        if config.driver not in _BUILT_IN and config.driver not in driver_names():
+        if config.driver not in BUILT_IN and config.driver not in driver_names():
             near = get_close_matches(config.driver, driver_names(), n=1)
             meant = f"did you mean {near[0]}? " if near else ""
             raise ConfigurationError(
@@ -230,174 +298,12 @@ def load_config(file: str | Path | None = None) -> RobotConfig:
 
 def parse_config(content: object) -> RobotConfig:
     """Check the content of a file; raises as `load_config`."""
-    if content is None:
-        raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
-    # Before the keys: there its top level, a node's name, would only be an unknown one.
-    if _is_of_ros(content):
-        raise ConfigurationError(
-            "this is a ROS parameter file: start the node with it (params_file:=...); "
-            "a robot's own file has `driver:`, not `ros__parameters:`"
-        )
-    plain, aliases = _without_aliases(top_level(content))
-    for section, names in _SECTIONS.items():
-        if section in plain:
-            # A section with nothing below it is None in YAML.
-            plain[section] = mapping(section, plain[section] or {})
-            check_names(plain[section], names, f"{section}.")
-    # A driver of another package has a section of its own name.
-    known = [*_TOP, *ALIASES, MAX_RPM]
-    driver = plain.get("driver")
-    plug_in = [driver] if isinstance(driver, str) and driver not in [*_BUILT_IN, *known] else []
-    # Aliases were replaced above. They are listed so that a misspelt one gets its suggestion.
-    check_names(plain, [*known, *plug_in], "")
-    for name in plug_in:
-        plain["options"] = mapping(name, plain.pop(name, None) or {})
-    plain["parameters"] = {
-        name: checked_parameter(name, value) for name, value in plain.get("parameters", {}).items()
-    }
-    for foreign, name in aliases.items():
-        log.info("%s is read as %s", foreign, name)
-    config = _validated({**plain, "aliases": aliases})
+    config = RobotConfig(**parse_robot(content, _SECTIONS))
     try:
         serial_link(**asdict(config.serial))
     except InvalidArgument as error:
         raise ConfigurationError(f"serial.{error}") from error
-    # Last: what is wrong with a value is told first, whether or not a driver is named.
-    if "board" in plain and "pins" in plain:
-        raise ConfigurationError("board and pins are both given: remove one of them")
-    if "driver" not in plain:
-        raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
     return config
 
 
-_SECTIONS: dict[str, list[str]] = {
-    "pins": [f.name for f in fields(Pins)],
-    "pigpio": [f.name for f in fields(PigpioOptions)],
-    "serial": [f.name for f in fields(SerialOptions)],
-    "gpio": [f.name for f in fields(GpioOptions)],
-    "parameters": list(PARAMETER_BY_NAME),
-}
-_BUILT_IN = ("mock", "l298n", "pigpio", "serial")
-_TOP = ["driver", "store", "board", *_SECTIONS]
-_CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
-
-
-def mapping(what: str, value: object) -> dict[str, Any]:
-    """`value` as a dictionary; raises `ConfigurationError` if it is none."""
-    if not isinstance(value, Mapping):
-        raise ConfigurationError(f"{what} = {value!r}: it must be a mapping of names to values")
-    return {str(name): entry for name, entry in value.items()}
-
-
-def _without_aliases(content: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-    """The content with aliases replaced, and the aliases that were found."""
-    plain = {name: value for name, value in content.items() if name not in ALIASES}
-    rpm = plain.pop(MAX_RPM, None)
-    found = {name: ALIASES[name] for name in content if name in ALIASES}
-    for foreign, name in found.items():
-        _set_value(plain, name, content[foreign], foreign)
-    # After the aliases, one of which may have given the wheel's radius that this needs.
-    if rpm is not None:
-        found[MAX_RPM] = "parameters.velocity_feedforward"
-        _set_value(plain, found[MAX_RPM], _feedforward(rpm, plain), MAX_RPM)
-    return plain, found
-
-
-def _set_value(plain: dict[str, Any], name: str, value: object, foreign: str) -> None:
-    section, _, key = name.rpartition(".")
-    target = plain
-    if section:
-        # `mapping` copies: the caller's own content stays as it was.
-        target = plain[section] = mapping(section, plain.get(section) or {})
-    if key in target:
-        raise ConfigurationError(f"{foreign} = {value!r}: {name} is given too; remove one of them")
-    target[key] = value
-
-
-def _feedforward(rpm: object, plain: dict[str, Any]) -> float:
-    """Duty per m/s: full duty less what static friction takes, divided by the no-load speed."""
-    # Not `rpm <= 0`, which would let NaN pass.
-    if not isinstance(rpm, (int, float)) or not rpm > 0:
-        raise ConfigurationError(f"{MAX_RPM} = {rpm!r}: it must be a number above 0")
-    default = PARAMETER_BY_NAME["wheel_radius"].default
-    parameters = mapping("parameters", plain.get("parameters") or {})
-    radius = parameters.get("wheel_radius", default)
-    # v0 = w0 r, from "The four equations" in docs/drivers.md.
-    no_load_mps = rpm * 2 * math.pi / 60 * checked_parameter("wheel_radius", radius)
-    default = PARAMETER_BY_NAME["static_feedforward"].default
-    static = checked_parameter("static_feedforward", parameters.get("static_feedforward", default))
-    return (1 - static) / no_load_mps
-
-
-def check_names(given: Mapping[str, Any], known: list[str], prefix: str) -> None:
-    """Refuse unknown keys by `ConfigurationError`, with a similar one. `prefix`: the section."""
-    for name in given:
-        if name not in known:
-            raise ConfigurationError(
-                f"{prefix}{name} = {given[name]!r}: unknown key; {_suggestion(name, known, prefix)}"
-            )
-
-
-def _suggestion(name: str, known: list[str], prefix: str) -> str:
-    """A key that may be meant: one of the same name in a section, else a similar one here."""
-    # Often the key is right and only its section is missing.
-    places = [f"{section}.{name}" for section, names in _SECTIONS.items() if name in names]
-    near = [prefix + match for match in get_close_matches(name, known, n=1, cutoff=0.5)]
-    if meant := " or ".join(places or near):
-        return f"did you mean {meant}?"
-    return f"the keys are {', '.join(known)}"
-
-
-def _is_of_ros(content: object) -> bool:
-    """Whether it is a file for `ros2 run ... --params-file`."""
-    return isinstance(content, Mapping) and any(
-        isinstance(node, Mapping) and "ros__parameters" in node for node in content.values()
-    )
-
-
-def checked_parameter(name: str, value: object) -> float:
-    """A firmware parameter's value from a file; raises `ConfigurationError` with its bound."""
-    # A bool is an int, too: `true` and `false` are how people write a switch.
-    if not isinstance(value, (int, float)):
-        raise ConfigurationError(f"parameters.{name} = {value!r}: it must be a number")
-    try:
-        return checked_value(name, value)
-    except ParameterOutOfRange as error:
-        raise ConfigurationError(
-            f"parameters.{name} = {value!r}: it must be {error.bound}"
-        ) from error
-
-
-def _validated(content: dict[str, Any]) -> RobotConfig:
-    try:
-        # Here: it comes with an extra, and the rest of this module does without it.
-        from pydantic import TypeAdapter, ValidationError
-    except ImportError as error:
-        raise _not_installed(error) from error
-    try:
-        # Names and parameters were checked before: pydantic checks the types of the rest.
-        return TypeAdapter(RobotConfig).validate_python(content)
-    except ValidationError as error:
-        # The first alone: the message of an error is one line.
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        expected = next((text for kind, text in _TYPES if first["type"].startswith(kind)), "")
-        rule = f"it must be {expected}" if expected else first["msg"]
-        raise ConfigurationError(f"{key} = {shown(first['input'])}: {rule}") from error
-
-
-_TYPES = (
-    ("int", "a whole number"),
-    ("float", "a number"),
-    ("bool", "true or false"),
-    ("string", "a text; put one that looks like a number in quotes"),
-    ("dataclass", "a mapping of names to values"),
-    ("dict", "a mapping of names to values"),
-)
-"""What pydantic calls an error begins with, and what is expected then."""
-
-
-def _not_installed(error: ImportError) -> DriverUnavailable:
-    return DriverUnavailable(
-        f"reading a robot's file needs {error.name}: run pip install 'wheelwire[tools]'"
-    )
+_SECTIONS = {"pigpio": PigpioOptions, "serial": SerialOptions, "gpio": GpioOptions}

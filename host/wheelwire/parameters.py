@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import struct
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Changes, Kind, Parameter
 from wheelwire_protocol.units import Unit
 
 from .arguments import is_number
-from .errors import InvalidArgument, ParameterOutOfRange, UnknownParameter, shown
+from .errors import (
+    ImportFailed,
+    InvalidArgument,
+    LinkLost,
+    ParameterOutOfRange,
+    RequestTimeout,
+    UnknownParameter,
+    WheelwireError,
+    shown,
+)
 
 TRIAL_TIMEOUT_S = 2.0
+RESTORE_TIMEOUT_S = 5.0
+"""For how long previous values are set again, should the link be lost; it may come back."""
+_RETRY_PERIOD_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -28,6 +42,16 @@ class ParameterInfo:
     unit: str
     kind: Kind
     doc: str
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A parameter whose value on the robot is not the one that is wanted."""
+
+    name: str
+    robot: float
+    wanted: float
+    unit: str
 
 
 class ParameterMapping(Mapping[str, float]):
@@ -77,6 +101,26 @@ class Parameters(ParameterMapping):
         Raises:
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
         """
+
+    def set_all(self, values: Mapping[str, float], *, save: bool = False) -> tuple[Difference, ...]:
+        """Set all of `values`, or none: after a failure the previous values are set again.
+
+        Values that the robot already has are not set. Other parameters stay as they are.
+
+        Args:
+            values: By name.
+            save: Also save them all, those included that the robot already had, and no others.
+
+        Returns:
+            What was different before.
+
+        Raises:
+            UnknownParameter: Nothing was changed.
+            ParameterOutOfRange: Beyond the bounds of this robot. Nothing was changed.
+            ImportFailed: A value was refused, or the link failed. The message says whether the
+                previous values are active again.
+        """
+        return _set_all(self, values, save=save)
 
     @abstractmethod
     def refresh(self, name: str | None = None) -> None:
@@ -223,3 +267,151 @@ def check_value(definition: Parameter, value: float, bounds: tuple[float, float]
     if definition.kind is not Kind.REAL and value != int(value):
         raise ParameterOutOfRange(name, value, "a whole number")
     return float(value)
+
+
+def differences(
+    robot: Iterable[ParameterInfo], wanted: Mapping[str, float]
+) -> tuple[Difference, ...]:
+    """The values of `wanted` that the robot does not have, in the robot's order.
+
+    Raises:
+        UnknownParameter: The robot does not have a parameter of `wanted`.
+    """
+    infos = {p.name: p for p in robot}
+    for name in wanted:
+        if name not in infos:  # its firmware would be of another release, which a hello refuses
+            definition_of(name)
+            raise WheelwireError(f"the robot has no parameter {name}: install one release on both")
+    # Rounded as the device rounds it: a value with more digits would always differ.
+    return tuple(
+        Difference(name, info.value, value, info.unit)
+        for name, info in infos.items()
+        if name in wanted and (value := _as_held(wanted[name])) != info.value
+    )
+
+
+def number_text(value: float) -> str:
+    """A value with all its digits, whole ones without a point."""
+    return str(int(value) if value == int(value) else value)
+
+
+def _as_held(value: float) -> float:
+    """The value as a device holds it, a 32-bit float, and reports it."""
+    try:
+        held = struct.pack("<f", value)
+    except OverflowError:
+        return value  # beyond what a device can hold, so it differs from whatever that has
+    return decimal_of_float32(struct.unpack("<f", held)[0])
+
+
+def _set_all(
+    parameters: Parameters, wanted: Mapping[str, float], *, save: bool
+) -> tuple[Difference, ...]:
+    before = parameters.list()
+    # Each difference also has the robot's own value, to which `_restore` sets it back.
+    changes = differences(before, wanted)
+    bounds = {p.name: (p.minimum, p.maximum) for p in before}
+    # All are checked before the first is set: a wrong value then changes nothing.
+    for name, value in wanted.items():
+        check_value(definition_of(name), value, bounds[name])
+    # The switch of the e-stop contact comes last: an open contact latches an e-stop, in which
+    # the switch itself can no longer be changed back. It also cannot be on trial.
+    last = [c for c in changes if PARAMETER_BY_NAME[c.name].changes is Changes.RELEASED]
+    others = [change for change in changes if change not in last]
+    touched: list[Difference] = []
+    saved: list[str] = []
+    doing = ""
+    try:
+        if others:
+            # Judged together at its end, so that it does not matter which value comes first. If
+            # this program ends meanwhile, the device has its previous values again by itself.
+            with parameters.trial() as trial:
+                for change in others:
+                    doing = _not_set(change)
+                    parameters.set(change.name, change.wanted)
+                doing = "the values were not set"
+                touched += others  # first: an unanswered request may have been carried out
+                trial.keep()
+        for change in last:
+            doing = _not_set(change)
+            touched.append(change)
+            parameters.set(change.name, change.wanted)
+        doing = "the values were not verified"
+        _verify(parameters, wanted)
+        if save:
+            doing = "the values were not saved"
+            _save(parameters, wanted, saved)
+    except WheelwireError as error:
+        outcome = _outcome(_restore(parameters, touched), saved)
+        reason = str(error) if str(error).endswith((".", "?", "!")) else f"{error}."
+        raise ImportFailed(f"{doing}: {reason} {outcome}") from error
+    except BaseException:
+        # Ctrl-C, for one: half of the values must not stay active.
+        _restore(parameters, touched)
+        raise
+    return changes
+
+
+def _verify(parameters: Parameters, wanted: Mapping[str, float]) -> None:
+    """Raise an error if the robot was reset meanwhile: it has some of its saved values again."""
+    if lost := differences(parameters.list(), wanted):
+        again = f"{lost[0].name} = {number_text(lost[0].robot)}"
+        raise WheelwireError(f"the robot has {again} again; was it reset? Try once more.")
+
+
+def _save(parameters: Parameters, names: Collection[str], saved: list[str]) -> None:
+    """Save these; those that were, one by one, are appended to `saved`."""
+    if set(names) == set(parameters):
+        parameters.save()  # at once: all or nothing
+        return
+    for name in names:
+        parameters.save(name)
+        # After each one: if the next fails, the message has to say what is in the store.
+        saved.append(name)
+
+
+def _restore(parameters: Parameters, touched: Collection[Difference]) -> list[str]:
+    """Set the previous values again, the newest first; returns those that could not be."""
+    # One limit for all values: without a link each one would take the whole of its own.
+    end = time.monotonic() + RESTORE_TIMEOUT_S
+    left = list(reversed(list(touched)))
+    while left:
+        failed = [change for change in left if not _set_again(parameters, change, end)]
+        # Some are accepted only after others: together with these they would contradict each other.
+        if len(failed) == len(left):
+            break
+        left = failed
+    return [change.name for change in left]
+
+
+def _set_again(parameters: Parameters, change: Difference, end: float) -> bool:
+    """Whether a previous value is active again; tries until `end` while the link is lost."""
+    while True:
+        try:
+            parameters.set(change.name, change.robot)
+        except (LinkLost, RequestTimeout):
+            # The link may come back, or the next attempt be answered. A refusal is final.
+            if time.monotonic() >= end:
+                return False
+        except WheelwireError:
+            return False
+        else:
+            return True
+        time.sleep(_RETRY_PERIOD_S)
+
+
+def _not_set(change: Difference) -> str:
+    wish = f"{number_text(change.wanted)} {change.unit}".rstrip()
+    return f"{change.name} = {wish} was not set"
+
+
+def _outcome(failed: Collection[str], saved: Collection[str]) -> str:
+    text = "The previous values are active again."
+    if failed:
+        text = (
+            f"The previous values could not be restored: {', '.join(failed)}. "
+            "Reset the robot: it then has the values that it had saved."
+        )
+    if saved:
+        text += f" Saved before that: {', '.join(saved)}."
+    return text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from inspect import signature
 from itertools import pairwise
 from typing import Any
 
@@ -21,7 +21,10 @@ CONNECT_TIMEOUT_S = 2.0
 """Short, because a transition, and the end of the node, may wait for it."""
 FILE_OPTION = "--params-file"
 NO_PIN = NO_CHIP = -1
-PINS = {name: NO_PIN if pin is None else int(pin) for name, pin in asdict(Pins()).items()}
+PINS = {
+    name: NO_PIN if pin.default is None else int(pin.default)
+    for name, pin in signature(Pins).parameters.items()
+}
 """The pins of the wiring guide."""
 
 
@@ -114,7 +117,7 @@ class HardwareRobot(BaseRobotNode):
         # A driver of another package, whose options are not known here.
         return {}
 
-    def _pins(self) -> Pins:
+    def _pins(self) -> Any:
         numbers: dict[str, int] = {name: self.setting(f"pins.{name}") for name in PINS}
         return Pins(**{name: number for name, number in numbers.items() if number != NO_PIN})
 

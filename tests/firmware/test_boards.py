@@ -11,8 +11,8 @@ import pytest
 
 from support.virtual import VirtualRobot
 from wheelwire.board import BoardDescription, unpacked
-from wheelwire.board_file import load_board, shipped_boards
 from wheelwire.errors import BoardMismatch, DeviceRefused, LinkLost
+from wheelwire.files.board import load_board, shipped_boards
 from wheelwire.link.info import ActiveBoard, ExpectedBoard
 from wheelwire.link.session import Phase, Session
 from wheelwire_protocol.board import BoardState

@@ -35,8 +35,8 @@ from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, set
 from wheelwire.commissioning.wiring import Wiring
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
-from wheelwire.parameter_file import load_parameter_file
-from wheelwire.simulation.plant import load_plant, shipped_plants
+from wheelwire.files.parameters import load_parameter_file
+from wheelwire.files.plant import load_plant, shipped_plants
 from wheelwire_protocol.codes import Fault
 
 WRONG = {"motors_swapped": 1, "left.motor_reversed": 1, "right.encoder_reversed": 1}

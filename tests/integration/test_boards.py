@@ -11,13 +11,12 @@ import pytest
 
 from support.command import check_error, run, run_json
 from wheelwire import errors, open_driver
-from wheelwire.board import board_mapping
-from wheelwire.board_file import load_board, shipped_boards
 from wheelwire.commissioning.board_choice import choose_board
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.drivers import device_board
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.files.board import board_mapping, load_board, shipped_boards
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Board as Chip

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import wheelwire
-from wheelwire import address, aio, config
+from wheelwire import aio, config
 from wheelwire.drivers import factory
 from wheelwire.errors import (
     ConfigurationError,
@@ -95,7 +95,7 @@ def test_a_file_is_an_address(use: Callable[[Any], str], tmp_path: Path) -> None
 def test_a_boards_id_is_an_address(
     use: Callable[[Any], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(address, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
+    monkeypatch.setattr(config, "BOARD_PORTS", f"{tmp_path}/tty*,{tmp_path}/none*")
     with Simulator() as simulator, Simulator():
         (tmp_path / "ttyUSB0").symlink_to(simulator.port)
         with wheelwire.connect(simulator.port) as robot:
@@ -125,8 +125,8 @@ def test_a_robots_file_may_name_its_board_by_id(use: Callable[[Any], str], tmp_p
 
 def test_sockets_and_any_other_url_are_ports() -> None:
     for port in ("socket://robot:5000", "unix:/run/wheelwire.sock", "rfc2217://robot:2217"):
-        assert address.driver_at(port) == ("serial", {"port": port})
-        assert address.driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
+        assert config.driver_at(port) == ("serial", {"port": port})
+        assert config.driver_at(port, baud_rate=9600)[1] == {"port": port, "baud_rate": 9600}
 
 
 @both

@@ -39,7 +39,7 @@ def run(script: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_driver_opens_without_numpy_and_construct() -> None:
-    missing = ["numpy", "construct", "crcmod", "yaml", "rich", "typer", "pydantic"]
+    missing = ["numpy", "construct", "crcmod", "yaml", "rich", "typer"]
     result = run(DRIVE.format(missing=missing, driver="mock", options=""))
     assert result.stdout.split() == ["NativeDecoder", "DRIVING"], result.stderr
 

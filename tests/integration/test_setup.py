@@ -19,7 +19,7 @@ from support.waiting import wait_until
 from wheelwire import errors, open_driver
 from wheelwire.commissioning.problems import DEFECTS
 from wheelwire.commissioning.setup import CHANGED
-from wheelwire.simulation.plant import load_plant
+from wheelwire.files.plant import load_plant
 from wheelwire.simulation.simulator import Simulator
 
 WRONG = {"encoders_swapped": 1, "right.motor_reversed": 1, "left.encoder_reversed": 1}

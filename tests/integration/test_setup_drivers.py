@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 
@@ -10,6 +9,7 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
+from wheelwire.board import BoardDescription
 from wheelwire.commissioning.questions import SKIP, Question
 from wheelwire.commissioning.setup import set_up
 from wheelwire.commissioning.wiring import Wiring
@@ -17,7 +17,7 @@ from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.pigpio import PigpioDriver
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.files.pins import Pins
 
 PATIENT = {"overrun_limit_us": 1e6}
 """A busy test machine is no fault of the robot's."""
@@ -25,17 +25,16 @@ WIRING = Wiring(encoders_swapped=True, left_motor_reversed=True, right_encoder_r
 FIRST, SECOND = "left backward", "forward"
 
 
-def wired_wrongly() -> Pins:
+def wired_wrongly() -> BoardDescription:
     """The pins to which the driver thinks its robot is wired, which is wired to others."""
-    pins = Pins()
-    return replace(
-        pins,
-        left_dir1=pins.left_dir2,
-        left_dir2=pins.left_dir1,
-        left_enc_a=pins.right_enc_b,
-        left_enc_b=pins.right_enc_a,
-        right_enc_a=pins.left_enc_a,
-        right_enc_b=pins.left_enc_b,
+    left, right = Pins().left, Pins().right
+    return Pins(
+        left_dir1=left.in2 or 0,
+        left_dir2=left.in1 or 0,
+        left_enc_a=right.encoder_b or 0,
+        left_enc_b=right.encoder_a or 0,
+        right_enc_a=left.encoder_a or 0,
+        right_enc_b=left.encoder_b or 0,
     )
 
 

@@ -12,7 +12,7 @@ from wheelwire.commissioning.gains import tuned
 from wheelwire.commissioning.identification import STAIRS, Identification, identify
 from wheelwire.commissioning.proof import Course, Proof, prove
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.simulation.plant import load_plant, shipped_plants
+from wheelwire.files.plant import load_plant, shipped_plants
 
 PLANTS = tuple(shipped_plants())
 BATTERIES_V = (6.5, 7.4, 9.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from wheelwire.files.bad_line import load_profile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import load_profile
 from wheelwire.simulation.simulator import Simulator
 
 GOOD = "good"

@@ -11,8 +11,8 @@ from wheelwire.commissioning.questions import Question, SimulatedPerson
 from wheelwire.commissioning.setup import Findings, set_up
 from wheelwire.commissioning.wiring import Wiring
 from wheelwire.drivers.mock import MockDriver
+from wheelwire.files.plant import load_plant, shipped_plants
 from wheelwire.samples import WheelSample
-from wheelwire.simulation.plant import load_plant, shipped_plants
 from wheelwire_protocol.codes import SupervisorState
 
 MOST_TURNS = 1.5

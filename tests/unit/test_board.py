@@ -15,12 +15,17 @@ from hypothesis import strategies as st
 from wheelwire.board import (
     BoardDescription,
     WheelPins,
-    board_mapping,
-    parse_board,
     unpacked,
 )
-from wheelwire.board_file import checked_board, load_board, shipped_boards, to_yaml
 from wheelwire.errors import ConfigurationError
+from wheelwire.files.board import (
+    board_mapping,
+    checked_board,
+    load_board,
+    parse_board,
+    shipped_boards,
+    to_yaml,
+)
 from wheelwire_protocol.board import (
     CHIPS,
     STAGES,
@@ -157,10 +162,10 @@ NOT_A_BOARD: list[tuple[dict[str, Any], str]] = [
     ({"left.enable": "GPIO25"}, "left.enable = 'GPIO25': it must be the number of a GPIO"),
     ({"left.enable": -1}, "left.enable = -1: it must be the number of a GPIO"),
     ({"left.enable": True}, "left.enable = True: it must be the number of a GPIO"),
-    ({"left.enabel": 25}, "left.enabel = 25: unknown key; did you mean enable?"),
+    ({"left.enabel": 25}, "left.enabel = 25: unknown key; did you mean left.enable?"),
     ({"pulldown": [25]}, "pulldown = [25]: unknown key; did you mean pulldowns?"),
-    ({"pulldowns": 25}, "pulldowns = 25: it must be a list of GPIO numbers"),
-    ({"pulldowns": [64]}, "pulldowns = 64: it must be the number of a GPIO"),
+    ({"pulldowns": 25}, "pulldowns = 25: give a list of GPIO numbers, 0 to 63"),
+    ({"pulldowns": [64]}, "pulldowns = [64]: give a list of GPIO numbers, 0 to 63"),
     ({"estop": 14}, "estop = 14: it must be names with values"),
     ({"estop.contact": "open"}, "estop.contact = 'open': choose one of normally_closed, "),
     ({"battery": {"pin": 34, "divider": "4"}}, "battery.divider = '4': it must be a number"),

@@ -15,7 +15,7 @@ from support.waiting import wait_until
 from wheelwire.config import parse_config, service_settings
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.files.pins import Pins
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 RADIUS = PARAMETER_BY_NAME["wheel_radius"].id
@@ -83,8 +83,8 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
         ({"pins": {"left_pvm": 3}}, r"pins.left_pvm = 3: .* mean pins.left_pwm\?"),
         ({"pins": {"left_pwm": 99}}, "pins.left_pwm = 99: .*0 to 27"),
         ({"pins": {"left_pwm": 19}}, "pins.right_pwm = 19: pins.left_pwm is on this GPIO"),
-        ({"pins": {"left_pwm": "x"}}, "pins.left_pwm = 'x': it must be a whole number"),
-        ({"pins": 3}, "pins = 3: .*mapping"),
+        ({"pins": {"left_pwm": "x"}}, "pins.left_pwm = 'x': it must be a GPIO, 0 to 27"),
+        ({"pins": 3}, "pins = 3: it must be names with values, as in `name: value`"),
         ({"parameters": {"wheel_radius": 7}}, "parameters.wheel_radius = 7: .*at most 1"),
         ({"parameters": {"wheel_radius": "a"}}, "parameters.wheel_radius = 'a': .*number"),
         ({"parameters": {"cpr": 1}}, "parameters.cpr = 1: unknown key"),
@@ -102,7 +102,7 @@ def test_a_service_gives_its_core_as_long_as_the_driver_does(driver: str, timeou
         ({}, "driver is missing; choose one"),
         ({"wheel_base": 0.2}, "driver is missing; choose one"),
         ({"/**": {"ros__parameters": {"port": "x"}}}, "ROS parameter file.*params_file:="),
-        ([1, 2], r"the file holds \[1, 2\]: write `name: value` lines"),
+        ([1, 2], r"the file holds \[1, 2\]: it must be names with values"),
     ],
 )
 def test_an_error_names_key_value_and_bound(content: Any, message: str) -> None:
@@ -179,5 +179,5 @@ def test_files_are_read_as_utf_8_whatever_the_computers_locale(tmp_path: Path) -
         "import sys, wheelwire; assert wheelwire.load_config(sys.argv[1]).store == 'M\\xfcllwagen'"
     )
     # Python warns wherever a text file is opened in the locale's encoding.
-    strict = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning:wheelwire.yaml_file"]
+    strict = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning:wheelwire.files.reading"]
     subprocess.run([sys.executable, *strict, "-c", program, str(file)], check=True)

@@ -12,14 +12,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wheelwire import errors, parameter_file
-from wheelwire.parameter_file import ParameterFile, apply, differences, load_parameter_file
+from wheelwire import errors, parameters
+from wheelwire.files.parameters import ParameterFile, load_parameter_file
 from wheelwire.parameters import (
     ParameterInfo,
     Parameters,
     Trial,
     checked_value,
     definition_of,
+    differences,
 )
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PARAMETERS, Kind, Parameter
@@ -63,7 +64,7 @@ class Robot(Parameters):
 
     def set(self, name: str, value: float) -> float:
         self.before_set(name, value)
-        self.held[name] = parameter_file._as_held(checked_value(name, value))
+        self.held[name] = parameters._as_held(checked_value(name, value))
         self.order.append(name)
         self.after_set(name, value)
         return self.held[name]
@@ -98,7 +99,7 @@ class Robot(Parameters):
 def value_of(definition: Parameter) -> st.SearchStrategy[float]:
     if definition.kind is not Kind.REAL:
         return st.integers(int(definition.minimum), int(definition.maximum)).map(float)
-    return st.floats(definition.minimum, definition.maximum).map(parameter_file._as_held)
+    return st.floats(definition.minimum, definition.maximum).map(parameters._as_held)
 
 
 values = st.fixed_dictionaries({}, optional={p.name: value_of(p) for p in PARAMETERS}).filter(bool)
@@ -163,8 +164,8 @@ def test_a_value_may_have_its_unit(line: str, value: float, tmp_path: Path) -> N
         ("driver: serial", "give ROBOT first, then FILE"),
         ("", "it has no parameters"),
         ("board: ESP32", "it has no parameters"),
-        ("parameters: [1]", "a mapping of names to values"),
-        ("just text", "the file holds 'just text': write `name: value` lines"),
+        ("parameters: [1]", "it must be names with values"),
+        ("just text", "the file holds 'just text': it must be names with values"),
         ("a: [", "values.yaml"),
     ],
 )
@@ -180,7 +181,7 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
         load_parameter_file(tmp_path / "missing.yaml")
     with pytest.raises(errors.ConfigurationError, match="directory"):
         load_parameter_file(tmp_path)
-    with pytest.raises(errors.InvalidArgument, match="ROBOT first, then FILE"):
+    with pytest.raises(errors.ConfigurationError, match="ROBOT first, then FILE"):
         load_parameter_file("/dev/null")
 
 
@@ -188,9 +189,9 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
 def test_all_that_differs_is_set_and_only_that(wanted: dict[str, float]) -> None:
     robot = Robot()
     expected = differences(robot.list(), wanted)
-    assert apply(robot, wanted) == expected
+    assert robot.set_all(wanted) == expected
     assert sorted(robot.order) == sorted(d.name for d in expected)
-    assert differences(robot.list(), wanted) == []
+    assert differences(robot.list(), wanted) == ()
     others = [name for name in PARAMETER_BY_NAME if name not in wanted]
     assert all(robot.held[name] == PARAMETER_BY_NAME[name].default for name in others)
     assert robot.saved == {}
@@ -203,7 +204,7 @@ REFUSED = errors.DeviceRefused(RefusalCode.NOT_STOPPED, "the request")
 
 def test_the_switch_of_the_estop_contact_is_set_last() -> None:
     robot = Robot()
-    apply(robot, WANTED)
+    robot.set_all(WANTED)
     assert robot.order == ["wheel_radius", "path_gain", "estop_input_enabled"]
 
 
@@ -212,7 +213,7 @@ def test_the_switch_of_the_estop_contact_is_set_last() -> None:
 @pytest.mark.parametrize(
     "error", [REFUSED, errors.RequestTimeout("no answer"), errors.LinkLost("unplugged")]
 )
-def test_after_a_failure_the_former_values_are_in_force(
+def test_after_a_failure_the_previous_values_are_active(
     failing: str, error: errors.WheelwireError, *, answered: bool
 ) -> None:
     robot = Robot()
@@ -227,11 +228,11 @@ def test_after_a_failure_the_former_values_are_in_force(
     else:  # it was carried out, and the answer was lost
         robot.after_set = fail
     with pytest.raises(errors.ImportFailed) as raised:
-        apply(robot, WANTED, save=True)
+        robot.set_all(WANTED, save=True)
     assert robot.held == before
     assert robot.saves == []
     assert str(raised.value).startswith(f"{failing} = {WANTED[failing]:g}")
-    assert "The former values are in force again." in str(raised.value)
+    assert "The previous values are active again." in str(raised.value)
     assert raised.value.__cause__ is error
 
 
@@ -246,7 +247,7 @@ def test_an_interrupt_restores_too() -> None:
 
     robot.before_set = interrupt
     with pytest.raises(KeyboardInterrupt):
-        apply(robot, WANTED)
+        robot.set_all(WANTED)
     assert robot.held == before
 
 
@@ -260,13 +261,13 @@ def test_restoring_waits_for_the_link() -> None:
             raise errors.LinkLost("unplugged")
 
     robot.before_set = unplugged
-    with pytest.raises(errors.ImportFailed, match="in force again"):
-        apply(robot, WANTED)
+    with pytest.raises(errors.ImportFailed, match="active again"):
+        robot.set_all(WANTED)
     assert robot.held == before
 
 
 def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parameter_file, "RESTORE_TIMEOUT_S", 0.0)
+    monkeypatch.setattr(parameters, "RESTORE_TIMEOUT_S", 0.0)
     robot = Robot()
 
     def unplugged(_name: str, _value: float) -> None:
@@ -275,7 +276,7 @@ def test_what_could_not_be_restored_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
     robot.before_set = unplugged
     with pytest.raises(errors.ImportFailed) as raised:
-        apply(robot, WANTED)
+        robot.set_all(WANTED)
     assert (
         "could not be restored: estop_input_enabled, path_gain, wheel_radius. Reset the robot"
     ) in str(raised.value)
@@ -294,8 +295,8 @@ def test_values_that_contradict_each_other_change_nothing(*, kept: bool) -> None
         robot.after_keep = fail
     else:
         robot.before_keep = fail
-    with pytest.raises(errors.ImportFailed, match=r"^the values were not set: .*in force again"):
-        apply(robot, WANTED)
+    with pytest.raises(errors.ImportFailed, match=r"^the values were not set: .*active again"):
+        robot.set_all(WANTED)
     assert robot.held == before
 
 
@@ -313,8 +314,8 @@ def test_what_is_taken_only_after_others_is_restored_too() -> None:
         raise errors.DeviceRefused(RefusalCode.STORE_FAILED, "the request")
 
     robot.before_set, robot.before_save = judge, fail
-    with pytest.raises(errors.ImportFailed, match="in force again"):
-        apply(robot, WANTED, save=True)
+    with pytest.raises(errors.ImportFailed, match="active again"):
+        robot.set_all(WANTED, save=True)
     assert robot.held == before
 
 
@@ -327,17 +328,17 @@ def test_a_robot_that_was_reset_meanwhile_is_noticed() -> None:
 
     robot.after_set = reset
     with pytest.raises(errors.ImportFailed, match=r"wheel_radius = 0\.033 again; was it reset"):
-        apply(robot, WANTED)
+        robot.set_all(WANTED)
     assert robot.held["path_gain"] == definition_of("path_gain").default
 
 
 def test_all_values_of_the_file_are_saved_and_no_other() -> None:
     robot = Robot()
     robot.held["integral_gain"] = 12.0  # only tried
-    apply(robot, WANTED, save=True)
+    robot.set_all(WANTED, save=True)
     assert robot.saved == WANTED
     full = {p.name: float(p.default) for p in PARAMETERS}
-    apply(robot, full, save=True)
+    robot.set_all(full, save=True)
     assert robot.saves[-1] is None  # at once
     assert robot.saved == robot.held == full
 
@@ -352,7 +353,7 @@ def test_a_save_that_fails_restores_and_says_what_was_saved() -> None:
 
     robot.before_save = fail
     with pytest.raises(errors.ImportFailed) as raised:
-        apply(robot, WANTED, save=True)
+        robot.set_all(WANTED, save=True)
     assert robot.held == before
     assert "the values were not saved: " in str(raised.value)
     assert str(raised.value).endswith("Saved before that: estop_input_enabled, wheel_radius.")
@@ -371,5 +372,5 @@ def test_nothing_is_set_if_any_value_is_wrong(
 ) -> None:
     robot = Robot()
     with pytest.raises(error):
-        apply(robot, wanted)
+        robot.set_all(wanted)
     assert robot.order == []

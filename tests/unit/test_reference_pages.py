@@ -16,7 +16,8 @@ import wheelwire
 import wheelwire.aio
 from wheelwire import config, errors
 from wheelwire.cli.app import app
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.files import robot as robot_file
+from wheelwire.files.pins import Pins
 from wheelwire_protocol.codes import Fault
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -60,12 +61,13 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
     told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
     robot = config.RobotConfig()
     sections: dict[str, Any] = {
-        "pins": Pins(),
         "pigpio": robot.pigpio,
         "serial": robot.serial,
         "gpio": robot.gpio,
     }
     expected = {"driver": "none", "store": "none", "board": "none", "parameters": "none"}
+    for name, pin in inspect.signature(Pins).parameters.items():
+        expected[f"pins.{name}"] = "none" if pin.default is None else str(pin.default)
     for section, settings in sections.items():
         for field in dataclasses.fields(settings):
             value = getattr(settings, field.name)
@@ -73,7 +75,9 @@ def test_every_key_of_a_robots_file_has_its_row_with_its_default() -> None:
             expected[f"{section}.{field.name}"] = "none" if value is None else written
     keys = {key: default for key, default in told.items() if key in expected}
     assert keys == expected
-    assert set(config._TOP) == {key.partition(".")[0] for key in expected}
+    assert {*robot_file.TOP, *config._SECTIONS, "pins", "parameters"} == {
+        key.partition(".")[0] for key in expected
+    }
 
 
 def test_the_pis_pins_are_those_of_the_default_robot() -> None:
@@ -81,18 +85,21 @@ def test_the_pis_pins_are_those_of_the_default_robot() -> None:
     told = dict(re.findall(r"^\| ([^|]+) \| ([\d, ]+) \| [\d, ]+ \|$", table, re.M))
     pins = Pins()
     assert {name: tuple(map(int, numbers.split(","))) for name, numbers in told.items()} == {
-        "left EN (ENA)": (pins.left_pwm,),
-        "left IN1, IN2": (pins.left_dir1, pins.left_dir2),
-        "right EN (ENB)": (pins.right_pwm,),
-        "right IN1, IN2 (IN3, IN4)": (pins.right_dir1, pins.right_dir2),
-        "left encoder A, B": (pins.left_enc_a, pins.left_enc_b),
-        "right encoder A, B": (pins.right_enc_a, pins.right_enc_b),
+        "left EN (ENA)": (pins.left.enable,),
+        "left IN1, IN2": (pins.left.in1, pins.left.in2),
+        "right EN (ENB)": (pins.right.enable,),
+        "right IN1, IN2 (IN3, IN4)": (pins.right.in1, pins.right.in2),
+        "left encoder A, B": (pins.left.encoder_a, pins.left.encoder_b),
+        "right encoder A, B": (pins.right.encoder_a, pins.right.encoder_b),
     }
 
 
 def test_every_other_name_in_a_robots_file_has_its_row() -> None:
     told = {row[0].strip("`"): row[1].strip("`") for row in rows("robot-file.md")}
-    for name, key in {**config.ALIASES, config.MAX_RPM: "parameters.velocity_feedforward"}.items():
+    for name, key in {
+        **robot_file.ALIASES,
+        robot_file.MAX_RPM: "parameters.velocity_feedforward",
+    }.items():
         assert told[name] == key
 
 

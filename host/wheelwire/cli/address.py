@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wheelwire.address import (
+from wheelwire.config import (
     ADDRESS_KINDS,
     ENVIRONMENT,
     MOCK,
@@ -94,7 +94,7 @@ class Address:
 
         Args:
             baud_rate: Of a port; None: the default.
-            bare: See `wheelwire.address.driver_at`.
+            bare: See `wheelwire.config.driver_at`.
 
         Raises:
             InvalidArgument: A baud rate was given, but the address is not a port.

@@ -44,7 +44,7 @@ app = typer.Typer()
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
-    from wheelwire.board_file import shipped_boards
+    from wheelwire.files.board import shipped_boards
 
     for name in shipped_boards():
         if name.startswith(incomplete):
@@ -81,7 +81,7 @@ def board(context: typer.Context) -> None:
 @app.command("list")
 def list_all(as_json: JsonFlag = False) -> None:
     """List the built-in boards."""
-    from wheelwire.board_file import load_board, shipped_boards
+    from wheelwire.files.board import load_board, shipped_boards
     from wheelwire_protocol.board import CHIPS, STAGES
 
     boards = {name: load_board(name) for name in shipped_boards()}
@@ -117,14 +117,14 @@ def list_all(as_json: JsonFlag = False) -> None:
 @app.command("show")
 def show(name: NameArgument, as_json: JsonFlag = False) -> None:
     """Show what is connected to which pin, and what the power stage does."""
-    from wheelwire.board_file import load_board
+    from wheelwire.files.board import load_board
 
     _refuse_port(name)
     _show(load_board(name), as_json=as_json)
 
 
 def _show(found: BoardDescription, *, as_json: bool) -> None:
-    from wheelwire.board import board_mapping
+    from wheelwire.files.board import board_mapping
     from wheelwire_protocol.board import CHIPS, OUTPUTS, STAGES, Action, Level
 
     if as_json:
@@ -160,7 +160,7 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
 @app.command("check")
 def check(file: FileArgument, as_json: JsonFlag = False) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
-    from wheelwire.board_file import load_board
+    from wheelwire.files.board import load_board
 
     _refuse_port(file)
     found = load_board(file)
@@ -223,7 +223,7 @@ def write(
 
     Until then it is on trial: nothing drives, and the previous board returns after 10 s.
     """
-    from wheelwire.board_file import checked_board
+    from wheelwire.files.board import checked_board
 
     # One list: Click cannot leave out the first of two arguments.
     robot, name = _robot_and_board(context, list(arguments or ()))
@@ -314,8 +314,7 @@ def read(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """Show the device's active board, as a file."""
-    from wheelwire.board import board_mapping
-    from wheelwire.board_file import to_yaml
+    from wheelwire.files.board import board_mapping, to_yaml
 
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         state, found = _device_board(driver).read()
@@ -351,7 +350,7 @@ def init(
 
     Exit code 15 if the board cannot be used as it is.
     """
-    from wheelwire.board_file import to_yaml
+    from wheelwire.files.board import to_yaml
 
     # Before the questions, whose answers would be lost.
     if file.exists():
@@ -366,7 +365,7 @@ def init(
     except OSError as error:
         raise ConfigurationError(f"{file}: {error.strerror}") from error
     if as_json:
-        from wheelwire.board import board_mapping
+        from wheelwire.files.board import board_mapping
 
         print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
     else:
@@ -379,8 +378,8 @@ def init(
 
 
 def _ask_for_board(like: str | None) -> BoardDescription:
-    from wheelwire.board import CHIP_BY_NAME, STAGE_BY_NAME, BoardDescription, WheelPins
-    from wheelwire.board_file import load_board
+    from wheelwire.board import BoardDescription, WheelPins
+    from wheelwire.files.board import CHIP_BY_NAME, STAGE_BY_NAME, load_board
     from wheelwire_protocol.board import CHIPS, STAGES, BoardLine, BoardPin, EncoderPulls, Stage
 
     base = load_board(like) if like else None
@@ -434,7 +433,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
 
 def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
     """Ask what carries the chip, if modules with different pins do."""
-    from wheelwire.board import ANY_MODULE, MODULE_BY_NAME
+    from wheelwire.files.board import ANY_MODULE, MODULE_BY_NAME
     from wheelwire_protocol.board import MODULES
 
     names = [

@@ -9,14 +9,14 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from wheelwire.address import is_robot_file
+from wheelwire.config import is_robot_file
 from wheelwire.errors import FlashFailed, InvalidArgument
 
 from .address import RobotArgument, resolve
 from .output import JsonFlag, console, print_json
 
 if TYPE_CHECKING:
-    from wheelwire.flash_layout import Plan
+    from wheelwire.flash import Plan
 
 PortOption = Annotated[str | None, typer.Option(hidden=True, help="The same as ROBOT.")]
 ImageOption = Annotated[
@@ -42,9 +42,9 @@ def flash(
 ) -> None:
     """Write the firmware to a board and connect to it. Saved parameters are kept."""
     from wheelwire import flash as flasher  # here, so that other commands start faster
-    from wheelwire.board_file import checked_board
     from wheelwire.drivers.factory import open_driver
-    from wheelwire.flash_layout import plan_flash, read_image
+    from wheelwire.files.board import checked_board
+    from wheelwire.flash import plan_flash, read_image
 
     _check_is_no_image(robot)
     # What can be wrong without the chip is found before it is touched.

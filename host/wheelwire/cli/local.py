@@ -14,10 +14,11 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
+from wheelwire.files.bad_line import load_profile
+from wheelwire.files.plant import load_plant
 from wheelwire.link.port_list import ports as serial_ports
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import LineProfile, load_profile
-from wheelwire.simulation.plant import load_plant
+from wheelwire.simulation.impairment import LineProfile
 from wheelwire.simulation.simulator import find_simulator
 
 from .output import JsonFlag, console, print_facts, print_json, print_table

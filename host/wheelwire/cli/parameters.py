@@ -13,7 +13,7 @@ from rich.padding import Padding
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument
-from wheelwire.parameters import ParameterInfo
+from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
 from wheelwire_protocol.codes import Board, Fault, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
 
@@ -34,7 +34,7 @@ from .prompts import ask_yes_or_no
 
 if TYPE_CHECKING:
     from wheelwire.link.info import DeviceInfo
-    from wheelwire.parameter_file import Difference, ParameterFile
+    from wheelwire.files.parameters import ParameterFile
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22
@@ -284,7 +284,7 @@ def export(
 
     Write them to a file with `> FILE`; `params import` sets them on another robot.
     """
-    from wheelwire.parameter_file import ParameterFile  # here, because YAML is slow to import
+    from wheelwire.files.parameters import ParameterFile  # here, because YAML is slow to import
 
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
@@ -308,7 +308,7 @@ def import_file(
     Parameters that are not in the file stay as they are.
     The file may be from another board.
     """
-    from wheelwire.parameter_file import apply, differences, load_parameter_file, number_text
+    from wheelwire.files.parameters import load_parameter_file
 
     # The file first: opening the robot stops it, which a wrong file should not do.
     robot, file = _split_file(context, arguments or ())
@@ -322,14 +322,14 @@ def import_file(
         lasting, device = outlives_commands(driver), _device(driver)
         expected = differences(driver.parameters.list(), wanted.values)
         address.check_parameters([change.name for change in expected], save=save)
-        changes = apply(driver.parameters, wanted.values, save=save)
+        changes = driver.parameters.set_all(wanted.values, save=save)
         ending.outcome = "interrupted; the values in the file are set"
         driver.read()  # it may have been sent before the last change
         state = driver.read().state
     if as_json:
         print_json(
             {
-                "changed": {change.name: change.file for change in changes},
+                "changed": {change.name: change.wanted for change in changes},
                 "saved": save,
                 "state": state,
                 **_boards(wanted, device),
@@ -341,7 +341,7 @@ def import_file(
     for change in changes:
         console.print(
             f"{change.name}: {number_text(change.robot)} -> "
-            f"{number_text(change.file)} {change.unit}".rstrip(),
+            f"{number_text(change.wanted)} {change.unit}".rstrip(),
             soft_wrap=True,
         )
     console.print(
@@ -374,7 +374,7 @@ def diff(
 
     Only the parameters in the file are compared.
     """
-    from wheelwire.parameter_file import differences, load_parameter_file
+    from wheelwire.files.parameters import load_parameter_file
 
     robot, file = _split_file(context, arguments or ())
     wanted = load_parameter_file(file)
@@ -383,7 +383,7 @@ def diff(
     found = differences(parameters, wanted.values)
     absent = [p.name for p in parameters if p.name not in wanted.values]
     if as_json:
-        values = {d.name: {"robot": d.robot, "file": d.file, "unit": d.unit} for d in found}
+        values = {d.name: {"robot": d.robot, "file": d.wanted, "unit": d.unit} for d in found}
         print_json({"different": values, "not_in_file": absent, **_boards(wanted, device)})
     else:
         _print_differences(wanted, device, found, absent)
@@ -397,13 +397,11 @@ def _print_differences(
     found: Sequence[Difference],
     absent: Sequence[str],
 ) -> None:
-    from wheelwire.parameter_file import number_text
-
     if found:
         print_table(
             f"{len(found)} of {len(wanted.values)} values differ",
             ("name", "robot", "file", "unit"),
-            [(d.name, number_text(d.robot), number_text(d.file), d.unit) for d in found],
+            [(d.name, number_text(d.robot), number_text(d.wanted), d.unit) for d in found],
         )
         console.print(f"robot: {_robot(device)}; file: {wanted.source}", soft_wrap=True)
     else:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wheelwire.address import MOCK
+from wheelwire.config import MOCK
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import (
@@ -247,8 +247,8 @@ def _simulated_robot(
 ) -> MockDriver:
     """Raised and wired at random, or on the floor and set up but for its gains."""
     from wheelwire.drivers.mock import MockDriver
+    from wheelwire.files.plant import load_plant
     from wheelwire.simulation.library import FwSimError
-    from wheelwire.simulation.plant import load_plant
 
     given = dict(map(_setting, settings))
     values = load_plant(plant).settings if plant is not None else {}

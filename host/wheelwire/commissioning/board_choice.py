@@ -6,10 +6,10 @@ from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import Board, Contradiction
 
 from ..board import BoardDescription, chip_of_pins
-from ..board_file import load_board, pictures_directory, shipped_boards
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, GroupUnavailable
+from ..files.board import load_board, pictures_directory, shipped_boards
 from .inspection import Say
 from .questions import KEEP, Person, Question
 

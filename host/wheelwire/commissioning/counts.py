@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..drivers.base import BaseDriver
-from ..simulation.plant import load_plant, shipped_plants
+from ..files.plant import load_plant, shipped_plants
 from .inspection import Say, Unfit
 from .motion import SIDES, fresh
 from .problems import WRONG_WHEEL, Problem

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from ..arguments import top_level
-from ..board_file import shipped_boards
-from ..config import check_names
 from ..drivers.mock import MockDriver
 from ..errors import ConfigurationError, InvalidArgument
+from ..files.answers import load_answers
+from ..files.board import shipped_boards
+from ..files.plant import shipped_plants
 from ..parameters import checked_value
-from ..simulation.plant import shipped_plants
-from ..yaml_file import reading
 from .motion import SIDES
 
 YES, NO = "yes", "no"
@@ -138,15 +136,8 @@ class AnswersFile:
     def __init__(self, file: Path, otherwise: Person | None = None) -> None:
         self._file = file
         self._otherwise = otherwise
-        with reading(file, "answers") as content:
-            self._answers = top_level(content or {})
-            check_names(self._answers, list(ANSWER_KEYS), "")
-            for key, form in _forms().items():
-                if key in self._answers:
-                    try:
-                        form.parse(self._answers[key])
-                    except InvalidArgument as error:
-                        raise ConfigurationError(str(error)) from error
+        forms = {key: form.parse for key, form in _forms().items()}
+        self._answers = load_answers(file, forms)
 
     def answer(self, question: Question) -> str:
         """As the file says.

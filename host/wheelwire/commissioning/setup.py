@@ -11,8 +11,8 @@ from wheelwire_protocol.codes import Fault, ResetReason
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, DeviceRefused, OutputFailed
-from ..parameter_file import ParameterFile, number_text
-from ..parameters import Trial, definition_of
+from ..files.parameters import ParameterFile
+from ..parameters import Trial, definition_of, number_text
 from .board_choice import choose_board, tell_contradictions
 from .counts import COUNTS, ask_counts
 from .gains import tuned

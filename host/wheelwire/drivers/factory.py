@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..board import BoardDescription
-    from ..linux_mcu.pins import Pins
     from .base import BaseDriver
     from .l298n import L298NDriver
     from .mock import MockDriver
@@ -47,7 +46,7 @@ def open_driver(
 def open_driver(
     name: Literal["l298n"],
     *,
-    pins: Pins | BoardDescription | None = ...,
+    pins: BoardDescription | None = ...,
     pwm_chip: int | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
@@ -60,7 +59,7 @@ def open_driver(
     *,
     host: str = ...,
     port: int = ...,
-    pins: Pins | BoardDescription | None = ...,
+    pins: BoardDescription | None = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
     core_timeout_ms: int = ...,

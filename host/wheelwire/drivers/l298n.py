@@ -7,10 +7,9 @@ from pathlib import Path
 
 from ..arguments import path, whole
 from ..board import BoardDescription
-from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
-from .pins import PinDriver, PinProcess
+from .pins import PinDriver, PinProcess, checked_pins
 
 PWM_DIRECTORY = Path("/sys/class/pwm")
 MAX_CHIP = 255
@@ -20,7 +19,7 @@ class L298NDriver(PinDriver):
     """A robot on this computer's pins, through gpiozero's pin factory.
 
     Args:
-        pins: The wiring of an L298N, or a board.
+        pins: The wiring; by default that of the guide for a Raspberry Pi 4B and an L298N.
         pwm_chip: Number of the kernel's PWM chip, where there are several.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
@@ -37,7 +36,7 @@ class L298NDriver(PinDriver):
     def __init__(
         self,
         *,
-        pins: Pins | BoardDescription | None = None,
+        pins: BoardDescription | None = None,
         pwm_chip: int | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
@@ -58,7 +57,7 @@ class L298NDriver(PinDriver):
 
 def l298n_process(
     *,
-    pins: Pins | BoardDescription | None = None,
+    pins: BoardDescription | None = None,
     pwm_chip: int | None = None,
     parameters: Mapping[str, float] | None = None,
     store: Path | None = None,
@@ -68,7 +67,7 @@ def l298n_process(
     """The process of a driver with these arguments, checked."""
     settings = McuSettings(
         backend="l298n",
-        pins=pins or Pins(),
+        board=checked_pins(pins),
         parameters=checked_values(parameters),
         pwm_directory=str(path("pwm_directory", pwm_directory)),
         pwm_chip=None if pwm_chip is None else whole("pwm_chip", pwm_chip, 0, MAX_CHIP),

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from ..arguments import text, whole
 from ..board import BoardDescription
-from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from ..parameters import checked_values
-from .pins import PinDriver, PinProcess
+from .pins import PinDriver, PinProcess, checked_pins
 
 DEFAULT_PORT = 8888
 
@@ -21,7 +20,7 @@ class PigpioDriver(PinDriver):
     Args:
         host: Where the daemon runs.
         port: Its TCP port.
-        pins: The wiring of an L298N, or a board.
+        pins: The wiring; by default that of the guide for a Raspberry Pi 4B and an L298N.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
         core_timeout_ms: If the core is silent for longer, it is killed; the script inside pigpiod
@@ -38,7 +37,7 @@ class PigpioDriver(PinDriver):
         host: str = "localhost",
         port: int = DEFAULT_PORT,
         *,
-        pins: Pins | BoardDescription | None = None,
+        pins: BoardDescription | None = None,
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
         core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
@@ -59,18 +58,15 @@ def pigpio_process(
     host: str = "localhost",
     port: int = DEFAULT_PORT,
     *,
-    pins: Pins | BoardDescription | None = None,
+    pins: BoardDescription | None = None,
     parameters: Mapping[str, float] | None = None,
     store: Path | None = None,
     core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
 ) -> PinProcess:
     """The process of a driver with these arguments, checked."""
-    wiring = pins or Pins()
-    if isinstance(wiring, Pins):  # a board may also have its PWM timed by the daemon
-        wiring.check_hardware_pwm()
     settings = McuSettings(
         backend="pigpio",
-        pins=wiring,
+        board=checked_pins(pins),
         parameters=checked_values(parameters),
         host=text("host", host, "localhost"),
         port=whole("port", port, 1, 65_535),

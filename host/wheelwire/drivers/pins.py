@@ -10,11 +10,11 @@ from pathlib import Path
 from ..arguments import path, whole
 from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
+from ..files.pins import Pins
 from ..link.base_link import LinkOptions
 from ..link.connection import Link
 from ..link.transports import Transport
 from ..linux_mcu.launch import launch
-from ..linux_mcu.pins import Pins
 from ..linux_mcu.settings import McuSettings
 from ..linux_mcu.store import converted_store
 from .transport_driver import DeviceDriver, link_options
@@ -45,10 +45,6 @@ class PinProcess:
                 "core_timeout_ms", settings.core_timeout_ms, 1, MAX_CORE_TIMEOUT_MS
             ),
         )
-        if not isinstance(settings.pins, (Pins, BoardDescription)):
-            raise InvalidArgument(
-                f"pins = {shown(settings.pins)}: give `wheelwire.Pins`, or a board"
-            )
         if store is not None:
             # Here: the process itself reads no other format than the core's.
             settings = replace(settings, store=str(converted_store(path("store", store))))
@@ -68,6 +64,15 @@ class PinProcess:
             for limit in self.limits:
                 _log.warning("%s: %s", self._settings.backend, limit)
         return transport
+
+
+def checked_pins(pins: BoardDescription | None) -> BoardDescription:
+    """The wiring, if it is one; None: that of the guide."""
+    if pins is None:
+        return Pins()
+    if isinstance(pins, BoardDescription):
+        return pins
+    raise InvalidArgument(f"pins = {shown(pins)}: give `wheelwire.Pins(...)`, or another board")
 
 
 class PinDriver(DeviceDriver):

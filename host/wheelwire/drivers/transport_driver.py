@@ -228,7 +228,7 @@ def link_options(
 
 def _expected(board: str | Path | BoardDescription) -> ExpectedBoard:
     if not isinstance(board, BoardDescription):
-        from ..board_file import load_board  # here: it needs a YAML library
+        from ..files.board import load_board  # here: few name a board
 
         board = load_board(board)
     return ExpectedBoard(board.name, board.fingerprint())

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 from ..board import BoardDescription, unpacked
-from .pins import Pins
 
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""
@@ -21,7 +20,7 @@ class McuSettings:
 
     Attributes:
         backend: What moves the pins.
-        pins: The wiring: of an L298N, or a board for this computer.
+        board: The wiring of this computer's pins.
         parameters: Values that differ from the defaults, by name.
         store: File for saved parameters; without one nothing can be saved.
         pwm_directory: `l298n`: directory of the kernel's PWM chips.
@@ -35,7 +34,7 @@ class McuSettings:
     """
 
     backend: Literal["l298n", "pigpio"]
-    pins: Pins | BoardDescription = field(default_factory=Pins)
+    board: BoardDescription
     parameters: dict[str, float] = field(default_factory=dict)
     store: str | None = None
     pwm_directory: str = "/sys/class/pwm"
@@ -47,18 +46,13 @@ class McuSettings:
     listen: str | None = None
     parent: int | None = None
 
-    @property
-    def board(self) -> BoardDescription:
-        """The wiring as a board."""
-        return self.pins.board() if isinstance(self.pins, Pins) else self.pins
-
     def to_json(self) -> str:
         """The settings as one line of JSON, with the board in its packed form."""
         # JSON knows neither the board's enumerations nor its set of pins.
-        return json.dumps({**asdict(replace(self, pins=Pins())), "pins": self.board.packed().hex()})
+        return json.dumps({**vars(self), "board": self.board.packed().hex()})
 
     @classmethod
     def from_json(cls, text: str) -> McuSettings:
         """The settings from the output of `to_json`."""
         content = json.loads(text)
-        return cls(**{**content, "pins": unpacked(bytes.fromhex(content["pins"]))})
+        return cls(**{**content, "board": unpacked(bytes.fromhex(content["board"]))})

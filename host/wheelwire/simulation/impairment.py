@@ -1,31 +1,18 @@
-"""An impaired serial line, described by a YAML profile.
-
-seed: 7                 # of the random generators; a run repeats for its seed
-
-to_device:              # and to_host: the fields of `Impairment`
-  corrupt: 0.01
-
-incidents:              # any number; the fields of `Incident`
-  - {what: unplug, at_s: 5.0, for_s: 0.5, every_s: 20.0}
-"""
+"""An impaired serial line; `files.bad_line` reads one from YAML."""
 
 from __future__ import annotations
 
 import enum
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from heapq import heapify, heappop, heappush
-from pathlib import Path
 from random import Random
-from typing import Any
 
 from wheelwire.errors import ConfigurationError, shown
 from wheelwire_protocol.decoder import Decoder
 
-SHIPPED = Path(__file__).parent / "profiles"
-MAX_SEED = 2**32 - 1
 KINDS = ("stall", "unplug", "reset")
 _CHANCES = ("loss", "repeat", "reorder", "flip", "corrupt")
 
@@ -114,80 +101,6 @@ class LineProfile:
     to_host: Impairment = field(default_factory=Impairment)
     incidents: tuple[Incident, ...] = ()
     seed: int = 1
-
-
-def shipped_profiles() -> list[str]:
-    """Names of the built-in profiles."""
-    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
-
-
-def load_profile(name: str) -> LineProfile:
-    """Read a profile from a file, or a built-in one by its name.
-
-    Raises:
-        ConfigurationError: The file does not exist or is invalid.
-    """
-    # Here: a line that is described in Python needs no PyYAML.
-    from wheelwire.yaml_file import reading
-
-    known = shipped_profiles()
-    path = SHIPPED / f"{name}.yaml" if name in known else Path(name)
-    if not path.exists():
-        raise ConfigurationError(
-            f"{name}: there is no such file, and the built-in profiles are {', '.join(known)}"
-        )
-    with reading(path, "profile") as content:
-        return parse_profile(content)
-
-
-def parse_profile(settings: object) -> LineProfile:
-    """Build a profile from the content of a file.
-
-    Raises:
-        ConfigurationError: The content is invalid.
-    """
-    if not isinstance(settings, dict):
-        raise ConfigurationError("the file has to hold names with values, as in `seed: 7`")
-    _check_names("", settings, {"seed", "to_device", "to_host", "incidents"})
-    incidents = settings.get("incidents", [])
-    if not isinstance(incidents, list):
-        raise ConfigurationError(
-            f"incidents = {shown(incidents)}: give a list, one per line, each after a dash"
-        )
-    seed = settings.get("seed", 1)
-    _check_number("seed", seed, MAX_SEED, f"a whole number, 0 to {MAX_SEED}", whole=True)
-    return LineProfile(
-        to_device=_filled(Impairment, settings.get("to_device", {}), "to_device"),
-        to_host=_filled(Impairment, settings.get("to_host", {}), "to_host"),
-        incidents=tuple(
-            _filled(Incident, incident, f"incidents[{index}]")
-            for index, incident in enumerate(incidents)
-        ),
-        seed=int(seed),
-    )
-
-
-def _filled(kind: type[Any], values: Any, where: str) -> Any:
-    if not isinstance(values, dict):
-        raise ConfigurationError(f"{where} = {shown(values)}: give names with values")
-    _check_names(f"{where}.", values, {f.name for f in fields(kind)})
-    for needed in fields(kind):
-        has_default = needed.default is not MISSING
-        if not has_default and needed.name not in values:
-            raise ConfigurationError(f"{where}.{needed.name} is missing")
-    try:
-        return kind(**values)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{where}.{error}") from error
-
-
-def _check_names(prefix: str, given: Mapping[str, Any], known: set[str]) -> None:
-    for name, value in given.items():
-        if name not in known:
-            raise ConfigurationError(
-                f"{prefix}{name} = {shown(value)}: unknown key; choose from "
-                f"{', '.join(sorted(known))}"
-            )
 
 
 BUFFER = 4096

@@ -15,8 +15,9 @@ from support.plant.bridge import Wiring
 from support.plant.encoder import LEVELS, Edge
 from support.plant.motor import MotorModel
 from support.plant.robot import ModelRobot
+from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.encoder import A
-from wheelwire.linux_mcu.pins import PWM_CHANNEL, Pins
+from wheelwire.linux_mcu.gpio.base import PWM_CHANNEL, encoder_pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
@@ -107,10 +108,8 @@ class World:
         return self.chip.lines[gpio].level
 
     def _gpio(self, side: int, a: bool) -> int:
-        pins = self.pins
-        if side == 0:
-            return pins.left_enc_a if a else pins.left_enc_b
-        return pins.right_enc_a if a else pins.right_enc_b
+        gpio_a, gpio_b = encoder_pins((self.pins.left, self.pins.right)[side])
+        return gpio_a if a else gpio_b
 
 
 def clock_us() -> int:

@@ -6,25 +6,21 @@ import numpy as np
 
 from support.pigpiod.reports import SAMPLE_US, Samples, make_samples
 from support.plant.encoder import LEVELS
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.board import BoardDescription
+from wheelwire.linux_mcu.gpio.base import encoder_pins
 
 
 class Spinner:
     """Stands in for the motors. Its first edges follow the encoders' rest at LEVELS[0]."""
 
-    def __init__(self, pins: Pins) -> None:
+    def __init__(self, pins: BoardDescription) -> None:
         self.ticks_per_s = 0.0
         self.ticks = 0
         """Ticks so far, of each wheel."""
         self._position = 0.0
+        (left_a, left_b), (right_a, right_b) = encoder_pins(pins.left), encoder_pins(pins.right)
         self._levels = np.array(
-            [
-                a << pins.left_enc_a
-                | b << pins.left_enc_b
-                | a << pins.right_enc_a
-                | b << pins.right_enc_b
-                for a, b in LEVELS
-            ]
+            [a << left_a | b << left_b | a << right_a | b << right_b for a, b in LEVELS]
         )
 
     def samples(self, start_us: int, end_us: int) -> Samples:

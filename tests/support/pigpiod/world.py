@@ -12,8 +12,9 @@ from support.plant.bridge import Wiring
 from support.plant.encoder import Edge
 from support.plant.motor import MotorModel
 from support.plant.robot import ModelRobot
-from wheelwire.linux_mcu.encoder import A
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.files.pins import Pins
+from wheelwire.linux_mcu.encoder import A, B
+from wheelwire.linux_mcu.gpio.base import encoder_pins
 
 BATCH_S = 0.001
 CATCH_UP_US = 100_000
@@ -109,14 +110,8 @@ class World:
 
     @property
     def _encoder_bits(self) -> int:
-        pins = self._pins
-        return sum(
-            1 << gpio
-            for gpio in (pins.left_enc_a, pins.left_enc_b, pins.right_enc_a, pins.right_enc_b)
-        )
+        return sum(1 << self._gpio(side, channel) for side in (0, 1) for channel in (A, B))
 
     def _gpio(self, side: int, channel: int) -> int:
-        pins = self._pins
-        if side == 0:
-            return pins.left_enc_a if channel == A else pins.left_enc_b
-        return pins.right_enc_a if channel == A else pins.right_enc_b
+        gpio_a, gpio_b = encoder_pins((self._pins.left, self._pins.right)[side])
+        return gpio_a if channel == A else gpio_b

@@ -6,8 +6,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 
-from wheelwire.linux_mcu.pins import Pins
-
 from .wheel import SimulatedWheel
 
 Inputs = Mapping[str, float]
@@ -28,16 +26,16 @@ class Wiring:
     stage: str = "enable_in1_in2"
     left: dict[str, int] = field(
         default_factory=lambda: {
-            "enable": Pins().left_pwm,
-            "in1": Pins().left_dir1,
-            "in2": Pins().left_dir2,
+            "enable": 18,
+            "in1": 23,
+            "in2": 24,
         }
     )
     right: dict[str, int] = field(
         default_factory=lambda: {
-            "enable": Pins().right_pwm,
-            "in1": Pins().right_dir1,
-            "in2": Pins().right_dir2,
+            "enable": 19,
+            "in1": 5,
+            "in2": 6,
         }
     )
     standby: int | None = None

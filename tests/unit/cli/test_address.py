@@ -10,9 +10,9 @@ import pytest
 from support.command import check_error, run
 from support.usb_ports import fake_usb_ports
 from wheelwire import errors
-from wheelwire.address import ENVIRONMENT
 from wheelwire.cli import address
 from wheelwire.cli.address import Address, looks_like_address, resolve
+from wheelwire.config import ENVIRONMENT
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort
 

@@ -10,7 +10,7 @@ from support.gpio_chip_process import GpioChip
 from support.waiting import wait_until
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, DriverUnavailable
-from wheelwire.linux_mcu.pins import Pins
+from wheelwire.files.pins import Pins
 
 LONG_OVERRUN_LIMIT = {"overrun_limit_us": 1e6}
 """A busy test machine is no fault of the robot's."""

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 
 from wheelwire.errors import ConfigurationError
+from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu import latches
 from wheelwire.linux_mcu.core import make_core
 from wheelwire.linux_mcu.latches import latch_file, runtime_directory
-from wheelwire.linux_mcu.pins import Pins
 from wheelwire.linux_mcu.settings import McuSettings
 from wheelwire.linux_mcu.store import CoreHost
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.types import ClearEstop, Estop
 
-SETTINGS = McuSettings("l298n")
+SETTINGS = McuSettings("l298n", Pins())
 
 
 def state_after_a_start(*messages: Estop | ClearEstop) -> SupervisorState:
@@ -58,8 +58,8 @@ def test_robots_on_other_pins_do_not_meet() -> None:
     assert state_after_a_start(Estop(0, 0)) is SupervisorState.ESTOPPED
     for other in (
         McuSettings("l298n", Pins(left_pwm=12)),
-        McuSettings("pigpio"),
-        McuSettings("pigpio", host="robot.local"),
+        McuSettings("pigpio", Pins()),
+        McuSettings("pigpio", Pins(), host="robot.local"),
     ):
         assert latch_file(other).load() == b""
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import pytest
 
 from wheelwire import errors
+from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu import launch
-from wheelwire.linux_mcu.pins import Pins
 from wheelwire.linux_mcu.settings import McuSettings
 
 HANGS_UP = "import os, sys, time; os.close(int(sys.argv[1])); time.sleep(60)"
@@ -26,5 +26,5 @@ def test_a_process_that_hangs_up_at_its_start_and_does_not_end_is_ended(
     monkeypatch.setattr(launch, "start", start_other)
     monkeypatch.setattr(launch, "EXIT_TIMEOUT_S", 0.05)
     with pytest.raises(errors.DriverUnavailable, match="ended at its start with status -"):
-        launch.launch(McuSettings(backend="l298n", pins=Pins()))
+        launch.launch(McuSettings(backend="l298n", board=Pins()))
     assert started[0].returncode is not None

@@ -12,10 +12,10 @@ import pytest
 
 from support.pigpio_process import PigpioProcess
 from support.waiting import wait_until
+from wheelwire.config import parse_config
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.errors import ConfigurationError, DriverUnavailable, LinkLost
 from wheelwire.linux_mcu.gpio.pigpio_watchdog import MAX_SCRIPTS
-from wheelwire.linux_mcu.pins import Pins
 
 HOST = "127.0.0.1"
 LONG_S = 30.0
@@ -90,9 +90,9 @@ def test_no_daemon_says_how_to_start_one() -> None:
 
 def test_two_wheels_on_one_pwm_channel_are_refused() -> None:
     with pytest.raises(ConfigurationError, match=r"right_pwm = 12.*share"):
-        PigpioDriver(HOST, 1, pins=Pins(right_pwm=12))
+        parse_config({"driver": "pigpio", "pins": {"right_pwm": 12}})
     with pytest.raises(ConfigurationError, match=r"left_pwm = 4.*12, 13, 18 and 19"):
-        PigpioDriver(HOST, 1, pins=Pins(left_pwm=4))
+        parse_config({"driver": "pigpio", "pins": {"left_pwm": 4}})
 
 
 def test_the_scripts_of_killed_programs_do_not_fill_the_daemon(

@@ -19,11 +19,11 @@ from support.processes import children
 from support.stand_in import StandIn
 from support.waiting import wait_until
 from wheelwire.board import BoardDescription, WheelPins
-from wheelwire.board_file import load_board
 from wheelwire.drivers.l298n import L298NDriver
 from wheelwire.drivers.pigpio import PigpioDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import LinkLost
+from wheelwire.files.board import load_board
 from wheelwire.linux_mcu.gpio.base import encoder_pins, release_pins
 from wheelwire.linux_mcu.gpio.library import LibraryGpio
 from wheelwire.linux_mcu.gpio.pigpiod import PigpiodGpio

@@ -7,13 +7,14 @@ import pytest
 
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused
+from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.core import active_parameters, make_core
 from wheelwire.linux_mcu.settings import McuSettings
 from wheelwire.linux_mcu.store import converted_store
 
 
 def in_force(store: Path, **parameters: float) -> dict[str, float]:
-    settings = McuSettings(backend="l298n", parameters=parameters, store=str(store))
+    settings = McuSettings(backend="l298n", board=Pins(), parameters=parameters, store=str(store))
     return active_parameters(settings)
 
 
@@ -67,19 +68,23 @@ def test_a_computer_has_defaults_of_its_own(tmp_path: Path) -> None:
 
 
 def test_without_a_file_nothing_can_be_saved() -> None:
-    core = make_core(McuSettings(backend="l298n"))
+    core = make_core(McuSettings(backend="l298n", board=Pins()))
     assert core is not None
     with pytest.raises(DeviceRefused, match="store"):
-        _save_on(McuSettings(backend="l298n"))
+        _save_on(McuSettings(backend="l298n", board=Pins()))
 
 
 def test_on_a_full_disk_nothing_is_saved_and_nothing_lost(tmp_path: Path) -> None:
     store = tmp_path / "parameters"
-    _save_on(McuSettings(backend="l298n", store=str(store), parameters={"integral_gain": 7.5}))
+    _save_on(
+        McuSettings(
+            backend="l298n", board=Pins(), store=str(store), parameters={"integral_gain": 7.5}
+        )
+    )
     before = store.read_bytes()
     (tmp_path / "parameters.new").symlink_to("/dev/full")
     with pytest.raises(DeviceRefused, match="store"):
-        _save_on(McuSettings(backend="l298n", store=str(store)))
+        _save_on(McuSettings(backend="l298n", board=Pins(), store=str(store)))
     assert store.read_bytes() == before
 
 

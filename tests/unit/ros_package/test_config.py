@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from wheelwire import load_config
+from wheelwire import Pins, load_config
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 CONFIG = Path(__file__).parents[3] / "ros_node" / "config" / "pi4b_params.yaml"
@@ -58,4 +58,4 @@ def test_the_pins_are_the_librarys() -> None:
     pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
     from wheelwire_ros.hardware_robot import PINS
 
-    assert {n: p for n, p in PINS.items() if p >= 0} == dict(load_config().pins.assigned())
+    assert Pins(**{n: p for n, p in PINS.items() if p >= 0}) == load_config().pins

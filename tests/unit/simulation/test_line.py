@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from wheelwire.errors import ConfigurationError
+from wheelwire.files.bad_line import load_profile, shipped_profiles
 from wheelwire.simulation.impairment import (
     CUT_TIMEOUT_US,
     ImpairedLine,
@@ -14,8 +15,6 @@ from wheelwire.simulation.impairment import (
     Incident,
     LineEvent,
     LineProfile,
-    load_profile,
-    shipped_profiles,
 )
 
 FRAME = b"\0\x02\x05\0"
@@ -81,7 +80,7 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
     [
         (
             "to_host: {lost: 0.1}",
-            ", line 1: to_host.lost = 0.1: unknown key; choose from baud_rate,",
+            ", line 1: to_host.lost = 0.1: unknown key; did you mean to_host.loss?",
         ),
         ("to_host:\n  loss: 2.0", ", line 2: to_host.loss = 2.0: it must be a probability, 0 to 1"),
         ("to_host: {loss: much}", "to_host.loss = 'much': it must be a probability"),
@@ -92,8 +91,8 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
         ("to_host: {delay_us: 2024-01-01}", "to_host.delay_us = '2024-01-01': it must be a whole"),
         ("to_host: {split: 'yes'}", "to_host.split = 'yes': it must be true or false"),
         ("to_host: {split: 1}", "to_host.split = 1: it must be true or false"),
-        ("to_host: 3", "to_host = 3: give names with values"),
-        ("to_host:", "to_host = None: give names with values"),
+        ("to_host: 3", "to_host = 3: it must be names with values"),
+        ("to_host:", "to_host = None: it must be names with values"),
         (
             "incidents:\n- {what: reset, at_s: 1}\n- {what: fire, at_s: 1.0}",
             ", line 3: incidents[1].what = 'fire': choose from stall, unplug, reset",
@@ -107,7 +106,7 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
         ),
         ("incidents: {what: reset, at_s: 1.0}", "one per line, each after a dash"),
         ("to_host: {", ", line 1: 'to_host: {': a comma or a closing bracket is missing"),
-        ("seeds: 1", ", line 1: seeds = 1: unknown key; choose from incidents, seed,"),
+        ("seeds: 1", ", line 1: seeds = 1: unknown key; did you mean seed?"),
         ("seed: much", "seed = 'much': it must be a whole number"),
         ("seed: 1.5", "seed = 1.5: it must be a whole number"),
         ("seed: -1", "seed = -1: it must be a whole number"),
@@ -115,7 +114,7 @@ def test_a_profile_of_ones_own(tmp_path: Path) -> None:
         ("seed: 2024-02-30", "seed = '2024-02-30': it must be a whole number"),
         ("seed:", "seed = None: it must be a whole number"),
         ("seed: 1\nseed: 2", ", line 2: seed is given twice (first in line 1): remove one"),
-        ("", "names with values, as in `seed: 7`"),
+        ("", "the file is empty: it must be names with values"),
         ("variables: {mass_kg: 1}", "this is a plant, for `wheelwire sim --plant FILE`"),
     ],
 )

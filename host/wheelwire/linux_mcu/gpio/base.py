@@ -12,6 +12,8 @@ from wheelwire_protocol.native import Outputs, StageInputs
 from ...board import BoardDescription, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
 
+PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
+"""Channel of a Raspberry Pi's PWM hardware by GPIO; the GPIOs of one channel carry one signal."""
 HIGH_Q15 = 32767
 """The core's number for an input that is always high."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import DriverUnavailable, LinkLost
-from ..pins import PWM_CHANNEL
+from .base import PWM_CHANNEL
 
 CHANNELS_BY_COUNT = {2: PWM_CHANNEL, 4: {12: 0, 13: 1, 18: 2, 19: 3}}
 """The channel of a GPIO: on a Pi 1 to 4, whose chip has 2 channels, and on a Pi 5, with 4."""

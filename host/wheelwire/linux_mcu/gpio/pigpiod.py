@@ -9,9 +9,9 @@ from wheelwire_protocol.board import ContactKind, EncoderPulls
 
 from ...errors import DriverUnavailable, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
-from ..pins import PWM_CHANNEL
 from ..settings import McuSettings
 from .base import (
+    PWM_CHANNEL,
     Gpio,
     StagePins,
     WheelPair,

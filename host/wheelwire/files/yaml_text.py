@@ -1,16 +1,13 @@
-"""YAML files in which no key occurs twice, and errors that name file, line and what to do."""
+"""YAML text: no key occurs twice, each key has its line, and errors say what to do."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import yaml
 
-from .errors import ConfigurationError, shown
+from wheelwire.errors import ConfigurationError, shown
 
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
 
@@ -36,117 +33,32 @@ _CURES = (
 )
 """What PyYAML's parser says, as a pattern, and what to do about it."""
 
-_KINDS: tuple[tuple[str, set[str], str], ...] = (
-    ("robot", {"driver", "driver_type"}, "a robot's file, which is given as ROBOT"),
-    (
-        "board",
-        {"chip", "stage"},
-        "a board's file: store it with `wheelwire board write [ROBOT] FILE`, or name it in a "
-        "robot's file by `board: FILE`",
-    ),
-    (
-        "parameters",
-        {"board_id", "firmware"},
-        "a file of parameters, for `wheelwire params import [ROBOT] FILE`",
-    ),
-    (
-        "profile",
-        {"to_device", "to_host", "incidents"},
-        "the profile of a bad line, for `wheelwire sim --faults FILE`",
-    ),
-    ("plant", {"variables"}, "a plant, for `wheelwire sim --plant FILE`"),
-    ("answers", {"raised", "first", "second"}, "answers, for `wheelwire setup --answers FILE`"),
-)
-"""Kinds of files, keys that only one of them has, and what to do with it."""
 
-
-@contextmanager
-def reading(source: Path, kind: str = "") -> Iterator[object]:
-    """The content of a YAML file; a ConfigurationError in the block is told with file and line.
-
-    Args:
-        source: The file.
-        kind: One of robot, board, parameters, profile, plant, answers: a file that clearly is of
-            another kind is refused, and told where it belongs.
+def parse(text: str) -> tuple[object, dict[str, int]]:
+    """The content, and the line of each key by its dotted name.
 
     Raises:
-        ConfigurationError: It cannot be read, is not YAML, is of another kind, or the block says
-            what is wrong, beginning with the key: `section.name = value: what to do`.
+        ConfigurationError: This is not YAML. The message begins with the line, if it is known.
     """
-    content, lines = _load(source)
     try:
-        if kind:
-            _refuse_other_kinds(content, kind)
-        yield content
-    except ConfigurationError as error:
-        key = re.match(r"[\w.\[\]-]+", str(error))
-        line = _line_of(key.group(), lines) if key else 0
-        where = f"{source}, line {line}" if line else f"{source}"
-        raise ConfigurationError(f"{where}: {error}") from error
-
-
-def load_yaml(source: Path) -> object:
-    """The content of a YAML file; see `reading`."""
-    return _load(source)[0]
-
-
-def _refuse_other_kinds(content: object, own: str) -> None:
-    if not isinstance(content, Mapping):
-        return
-    keys = {str(key) for key in content}
-    found = [(kind, meant) for kind, marks, meant in _KINDS if keys & marks]
-    if found and own not in [kind for kind, _ in found]:
-        raise ConfigurationError(f"this is {found[0][1]}")
-
-
-def _line_of(key: str, lines: Mapping[str, int]) -> int:
-    """The line of a key, else of the section around it; 0 if neither is in the file."""
-    while key:
-        if key in lines:
-            return lines[key]
-        key = key.rpartition(".")[0]
-    return 0
-
-
-def _load(source: Path) -> tuple[object, dict[str, int]]:
-    """The content, and the line of each key by its dotted name."""
-    # Reading a port would block, or take bytes from the robot.
-    if source.is_char_device() or source.is_block_device() or source.is_socket():
-        raise ConfigurationError(f"{source} is a device, not a file: give a YAML file")
-    try:
-        data = source.read_bytes()
-    except FileNotFoundError as error:
-        raise ConfigurationError(f"{source}: there is no such file") from error
-    except OSError as error:
-        raise ConfigurationError(f"{source}: {error.strerror}") from error
-    except ValueError as error:  # a name with a NUL in it
-        raise ConfigurationError(f"{shown(str(source))}: no file can have this name") from error
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise ConfigurationError(
-            f"{source}, line {line}: this is not UTF-8 text: save the file as UTF-8, or give "
-            "another file"
-        ) from error
-    try:
-        return _parse(text)
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None, {}
+        lines: dict[str, int] = {}
+        _note_lines(node, "", lines)
+        return loader.construct_document(node), lines
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{source}{_syntax(error, text)}") from error
+        raise ConfigurationError(_syntax(error, text)) from error
     except (ValueError, TypeError) as error:  # such as a number that is none after all
-        raise ConfigurationError(f"{source}: {' '.join(str(error).split())}") from error
+        raise ConfigurationError(f": {' '.join(str(error).split())}") from error
     except RecursionError:
-        raise ConfigurationError(f"{source}: the lines are nested too deeply") from None
+        raise ConfigurationError(": the lines are nested too deeply") from None
 
 
-def _parse(text: str) -> tuple[object, dict[str, int]]:
-    loader = _Loader(text)
-    node = loader.get_single_node()
-    if node is None:
-        return None, {}
-    lines: dict[str, int] = {}
-    _note_lines(node, "", lines)
-    return loader.construct_document(node), lines
+def dump(content: object) -> str:
+    """The text of a file with this content: the innermost mappings in a line, as people write."""
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
 def _syntax(error: yaml.YAMLError, text: str) -> str:

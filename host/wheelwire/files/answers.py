@@ -1,0 +1,25 @@
+"""Answers to the questions of a set-up, so that it runs without a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from .reading import Section, reading
+
+
+def load_answers(file: Path, forms: Mapping[str, Callable[[object], object]]) -> dict[str, object]:
+    """Read a file, and check each answer before anything moves.
+
+    Args:
+        file: A YAML file; it need not have all answers.
+        forms: By key: raises InvalidArgument if an answer is none.
+
+    Raises:
+        ConfigurationError: The file is invalid, or an answer in it is none.
+    """
+    with reading(file, "answers") as content:
+        answers = Section({} if content is None else content, forms).values
+        for key, answer in answers.items():
+            forms[key](answer)
+    return answers

@@ -1,0 +1,119 @@
+"""A robot's file: driver, pins, options and parameters, also under the names of other packages."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from wheelwire.arguments import is_number
+from wheelwire.errors import ConfigurationError, shown
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from .parameters import parameter_value, parameter_values
+from .pins import PIN_NAMES, Pins, check_hardware_pwm
+from .reading import Section
+
+log = logging.getLogger("wheelwire")
+
+ALIASES = {
+    "driver_type": "driver",
+    "wheel_base": "parameters.wheel_separation",
+    "wheel_radius": "parameters.wheel_radius",
+    "cpr": "parameters.counts_per_revolution",
+    "max_speed": "parameters.max_velocity_mps",
+    "pwm_frequency": "parameters.pwm_frequency_hz",
+    "pigpio_host": "pigpio.host",
+    "pigpio_port": "pigpio.port",
+    "serial_port": "serial.port",
+}
+"""Top-level names from other packages' files, and the names used here."""
+MAX_RPM = "max_rpm"
+"""The motor's no-load speed; with the wheel's radius it is the velocity feed-forward."""
+BUILT_IN = ("mock", "l298n", "pigpio", "serial")
+TOP = ("driver", "store", "board")
+_STATIC = "static_feedforward"
+_CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
+
+
+def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
+    """The values of a file by name; each section of `shapes` as the dataclass that is its shape.
+
+    `options` is the section of a driver that is in none of `shapes`, `aliases` the names of other
+    packages that were found, with the names that they stand for.
+
+    Raises:
+        ConfigurationError: The message begins with the key, and has its value and what is allowed.
+    """
+    if content is None:
+        raise ConfigurationError(f"the file is empty; {_CHOOSE_A_DRIVER}")
+    # Before the keys: there its top level, a node's name, would only be an unknown one.
+    if isinstance(content, Mapping) and any(
+        isinstance(node, Mapping) and "ros__parameters" in node for node in content.values()
+    ):
+        raise ConfigurationError(
+            "this is a ROS parameter file: start the node with it (params_file:=...); "
+            "a robot's own file has `driver:`, not `ros__parameters:`"
+        )
+    names = {section: [field.name for field in fields(shape)] for section, shape in shapes.items()}
+    names["pins"] = list(PIN_NAMES)
+    known = [*TOP, *names, "parameters", *ALIASES, MAX_RPM]
+    # A driver of another package has a section of its own name.
+    own = content.get("driver", content.get("driver_type")) if isinstance(content, Mapping) else ""
+    plug_in = [own] if isinstance(own, str) and own not in (*BUILT_IN, *known) else []
+    file = Section(content, [*known, *plug_in], "", {**names, "parameters": PARAMETER_BY_NAME})
+    aliases = _replace_aliases(file.values)
+    sections = {name: Section(_section(file.values, name), names[name], name) for name in names}
+    found: dict[str, Any] = {name: file.text(name) for name in TOP}
+    found |= {name: sections[name].fill(shape) for name, shape in shapes.items()}
+    found["pins"] = Pins(**sections["pins"].values)
+    found["parameters"] = parameter_values(file.get("parameters", None))
+    for name in plug_in:
+        found["options"] = _section(file.values, name)
+    # Last: a wrong value is reported first, whether or not a driver is named.
+    if {"board", "pins"} <= file.values.keys():
+        raise ConfigurationError("board and pins are both given: remove one of them")
+    if found["driver"] == "pigpio" and found["board"] is None:
+        check_hardware_pwm(found["pins"])  # a board may also have its PWM timed by the daemon
+    if found["driver"] is None:
+        raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
+    for foreign, name in aliases.items():
+        log.info("%s is read as %s", foreign, name)
+    return {**found, "aliases": aliases}
+
+
+def _section(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A copy of a section; one with nothing below it is empty."""
+    content = values.get(name) or {}
+    return Section(content, content, name).values
+
+
+def _replace_aliases(values: dict[str, Any]) -> dict[str, str]:
+    """Replace aliases by the names that they stand for; returns those that were found."""
+    given = {name: values.pop(name) for name in (*ALIASES, MAX_RPM) if name in values}
+    found = {name: ALIASES.get(name, "parameters.velocity_feedforward") for name in given}
+    for foreign, name in found.items():
+        section, _, key = name.rpartition(".")
+        if section:
+            values[section] = _section(values, section)
+        target = values[section] if section else values
+        if key in target:
+            raise ConfigurationError(
+                f"{foreign} = {shown(given[foreign])}: {name} is given too; remove one of them"
+            )
+        # The last one, after the alias of the wheel's radius that it needs.
+        target[key] = _feedforward(given[foreign], target) if foreign == MAX_RPM else given[foreign]
+    return found
+
+
+def _feedforward(rpm: Any, parameters: Mapping[str, Any]) -> float:
+    """Duty per m/s: full duty less what static friction takes, divided by the no-load speed."""
+    if not is_number(rpm) or rpm <= 0:
+        raise ConfigurationError(f"{MAX_RPM} = {shown(rpm)}: it must be a number above 0")
+    defaults = {name: PARAMETER_BY_NAME[name].default for name in ("wheel_radius", _STATIC)}
+    section = Section({**defaults, **parameters}, PARAMETER_BY_NAME, "parameters")
+    # v0 = w0 r, from "The four equations" in docs/drivers.md.
+    no_load_mps = rpm * 2 * math.pi / 60 * parameter_value(section, "wheel_radius")
+    return (1 - parameter_value(section, _STATIC)) / float(no_load_mps)
