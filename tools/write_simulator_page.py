@@ -11,8 +11,8 @@ import sys
 
 import generated
 from generated import table
-from wheelwire.simulation.library import FwSim, Variable
 from wheelwire.files.plant import load_plant, shipped_plants
+from wheelwire.simulation.library import FwSim, Variable
 
 PAGE = generated.ROOT / "docs" / "simulator.md"
 

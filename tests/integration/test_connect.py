@@ -192,7 +192,7 @@ def test_what_is_no_robot_is_told(
         ),
         ("driver: acme\nacme: {}", ConfigurationError, "line 1: driver = 'acme': no driver"),
         ("driver: acme\nacmee: {x: 1}", ConfigurationError, "did you mean acme"),
-        ("driver: acme\nacme: 3", ConfigurationError, "acme = 3: it must be a mapping"),
+        ("driver: acme\nacme: 3", ConfigurationError, "acme = 3: it must be names with values"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told(
