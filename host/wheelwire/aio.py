@@ -69,7 +69,7 @@ if TYPE_CHECKING:
 
     from .board import BoardDescription
     from .drivers.mock import MockProcess
-    from .drivers.pins import PinProcess
+    from .linux_mcu.settings import McuSettings
     from .simulation.simulator import Simulator
 
 __all__ = [
@@ -236,9 +236,11 @@ class Driver(LinkedRobot):
 class PinDriver(Driver):
     """A robot on this computer's pins, or behind a pigpio daemon."""
 
-    def __init__(self, process: PinProcess) -> None:
-        self._process = process
-        super().__init__(process.options)
+    def __init__(self, settings: McuSettings) -> None:
+        from .drivers.pins import PinProcess  # here: it starts processes, and few need it
+
+        self._process = PinProcess(settings)
+        super().__init__(self._process.options)
 
     @property
     def limits(self) -> tuple[str, ...]:
@@ -479,12 +481,12 @@ def connect(robot: str | os.PathLike[str] | None = None) -> Opening[Driver]:
 
 
 _DRIVERS: dict[str, tuple[type[Driver], str, str]] = {
-    "l298n": (PinDriver, "l298n", "l298n_process"),
+    "l298n": (PinDriver, "options", "L298NOptions"),
     "mock": (MockDriver, "mock", "MockProcess"),
-    "pigpio": (PinDriver, "pigpio", "pigpio_process"),
-    "serial": (Driver, "serial", "serial_link"),
+    "pigpio": (PinDriver, "options", "PigpioDriverOptions"),
+    "serial": (Driver, "options", "SerialDriverOptions"),
 }
-"""Name -> the class, and what checks the options in which module of `drivers`."""
+"""Name -> the class, and its options in which module of `drivers`."""
 
 
 @overload
@@ -560,5 +562,6 @@ def open_driver(name: str, **options: Any) -> Opening[Any]:
     # By name: only the module of the chosen driver is imported, with what it needs.
     check: Any = getattr(import_module(f"{__package__}.drivers.{module}"), checks)
     check_options(name, check, options)
-    checked = check(**options)
+    made = check(**options)
+    checked = made if name == "mock" else made.checked()
     return Opening(lambda: driver(checked))

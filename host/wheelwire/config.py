@@ -12,16 +12,21 @@ from typing import TYPE_CHECKING, Any
 from .arguments import text
 from .board import BoardDescription
 from .drivers.factory import check_options, driver_class, driver_names, open_driver
-from .drivers.serial import DEFAULT_BAUD_RATE, serial_link
+from .drivers.options import (
+    GpioOptions,
+    L298NOptions,
+    PigpioDriverOptions,
+    PigpioOptions,
+    SerialDriverOptions,
+    SerialOptions,
+)
 from .errors import ConfigurationError, InvalidArgument, RobotNotNamed, shown
 from .files.board import checked_board, shipped_boards
 from .files.pins import Pins
 from .files.reading import reading
 from .files.robot import BUILT_IN, parse_robot
-from .link.base_link import CONNECT_TIMEOUT_S
 from .link.transports import UNIX
-from .linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
-from .linux_mcu.store import converted_store
+from .linux_mcu.settings import McuSettings
 
 if TYPE_CHECKING:
     from .drivers.base import BaseDriver
@@ -34,33 +39,6 @@ BOARD_PORTS = "/dev/ttyUSB*,/dev/ttyACM*"
 """Where a board is looked for by its id: the ports of USB adapters and of chips with USB."""
 _ROBOT_FILES = (".yaml", ".yml")
 DEFAULT_FILE = Path(__file__).parent / "files" / "pi4b_robot.yaml"
-
-
-@dataclass(frozen=True)
-class PigpioOptions:
-    """The address of pigpiod."""
-
-    host: str = "localhost"
-    port: int = 8888
-
-
-@dataclass(frozen=True)
-class SerialOptions:
-    """The port of the ESP32, and what else `open_driver("serial", ...)` takes."""
-
-    port: str = "/dev/ttyUSB0"
-    baud_rate: int = DEFAULT_BAUD_RATE
-    connect_timeout: float = CONNECT_TIMEOUT_S
-    stream_rate_hz: int | None = None
-    board_id: str | None = None
-    any_board: bool = False
-
-
-@dataclass(frozen=True)
-class GpioOptions:
-    """The pins of this computer."""
-
-    pwm_chip: int | None = None
 
 
 @dataclass(frozen=True)
@@ -256,20 +234,11 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
         raise ConfigurationError(
             f"listen = {address!r}: it must be unix:PATH, such as unix:/run/wheelwire.sock"
         )
-    if config.driver not in ("l298n", "pigpio"):
+    options = {"l298n": L298NOptions, "pigpio": PigpioDriverOptions}.get(config.driver)
+    if options is None:
         raise ConfigurationError(f"driver = {config.driver!r}: a service needs l298n or pigpio")
-    return McuSettings(
-        backend="pigpio" if config.driver == "pigpio" else "l298n",
-        board=config.wiring(),
-        parameters=config.parameters,
-        # Converted here: the process itself reads no other format than the core's.
-        store=None if config.store is None else str(converted_store(Path(config.store))),
-        pwm_chip=config.gpio.pwm_chip,
-        host=config.pigpio.host,
-        port=config.pigpio.port,
-        core_timeout_ms=PIGPIO_CORE_TIMEOUT_MS if config.driver == "pigpio" else CORE_TIMEOUT_MS,
-        listen=str(Path(path).absolute()),
-    )
+    settings: McuSettings = options(**config.driver_options()).checked()
+    return replace(settings, listen=str(Path(path).absolute()))
 
 
 def load_config(file: str | Path | None = None) -> RobotConfig:
@@ -300,7 +269,7 @@ def parse_config(content: object) -> RobotConfig:
     """Check the content of a file; raises as `load_config`."""
     config = RobotConfig(**parse_robot(content, _SECTIONS))
     try:
-        serial_link(**asdict(config.serial))
+        SerialDriverOptions(**asdict(config.serial)).checked()
     except InvalidArgument as error:
         raise ConfigurationError(f"serial.{error}") from error
     return config

@@ -33,8 +33,8 @@ from .output import JsonFlag, UsageError, console, print_json, print_table, show
 from .prompts import ask_yes_or_no
 
 if TYPE_CHECKING:
-    from wheelwire.link.info import DeviceInfo
     from wheelwire.files.parameters import ParameterFile
+    from wheelwire.link.info import DeviceInfo
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22

@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-
-from ..arguments import text, whole
-from ..board import BoardDescription
-from ..linux_mcu.settings import PIGPIO_CORE_TIMEOUT_MS, McuSettings
-from ..parameters import checked_values
-from .pins import PinDriver, PinProcess, checked_pins
-
-DEFAULT_PORT = 8888
+from .options import PigpioDriverOptions, takes
+from .pins import PinDriver
 
 
 class PigpioDriver(PinDriver):
@@ -32,44 +24,6 @@ class PigpioDriver(PinDriver):
         ConfigurationError: The pins or the store do not fit.
     """
 
-    def __init__(
-        self,
-        host: str = "localhost",
-        port: int = DEFAULT_PORT,
-        *,
-        pins: BoardDescription | None = None,
-        parameters: Mapping[str, float] | None = None,
-        store: Path | None = None,
-        core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
-    ) -> None:
-        super().__init__(
-            pigpio_process(
-                host,
-                port,
-                pins=pins,
-                parameters=parameters,
-                store=store,
-                core_timeout_ms=core_timeout_ms,
-            )
-        )
-
-
-def pigpio_process(
-    host: str = "localhost",
-    port: int = DEFAULT_PORT,
-    *,
-    pins: BoardDescription | None = None,
-    parameters: Mapping[str, float] | None = None,
-    store: Path | None = None,
-    core_timeout_ms: int = PIGPIO_CORE_TIMEOUT_MS,
-) -> PinProcess:
-    """The process of a driver with these arguments, checked."""
-    settings = McuSettings(
-        backend="pigpio",
-        board=checked_pins(pins),
-        parameters=checked_values(parameters),
-        host=text("host", host, "localhost"),
-        port=whole("port", port, 1, 65_535),
-        core_timeout_ms=core_timeout_ms,
-    )
-    return PinProcess(settings, store)
+    @takes(PigpioDriverOptions)
+    def __init__(self, options: PigpioDriverOptions) -> None:
+        super().__init__(options.checked())

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 
-from ..arguments import flag, text, whole
-from ..board import BoardDescription
-from ..errors import InvalidArgument, shown
-from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.connection import Link
-from .transport_driver import DeviceDriver, link_options
-
-DEFAULT_BAUD_RATE = 921_600
-MAX_BAUD_RATE = 20_000_000
-"""More than any adapter has."""
+from .options import SerialDriverOptions, takes
+from .transport_driver import DeviceDriver
 
 
 class SerialDriver(DeviceDriver):
@@ -47,59 +37,6 @@ class SerialDriver(DeviceDriver):
         WheelwireError: As `TransportDriver`.
     """
 
-    def __init__(
-        self,
-        port: str,
-        *,
-        baud_rate: int = DEFAULT_BAUD_RATE,
-        connect_timeout: float = CONNECT_TIMEOUT_S,
-        stream_rate_hz: int | None = None,
-        board_id: str | None = None,
-        any_board: bool = False,
-        board: str | Path | BoardDescription | None = None,
-        parameters: Mapping[str, float] | None = None,
-    ) -> None:
-        options = serial_link(
-            port,
-            baud_rate=baud_rate,
-            connect_timeout=connect_timeout,
-            stream_rate_hz=stream_rate_hz,
-            board_id=board_id,
-            any_board=any_board,
-            board=board,
-            parameters=parameters,
-        )
-        super().__init__(partial(Link, options))
-
-
-def serial_link(
-    port: str,
-    *,
-    baud_rate: int = DEFAULT_BAUD_RATE,
-    connect_timeout: float = CONNECT_TIMEOUT_S,
-    stream_rate_hz: int | None = None,
-    board_id: str | None = None,
-    any_board: bool = False,
-    board: str | Path | BoardDescription | None = None,
-    parameters: Mapping[str, float] | None = None,
-) -> LinkOptions:
-    """The link of a `SerialDriver` with these arguments, checked."""
-    return link_options(
-        text("port", port, "/dev/ttyUSB0"),
-        baud_rate=whole("baud_rate", baud_rate, 1, MAX_BAUD_RATE),
-        connect_timeout=connect_timeout,
-        stream_rate_hz=stream_rate_hz,
-        board_id=None if board_id is None else _board_id(board_id),
-        any_board=flag("any_board", any_board),
-        board=board,
-        parameters=parameters,
-    )
-
-
-def _board_id(value: str) -> str:
-    if not isinstance(value, str) or not re.fullmatch("[0-9a-fA-F]{12}", value):
-        raise InvalidArgument(
-            f"board_id = {shown(value)}: give its 12 hex digits, as `wheelwire info` shows them"
-        )
-    # As `DeviceInfo` writes it: ids are compared as text.
-    return value.lower()
+    @takes(SerialDriverOptions)
+    def __init__(self, options: SerialDriverOptions) -> None:
+        super().__init__(partial(Link, options.checked()))

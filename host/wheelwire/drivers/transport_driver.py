@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import weakref
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.codes import Contradiction
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
@@ -23,29 +21,22 @@ from wheelwire_protocol.types import (
     LinkCountersGet,
 )
 
-from ..arguments import timeout_s, whole
-from ..board import BoardDescription
 from ..errors import LinkClosed, LinkLost, WheelwireError
-from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.connection import Link
-from ..link.info import ExpectedBoard
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
-from ..link.served_port import OpenPort
-from ..parameters import Parameters, checked_values
+from ..parameters import Parameters
 from .base import BaseDriver
 from .callbacks import Inbox, ThreadCallbacks
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
-from .linked import WATCHED, LinkedRobot
+from .linked import LinkedRobot
+from .options import TransportOptions, takes
 
 if TYPE_CHECKING:
     from ..simulation.virtual_link import VirtualLink
 
 DeviceLink: TypeAlias = "Link | VirtualLink"
-
-MAX_STREAM_RATE_HZ = 65_535
-"""The largest value of the field. Each device has a lower limit of its own, set by its line."""
 
 
 class DeviceDriver(LinkedRobot, BaseDriver):
@@ -170,65 +161,6 @@ class TransportDriver(DeviceDriver):
         RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
     """
 
-    def __init__(
-        self,
-        name: str,
-        open_transport: OpenPort | None = None,
-        *,
-        baud_rate: int = 0,
-        connect_timeout: float = CONNECT_TIMEOUT_S,
-        stream_rate_hz: int | None = None,
-        board_id: str | None = None,
-        any_board: bool = False,
-        parameters: Mapping[str, float] | None = None,
-    ) -> None:
-        options = link_options(
-            name,
-            open_transport,
-            baud_rate=baud_rate,
-            connect_timeout=connect_timeout,
-            stream_rate_hz=stream_rate_hz,
-            board_id=board_id,
-            any_board=any_board,
-            parameters=parameters,
-        )
-        super().__init__(partial(Link, options))
-
-
-def link_options(
-    name: str,
-    open_transport: OpenPort | None = None,
-    *,
-    baud_rate: int = 0,
-    connect_timeout: float = CONNECT_TIMEOUT_S,
-    stream_rate_hz: int | None = None,
-    board_id: str | None = None,
-    any_board: bool = False,
-    board: str | Path | BoardDescription | None = None,
-    parameters: Mapping[str, float] | None = None,
-) -> LinkOptions:
-    """The link of a driver with these arguments, checked; see `TransportDriver`."""
-    if stream_rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
-        stream_rate_hz = whole("stream_rate_hz", stream_rate_hz, 1, MAX_STREAM_RATE_HZ)
-    return LinkOptions(
-        name,
-        baud_rate=baud_rate,
-        connect_timeout_s=timeout_s("connect_timeout", connect_timeout),
-        stream_rate_hz=stream_rate_hz,
-        watched=WATCHED,
-        board_id=board_id,
-        any_board=any_board,
-        settings={
-            PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
-        },
-        expected_board=None if board is None else _expected(board),
-        open_port=open_transport,
-    )
-
-
-def _expected(board: str | Path | BoardDescription) -> ExpectedBoard:
-    if not isinstance(board, BoardDescription):
-        from ..files.board import load_board  # here: few name a board
-
-        board = load_board(board)
-    return ExpectedBoard(board.name, board.fingerprint())
+    @takes(TransportOptions)
+    def __init__(self, options: TransportOptions) -> None:
+        super().__init__(partial(Link, options.checked()))

@@ -1,0 +1,224 @@
+"""The options of the built-in drivers, each spelled once.
+
+Sections of a robot's file are `SerialOptions`, `GpioOptions` and `PigpioOptions`; each driver takes
+one of them as its arguments, and what stands beside the section in the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
+from ..arguments import flag, path, text, timeout_s, whole
+from ..board import BoardDescription
+from ..errors import InvalidArgument, shown
+from ..files.board import load_board
+from ..files.pins import Pins
+from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
+from ..link.info import ExpectedBoard
+from ..link.served_port import OpenPort
+from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
+from ..linux_mcu.store import converted_store
+from ..parameters import checked_values
+from .linked import WATCHED
+
+DEFAULT_BAUD_RATE = 921_600
+MAX_BAUD_RATE = 20_000_000
+"""More than any adapter has."""
+MAX_STREAM_RATE_HZ = 65_535
+"""The largest value of the field. Each device has a lower limit of its own, set by its line."""
+MAX_CORE_TIMEOUT_MS = 60_000
+MAX_CHIP = 255
+PWM_DIRECTORY = Path("/sys/class/pwm")
+
+P = ParamSpec("P")
+_Options = TypeVar("_Options")
+
+
+def takes(
+    options: Callable[P, _Options],
+) -> Callable[[Callable[[Any, _Options], None]], Callable[Concatenate[Any, P], None]]:
+    """For a driver's `__init__`: its arguments are the fields of `options`."""
+
+    def with_options(
+        init: Callable[[Any, _Options], None],
+    ) -> Callable[Concatenate[Any, P], None]:
+        @wraps(init)
+        def with_fields(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> None:
+            init(self, options(*args, **kwargs))
+
+        own = Parameter("self", Parameter.POSITIONAL_ONLY)
+        fields = signature(options).parameters.values()
+        with_fields.__signature__ = Signature([own, *fields])  # type: ignore[attr-defined]
+        return with_fields
+
+    return with_options
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceOptions:
+    """What every link to a device takes; see `TransportDriver` and `SerialDriver`."""
+
+    baud_rate: int = 0
+    connect_timeout: float = CONNECT_TIMEOUT_S
+    stream_rate_hz: int | None = None
+    board_id: str | None = None
+    any_board: bool = False
+
+    def link_to(
+        self,
+        name: str,
+        open_port: OpenPort | None = None,
+        *,
+        board: str | Path | BoardDescription | None = None,
+        parameters: Mapping[str, float] | None = None,
+    ) -> LinkOptions:
+        """The link to a port, or to what `open_port` opens; these options are checked."""
+        rate_hz, board_id = self.stream_rate_hz, self.board_id
+        if rate_hz is not None:  # 0 is off on the wire, but a driver needs samples
+            rate_hz = whole("stream_rate_hz", rate_hz, 1, MAX_STREAM_RATE_HZ)
+        if board_id is not None:
+            if not isinstance(board_id, str) or not re.fullmatch("[0-9a-fA-F]{12}", board_id):
+                raise InvalidArgument(
+                    f"board_id = {shown(board_id)}: give its 12 hex digits, as `wheelwire info` "
+                    "shows them"
+                )
+            board_id = board_id.lower()  # as `DeviceInfo` writes it: ids are compared as text
+        if board is not None and not isinstance(board, BoardDescription):
+            board = load_board(board)
+        expected = None if board is None else ExpectedBoard(board.name, board.fingerprint())
+        settings = {
+            PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
+        }
+        return LinkOptions(
+            name,
+            baud_rate=whole("baud_rate", self.baud_rate, 0, MAX_BAUD_RATE),
+            connect_timeout_s=timeout_s("connect_timeout", self.connect_timeout),
+            stream_rate_hz=rate_hz,
+            watched=WATCHED,
+            board_id=board_id,
+            any_board=flag("any_board", self.any_board),
+            settings=settings,
+            expected_board=expected,
+            open_port=open_port,
+        )
+
+
+@dataclass(frozen=True)
+class TransportOptions(DeviceOptions):
+    """Those of `TransportDriver`."""
+
+    name: str
+    open_transport: OpenPort | None = None
+    _: KW_ONLY
+    parameters: Mapping[str, float] | None = None
+
+    def checked(self) -> LinkOptions:
+        """The link, with these options, checked."""
+        return self.link_to(self.name, self.open_transport, parameters=self.parameters)
+
+
+@dataclass(frozen=True)
+class SerialOptions(DeviceOptions):
+    """The section `serial` of a robot's file."""
+
+    port: str = "/dev/ttyUSB0"
+    baud_rate: int = field(default=DEFAULT_BAUD_RATE, kw_only=True)
+
+
+@dataclass(frozen=True)
+class SerialDriverOptions(SerialOptions):
+    """Those of `SerialDriver`, which has to be given a port."""
+
+    port: str = field()
+    _: KW_ONLY
+    board: str | Path | BoardDescription | None = None
+    parameters: Mapping[str, float] | None = None
+
+    def checked(self) -> LinkOptions:
+        """The link, with these options, checked."""
+        whole("baud_rate", self.baud_rate, 1, MAX_BAUD_RATE)
+        port = text("port", self.port, "/dev/ttyUSB0")
+        return self.link_to(port, board=self.board, parameters=self.parameters)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinOptions:
+    """What the drivers of this computer's own pins take; see `L298NDriver`."""
+
+    pins: BoardDescription | None = None
+    parameters: Mapping[str, float] | None = None
+    store: Path | None = None
+    core_timeout_ms: int = CORE_TIMEOUT_MS
+
+    def _common(self) -> dict[str, Any]:
+        """The settings of the process that are the same for both drivers, checked."""
+        if self.pins is not None and not isinstance(self.pins, BoardDescription):
+            raise InvalidArgument(
+                f"pins = {shown(self.pins)}: give `wheelwire.Pins(...)`, or another board"
+            )
+        store = None if self.store is None else path("store", self.store)
+        timeout_ms = whole("core_timeout_ms", self.core_timeout_ms, 1, MAX_CORE_TIMEOUT_MS)
+        return {
+            "board": self.pins or Pins(),
+            "parameters": checked_values(self.parameters),
+            # Here: the process itself reads no other format than the core's.
+            "store": None if store is None else str(converted_store(store)),
+            "core_timeout_ms": timeout_ms,
+        }
+
+
+@dataclass(frozen=True)
+class GpioOptions:
+    """The section `gpio` of a robot's file."""
+
+    _: KW_ONLY
+    pwm_chip: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class L298NOptions(PinOptions, GpioOptions):
+    """Those of `L298NDriver`."""
+
+    pwm_directory: Path = PWM_DIRECTORY
+
+    def checked(self) -> McuSettings:
+        """The process that moves the pins, with these options, checked."""
+        chip = self.pwm_chip
+        return McuSettings(
+            "l298n",
+            **self._common(),
+            pwm_directory=str(path("pwm_directory", self.pwm_directory)),
+            pwm_chip=None if chip is None else whole("pwm_chip", chip, 0, MAX_CHIP),
+        )
+
+
+@dataclass(frozen=True)
+class PigpioOptions:
+    """The section `pigpio` of a robot's file."""
+
+    host: str = "localhost"
+    port: int = 8888
+
+
+@dataclass(frozen=True)
+class PigpioDriverOptions(PinOptions, PigpioOptions):
+    """Those of `PigpioDriver`."""
+
+    core_timeout_ms: int = field(default=PIGPIO_CORE_TIMEOUT_MS, kw_only=True)
+
+    def checked(self) -> McuSettings:
+        """The process that moves the pins, with these options, checked."""
+        return McuSettings(
+            "pigpio",
+            **self._common(),
+            host=text("host", self.host, "localhost"),
+            port=whole("port", self.port, 1, 65_535),
+        )
