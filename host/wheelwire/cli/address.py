@@ -8,7 +8,7 @@ import sys
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,17 +19,16 @@ from wheelwire.config import (
     driver_at,
     is_board_id,
     is_robot_file,
+    load_config,
     named,
 )
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.factory import open_driver
 from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from .prompts import ask_yes_or_no
-
-if TYPE_CHECKING:
-    from wheelwire.config import RobotConfig
-    from wheelwire.drivers.base import BaseDriver
 
 _DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
 
@@ -100,8 +99,6 @@ class Address:
             InvalidArgument: A baud rate was given, but the address is not a port.
             WheelwireError: As `open_driver` and `open_robot`.
         """
-        from wheelwire.drivers.factory import open_driver
-
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
         return open_driver(name, **options)
 
@@ -114,7 +111,7 @@ class Address:
         """
         port = self.text
         if is_robot_file(port):
-            robot = _load(port)
+            robot = load_config(port)
             port = robot.serial.port if robot.driver == "serial" else robot.driver
             # It may stand for several ports; the chip is written to before it can say who it is.
             port = robot.serial.board_id or port
@@ -141,7 +138,7 @@ class Address:
             )
         if not is_robot_file(self.text):
             return
-        robot = _load(self.text)
+        robot = load_config(self.text)
         if robot.driver != "serial":
             # What its store has saved overrides the values in the file.
             if save and robot.store is None:
@@ -163,12 +160,6 @@ def outlives_commands(driver: BaseDriver) -> bool:
 
     # The other built-in drivers start the core's process themselves, and end it.
     return isinstance(driver, SerialDriver)
-
-
-def _load(file: str) -> RobotConfig:
-    from wheelwire.config import load_config  # here, because its imports are slow
-
-    return load_config(file)
 
 
 def resolve(

@@ -7,11 +7,43 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from wheelwire.board import BoardDescription, WheelPins, chip_of_pins, sentence
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.device_board import DeviceBoard
+from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import ConfigurationError, DeviceRefused, InvalidArgument
+from wheelwire.files.board import (
+    ANY_MODULE,
+    CHIP_BY_NAME,
+    MODULE_BY_NAME,
+    STAGE_BY_NAME,
+    board_mapping,
+    checked_board,
+    load_board,
+    shipped_boards,
+    to_yaml,
+)
+from wheelwire_protocol.board import (
+    CHIPS,
+    MODULES,
+    OUTPUTS,
+    STAGES,
+    WARNINGS,
+    Action,
+    BoardFault,
+    BoardLine,
+    BoardPin,
+    BoardState,
+    EncoderPulls,
+    Level,
+    Stage,
+)
+from wheelwire_protocol.codes import RefusalCode
+from wheelwire_protocol.native import check_board
 
 from .address import (
     ROBOT_HELP,
@@ -34,18 +66,10 @@ from .output import (
 from .parameters import RobotCommand
 from .prompts import ask, ask_yes_or_no
 
-if TYPE_CHECKING:
-    from wheelwire.board import BoardDescription
-    from wheelwire.drivers.base import BaseDriver
-    from wheelwire.drivers.device_board import DeviceBoard
-    from wheelwire_protocol.board import BoardPin
-
 app = typer.Typer()
 
 
 def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
-    from wheelwire.files.board import shipped_boards
-
     for name in shipped_boards():
         if name.startswith(incomplete):
             yield name, "a built-in board"
@@ -81,9 +105,6 @@ def board(context: typer.Context) -> None:
 @app.command("list")
 def list_all(as_json: JsonFlag = False) -> None:
     """List the built-in boards."""
-    from wheelwire.files.board import load_board, shipped_boards
-    from wheelwire_protocol.board import CHIPS, STAGES
-
     boards = {name: load_board(name) for name in shipped_boards()}
     if as_json:
         print_json(
@@ -117,16 +138,11 @@ def list_all(as_json: JsonFlag = False) -> None:
 @app.command("show")
 def show(name: NameArgument, as_json: JsonFlag = False) -> None:
     """Show what is connected to which pin, and what the power stage does."""
-    from wheelwire.files.board import load_board
-
     _refuse_port(name)
     _show(load_board(name), as_json=as_json)
 
 
 def _show(found: BoardDescription, *, as_json: bool) -> None:
-    from wheelwire.files.board import board_mapping
-    from wheelwire_protocol.board import CHIPS, OUTPUTS, STAGES, Action, Level
-
     if as_json:
         print_json(board_mapping(found))
         return
@@ -160,8 +176,6 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
 @app.command("check")
 def check(file: FileArgument, as_json: JsonFlag = False) -> None:
     """Check a board by the firmware's own rules; exit code 15 if it cannot be used."""
-    from wheelwire.files.board import load_board
-
     _refuse_port(file)
     found = load_board(file)
     problems, warnings = found.problems(), found.warnings()
@@ -223,8 +237,6 @@ def write(
 
     Until then it is on trial: nothing drives, and the previous board returns after 10 s.
     """
-    from wheelwire.files.board import checked_board
-
     # One list: Click cannot leave out the first of two arguments.
     robot, name = _robot_and_board(context, list(arguments or ()))
     # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
@@ -243,10 +255,6 @@ def write(
 
 
 def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDriver) -> DeviceRefused:
-    from wheelwire.board import chip_of_pins
-    from wheelwire.drivers.transport_driver import DeviceDriver
-    from wheelwire_protocol.codes import RefusalCode
-
     if error.code != RefusalCode.BOARD_REFUSED or not isinstance(driver, DeviceDriver):
         return error
     if wanted.chip is chip_of_pins(driver.info.device.board):
@@ -269,8 +277,6 @@ def confirm(
     A device whose firmware was just installed believes in the board that came with it, and drives
     nothing until somebody has looked.
     """
-    from wheelwire_protocol.board import BoardState
-
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         board = _device_board(driver)
         state, found = board.read()
@@ -314,8 +320,6 @@ def read(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """Show the device's active board, as a file."""
-    from wheelwire.files.board import board_mapping, to_yaml
-
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         state, found = _device_board(driver).read()
     if as_json:
@@ -328,8 +332,6 @@ def read(
 
 
 def _device_board(driver: BaseDriver) -> DeviceBoard:
-    from wheelwire.drivers.transport_driver import DeviceDriver
-
     if not isinstance(driver, DeviceDriver):
         raise InvalidArgument("this robot's driver has no device that could store a board")
     return driver.board
@@ -350,8 +352,6 @@ def init(
 
     Exit code 15 if the board cannot be used as it is.
     """
-    from wheelwire.files.board import to_yaml
-
     # Before the questions, whose answers would be lost.
     if file.exists():
         raise ConfigurationError(f"{file} exists: choose another name, or remove it first")
@@ -365,8 +365,6 @@ def init(
     except OSError as error:
         raise ConfigurationError(f"{file}: {error.strerror}") from error
     if as_json:
-        from wheelwire.files.board import board_mapping
-
         print_json({"file": str(file), "board": board_mapping(made), "problems": problems})
     else:
         for problem in problems:
@@ -378,10 +376,6 @@ def init(
 
 
 def _ask_for_board(like: str | None) -> BoardDescription:
-    from wheelwire.board import BoardDescription, WheelPins
-    from wheelwire.files.board import CHIP_BY_NAME, STAGE_BY_NAME, load_board
-    from wheelwire_protocol.board import CHIPS, STAGES, BoardLine, BoardPin, EncoderPulls, Stage
-
     base = load_board(like) if like else None
     # Questions and hints go to standard error: with --json, standard output is the result alone.
     for stage, table in STAGES.items():
@@ -404,7 +398,9 @@ def _ask_for_board(like: str | None) -> BoardDescription:
             estop_contact=base.estop_contact,
         )
     # The stage that was chosen may be slower than the one that the frequency was meant for.
-    made = replace(made, pwm_frequency_hz=min(made.pwm_frequency_hz, _most_hz(made)))
+    made = replace(
+        made, pwm_frequency_hz=min(made.pwm_frequency_hz, STAGES[stage].max_frequency_hz)
+    )
     internal = made.encoder_pulls is EncoderPulls.INTERNAL
     if ask_yes_or_no("Do the chip's own pull-ups hold the encoders' outputs?", default=internal):
         made = replace(made, encoder_pulls=EncoderPulls.INTERNAL)
@@ -433,9 +429,6 @@ def _ask_for_board(like: str | None) -> BoardDescription:
 
 def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
     """Ask what carries the chip, if modules with different pins do."""
-    from wheelwire.files.board import ANY_MODULE, MODULE_BY_NAME
-    from wheelwire_protocol.board import MODULES
-
     names = [
         name for name, m in MODULE_BY_NAME.items() if m in MODULES and MODULES[m].chip is made.chip
     ]
@@ -446,12 +439,6 @@ def _ask_for_module(made: BoardDescription, base: BoardDescription | None) -> Bo
     likely = MODULES[base.module].name if base and base.module in MODULES else ANY_MODULE
     answer = _choose("module", [ANY_MODULE, *names], likely if likely in names else ANY_MODULE)
     return replace(made, module=MODULE_BY_NAME[answer])
-
-
-def _most_hz(made: BoardDescription) -> int:
-    from wheelwire_protocol.board import STAGES
-
-    return STAGES[made.stage].max_frequency_hz
 
 
 def _ask_for_divider(default: float) -> float:
@@ -499,10 +486,6 @@ def _with_pin(made: BoardDescription, function: BoardPin, pin: int) -> BoardDesc
 
 def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], list[str]]:
     """What is wrong with this pin, and warnings; that others are missing or unheld is for later."""
-    from wheelwire.board import sentence
-    from wheelwire_protocol.board import WARNINGS, BoardFault
-    from wheelwire_protocol.native import check_board
-
     later = (BoardFault.PIN_MISSING, BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     found: tuple[list[str], list[str]] = ([], [])
     for issue in check_board(made.packed()):
@@ -512,9 +495,6 @@ def _issues_of(made: BoardDescription, function: BoardPin) -> tuple[list[str], l
 
 
 def _ask_for_pull_downs(made: BoardDescription, base: BoardDescription | None) -> BoardDescription:
-    from wheelwire_protocol.board import BoardFault
-    from wheelwire_protocol.native import check_board
-
     missing = (BoardFault.NO_PULL_DOWN, BoardFault.PIN_PULLED_UP)
     for issue in check_board(made.packed()):
         if issue.fault not in missing:

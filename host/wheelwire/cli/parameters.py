@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any, cast
 
 import typer
 import typer.core
@@ -13,6 +13,8 @@ from rich.padding import Padding
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import InvalidArgument
+from wheelwire.files.parameters import ParameterFile, load_parameter_file
+from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
 from wheelwire_protocol.codes import Board, Fault, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, PLATFORM_DEFAULTS
@@ -31,10 +33,6 @@ from .address import (
 from .interruptions import ended_by_signals
 from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
 from .prompts import ask_yes_or_no
-
-if TYPE_CHECKING:
-    from wheelwire.files.parameters import ParameterFile
-    from wheelwire.link.info import DeviceInfo
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
 DIFFERENT = 22
@@ -284,8 +282,6 @@ def export(
 
     Write them to a file with `> FILE`; `params import` sets them on another robot.
     """
-    from wheelwire.files.parameters import ParameterFile  # here, because YAML is slow to import
-
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
     if as_json:
@@ -308,8 +304,6 @@ def import_file(
     Parameters that are not in the file stay as they are.
     The file may be from another board.
     """
-    from wheelwire.files.parameters import load_parameter_file
-
     # The file first: opening the robot stops it, which a wrong file should not do.
     robot, file = _split_file(context, arguments or ())
     wanted = load_parameter_file(file)
@@ -374,8 +368,6 @@ def diff(
 
     Only the parameters in the file are compared.
     """
-    from wheelwire.files.parameters import load_parameter_file
-
     robot, file = _split_file(context, arguments or ())
     wanted = load_parameter_file(file)
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from difflib import get_close_matches
 from importlib import import_module
 from inspect import Parameter, signature
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -136,8 +137,6 @@ def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
 
 
 def _suggestion(option: str, known: Iterable[str]) -> str:
-    from difflib import get_close_matches  # here, for it is slow to import
-
     near = get_close_matches(option, list(known), n=1, cutoff=0.5)
     return f"did you mean {near[0]!r}?" if near else f"its options are: {', '.join(known)}"
 
