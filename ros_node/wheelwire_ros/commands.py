@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Set
+from contextlib import ExitStack
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -13,9 +14,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 import wheelwire
 
 from .connection import CommandIgnored, Ignored, RobotConnection
-from .lifecycle import steady_clock
 from .publishers import DEPTH, time_ns
-from .threads import NodeThreads
+from .threads import NodeThreads, steady_clock
 from .time_base import TimeBase
 
 TOPIC = "cmd_vel"
@@ -126,6 +126,7 @@ class CommandSubscriber:
         node: The lifecycle node.
         connection: The connection to the robot.
         threads: The node's; all of this runs in the thread of the urgent callbacks.
+        resources: Removes the topics when it closes.
         prepare: Called when a command meets a session that is not prepared.
         clock: Converts between the ROS clock and the monotonic one.
         type_name: `Twist`, `TwistStamped` or `auto`.
@@ -138,6 +139,7 @@ class CommandSubscriber:
         node: Any,
         connection: RobotConnection,
         threads: NodeThreads,
+        resources: ExitStack,
         prepare: Callable[[], None],
         clock: TimeBase,
         type_name: str,
@@ -159,16 +161,13 @@ class CommandSubscriber:
         self._frame = limited_frame
         self._limited = None
         if limited_frame:
-            self._limited = threads.run_generally(
-                lambda: node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH)
+            self._limited = threads.entity(
+                resources,
+                lambda: node.create_publisher(TwistStamped, LIMITED_TOPIC, DEPTH),
+                node.destroy_publisher,
             )
         threads.run_urgently(self._begin)
-
-    def destroy(self) -> None:
-        """Remove the topics."""
-        self._threads.run_urgently(self._end)
-        if self._limited is not None:
-            self._threads.run_generally(lambda: self._node.destroy_publisher(self._limited))
+        resources.callback(threads.run_urgently, self._end)
 
     def _begin(self) -> None:
         self._timer = self._node.create_timer(

@@ -143,9 +143,7 @@ class MotionEstimator:
 
     def reset(self) -> None:
         """Move the origin of the odometry to the robot."""
-        with self._lock:
-            self._odometry.reset()
-            self._covariance.reset()
+        self.set_pose(Pose(), np.zeros((3, 3)))
 
     def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> None:
         """Go on from this pose; its covariance is of (x, y, heading), 3 by 3."""

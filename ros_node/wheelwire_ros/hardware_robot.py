@@ -94,7 +94,7 @@ class HardwareRobot(BaseRobotNode):
         rate_hz = sampling_rate_hz(self.setting("publish_rate"))
         # A core on this computer gets them before it starts, so that those count as well which
         # take effect at a start only. A board on a line is given its own by the connection.
-        local: dict[str, Any] = {"parameters": {**self.given_parameters, "stream_rate_hz": rate_hz}}
+        local: dict[str, Any] = {"parameters": {**self.bridge.given, "stream_rate_hz": rate_hz}}
         if self.driver_type == "serial":
             return {
                 "port": self.setting("port"),

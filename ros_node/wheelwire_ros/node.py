@@ -1,32 +1,33 @@
-"""The lifecycle node of a robot, independent of the driver."""
+"""The lifecycle node of a robot, independent of the driver, and its automatic start."""
 
 from __future__ import annotations
 
 import time
 import traceback
 from abc import abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from wheelwire import BaseDriver, LinkLost, WheelwireError
 
 from . import diagnostics
 from .library_log import forward_library_log
-from .lifecycle import Autostart, defer_transitions, steady_clock
 from .open_robot import OpenRobot
 from .parameter_bridge import ParameterBridge
 from .parameters import Setting, is_set
 from .pose import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
 from .services import STOPPED_BY_DEADLINE, RobotServices
-from .threads import NodeThreads
+from .threads import NodeThreads, steady_clock
 
 DIAGNOSTICS_PERIOD_S = 1.0
-ESTOP_WAITS = "the e-stop is noted and is the first thing that the robot gets"
+AUTOSTART_PERIOD_S = 1.0
+ESTOP_WAITS = "the robot gets the e-stop before anything else, as soon as it can be reached"
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
@@ -34,36 +35,36 @@ SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FA
 class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     """Obeys velocity commands and publishes the robot's motion.
 
-    When configured, it has the robot open and measures; when active, it obeys cmd_vel and
-    publishes. What runs in which thread: `threads.py`. No command is ever repeated or extended:
-    each expires after its own time to live, on the robot's clock.
+    A configured node has the robot open and measures; an active one obeys cmd_vel and publishes.
+    `threads.py` lists what runs in which thread. The node never repeats or extends a command: each
+    expires after its own time to live, on the robot's clock.
 
     Args:
         name: Name of the node.
         settings: Parameters of the class, in addition to those of every robot.
-        problem: Why the parameter files cannot be read; empty if they can. If they
-            cannot, the node stays unconfigured.
+        problem: Why the node cannot read its parameter files, which keeps it unconfigured; empty if
+            it can.
     """
 
     def __init__(self, name: str, settings: Iterable[Setting] = (), problem: str = "") -> None:
         super().__init__(name)
         forward_library_log(self.get_logger())
         # Before the other parts, which read the parameters that it declares.
-        self._bridge = ParameterBridge(self, settings, self._use_settings, problem)
+        self.bridge = ParameterBridge(self, settings, self._use_settings, problem)
+        self.threads = threads = NodeThreads(self)
+        self.poses = PoseMemory(self.get_logger())
         self._open: OpenRobot | None = None
         self._closed_because = NOT_CONFIGURED
         self._twins = diagnostics.TwinWatch()
-        self._poses = PoseMemory(self.get_logger())
         self._estopped = False
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._threads = threads = NodeThreads(self)
         self._state = StateReporter(
             self, self._present_state, self._hardware_id, lambda: threads.call_soon(self.report)
         )
         RobotServices(self, threads)
         defer_transitions(self, threads)
-        self._bridge.defer_requests(threads)
+        self.bridge.defer_requests(threads)
         # By the node's own clock it would wait for /clock when use_sim_time is set.
         self.create_timer(DIAGNOSTICS_PERIOD_S, self.report, clock=steady_clock())
         self._autostart = Autostart(self, threads) if self.setting("autostart") else None
@@ -79,33 +80,28 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """The driver's name, for /diagnostics."""
 
     def setting(self, name: str) -> Any:
-        """The value of a parameter; None for one of the robot's that is not known yet."""
+        """The value of a parameter; None for one of the robot's whose value is still unknown."""
         return self.get_parameter_or(name).value
 
     def list_parameters(self, prefixes: list[str], depth: int) -> Any:
-        """Leave out what has no value yet.
+        """Leave out parameters without a value.
 
-        A client that reads the whole list, as `ros2 param dump` does, would get nothing at all.
+        Otherwise a client that reads the whole list, as `ros2 param dump` does, gets nothing.
         """
         result = super().list_parameters(prefixes, depth)
         result.names = [name for name in result.names if is_set(self, name)]
         return result
 
-    @property
-    def given_parameters(self) -> dict[str, float]:
-        """The robot's parameters that the user gave, by name."""
-        return dict(self._bridge.given)
-
     def spin(self) -> None:
         """Run until the context is shut down; raises what a callback or a thread raises."""
-        self._threads.spin()
+        self.threads.spin()
 
     def close(self) -> None:
         """Stop the wheels, then release everything, for good. Safe to call more than once."""
         # Before the threads, which may take seconds to end.
         self._close_robot()
-        self._threads.close()
-        self._close_robot()  # a transition that was under way may have opened it
+        self.threads.close()
+        self._close_robot()  # a running transition may have opened it
 
     def open_robot(self) -> OpenRobot:
         """The robot while it is open; else raises `LinkLost` with the reason."""
@@ -121,10 +117,10 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         return f"{self._closed_because}{waits}"
 
     def set_estop(self) -> None:
-        """Set the e-stop of the robot, or of the one that will be opened.
+        """Set the e-stop of the robot, or of the next one that the node opens.
 
         Raises:
-            WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
+            WheelwireError: The robot cannot be reached; the node stops it as soon as it can be.
         """
         self._estopped = True  # first: the robot may be about to be opened
         try:
@@ -152,7 +148,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             open_robot.connection.clear_estop()
         except LinkLost as error:
             raise LinkLost(f"nothing was cleared, the e-stop stays set: {error}") from error
-        self._estopped = open_robot.connection.estopped  # perhaps it was set again meanwhile
+        self._estopped = open_robot.connection.estopped  # perhaps somebody set it again meanwhile
         return "the e-stop is cleared"
 
     def report(self) -> None:
@@ -161,7 +157,10 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is not None:
             # Once a second another attempt, if the last one to prepare the session failed.
             open_robot.prepare_soon()
-        self._look_for_twins()
+        own = (self.get_name(), self.get_namespace())
+        nodes_of_this_name = self.get_node_names_and_namespaces().count(own)
+        if self._twins.look(nodes_of_this_name, time.monotonic()):
+            self.get_logger().error(diagnostics.TWIN)
         message = DiagnosticArray(status=self._statuses(open_robot))
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
@@ -175,17 +174,8 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the robot; fails if it cannot be reached or refuses a parameter."""
         try:
-            self._bridge.require_accepted()
-            self._open = OpenRobot(
-                self,
-                self.open_driver(),
-                self._bridge,
-                self._threads,
-                self.update_state,
-                self._threads.fail,
-                self._poses,
-                estopped=self._estopped,
-            )
+            self.bridge.require_accepted()
+            self._open = OpenRobot(self, self.open_driver(), estopped=self._estopped)
         except WheelwireError as error:
             self._closed_because = str(error)
             # The node stays unconfigured, so that Autostart or the user can try again.
@@ -194,10 +184,10 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             if self.context.ok():  # else the node is ending, and every step fails
                 self.get_logger().error(traceback.format_exc())  # rclpy would not log it
             raise
-        if self._estopped and not self._open.connection.estopped:  # set while it was opened
-            with suppress(WheelwireError):  # sent again when the session is prepared
+        if self._estopped and not self._open.connection.estopped:  # set during the opening
+            with suppress(WheelwireError):  # preparing the session sends it again
                 self._open.connection.estop()
-        self._bridge.connection = self._open.connection
+        self.bridge.connection = self._open.connection
         self._closed_because = NOT_CONFIGURED
         self._end_autostart()
         return super().on_configure(state)
@@ -206,14 +196,14 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Start obeying commands."""
         result = super().on_activate(state)
         if self._open is not None:
-            # After the publishers were enabled, which drop what they are given before.
+            # After the publishers were enabled: a disabled one drops its messages.
             self._open.connection.active = True
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the wheels and ignore commands."""
         if self._open is not None:
-            # First, so that no command follows the stop: it waits for one that is being sent.
+            # First, so that no command follows the stop: this waits for one that is being sent.
             self._open.connection.active = False
             try:
                 self._open.connection.stop()
@@ -236,15 +226,15 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Stop the wheels after a failed transition; the node can be configured again."""
         self._close_robot()
         self.get_logger().error(
-            f"the transition from {state.label} failed: the node must be configured again"
+            f"the transition from {state.label} failed: configure the node again"
         )
         # Leads to unconfigured; anything else would finalise the node for good.
         return SUCCESS
 
     def _close_robot(self) -> None:
-        # Taken away before it is closed: other threads then find no robot, not a closing one.
+        # Removed before it is closed: other threads then find no robot, not a closing one.
         open_robot, self._open = self._open, None
-        self._bridge.connection = None
+        self.bridge.connection = None
         if open_robot is not None:
             self._estopped = self._estopped or open_robot.connection.estopped
             open_robot.close()
@@ -253,18 +243,12 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if self._autostart is not None:
             self._autostart.end()
 
-    def _look_for_twins(self) -> None:
-        own = (self.get_name(), self.get_namespace())
-        count = self.get_node_names_and_namespaces().count(own)
-        if self._twins.look(count, time.monotonic()):
-            self.get_logger().error(diagnostics.TWIN)
-
-    # --- what the parts report -----------------------------------------------------------------
+    # --- what the parts ask for ----------------------------------------------------------------
 
     def _use_settings(self) -> None:
         open_robot = self._open
         if open_robot is not None:
-            with suppress(WheelwireError):  # not reachable: set in the next session
+            with suppress(WheelwireError):  # out of reach: the next session gets the settings
                 open_robot.use_settings()
 
     def _present_state(self) -> RobotState:
@@ -284,3 +268,70 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
             closed = diagnostics.closed_status(name, self.driver_type, self._closed_reason)
             return closed + twins
         return open_robot.statuses(name, self.driver_type) + twins
+
+
+class Autostart:
+    """Configures and activates a node as soon as it spins, and retries until that works.
+
+    Args:
+        node: A lifecycle node. It calls `end` when it is configured or shut down, whoever asked
+            for that: from then on its state is the user's to change.
+    """
+
+    def __init__(self, node: Any, threads: NodeThreads) -> None:
+        self._node = node
+        self._threads = threads
+        self._timer = node.create_timer(AUTOSTART_PERIOD_S, self._begin, clock=steady_clock())
+        self._is_trying = False
+        threads.call_soon(self._begin)  # at once, not after the first period
+
+    def end(self) -> None:
+        """Stop trying."""
+        self._timer.cancel()
+
+    def _begin(self) -> None:
+        # An attempt on a silent robot takes longer than a period: attempts must not queue up.
+        if self._timer.is_canceled() or self._is_trying:
+            return
+        self._is_trying = True
+        with suppress(RuntimeError):  # the worker is shut down
+            self._threads.transitions.submit(self._attempt)
+
+    def _attempt(self) -> None:
+        try:
+            if self._timer.is_canceled():  # meanwhile
+                return
+            if self._node.trigger_configure() == SUCCESS:
+                self._node.trigger_activate()
+            self._node.update_state()
+        except Exception as error:
+            self._threads.fail(error)
+        finally:
+            self._is_trying = False
+
+
+def defer_transitions(node: Any, threads: NodeThreads) -> None:
+    """Have a worker serve transitions, and refuse those that the current state does not have.
+
+    rclpy lets the error of such a transition escape from the service's callback, which ends the
+    node; a lifecycle manager that configures a node which has started by itself would trigger that.
+    """
+    for service in node.services:
+        if service.srv_type is ChangeState:
+            # First this one: `defer` wraps the callback that it finds.
+            service.callback = _refusing(node, service.callback)
+            threads.defer(service, threads.transitions)
+
+
+def _refusing(node: Any, change_state: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    def serve(request: ChangeState.Request, response: ChangeState.Response) -> Any:
+        try:
+            return change_state(request, response)
+        except RuntimeError as error:  # of the state machine; a transition handles its own errors
+            node.get_logger().warning(str(error))
+            response.success = False
+            return response
+        finally:
+            node.update_state()
+
+    return serve

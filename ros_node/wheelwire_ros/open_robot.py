@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from typing import Any
 
@@ -12,11 +11,9 @@ from . import diagnostics, parameters, pose, robot_state
 from .commands import CommandSubscriber
 from .connection import RobotConnection
 from .estimator import MotionEstimator
-from .parameter_bridge import ParameterBridge
 from .publishers import MotionPublisher
 from .reader import Pacer, SampleReader
 from .robot_state import ResetWatch, RobotState
-from .threads import NodeThreads
 from .time_base import TimeBase
 
 DRIVING = SupervisorState.DRIVING
@@ -28,37 +25,16 @@ class OpenRobot:
     """An open robot with its topics and the thread that reads its samples.
 
     Args:
-        node: The lifecycle node, with all parameters declared.
+        node: A `BaseRobotNode`, with all parameters declared.
         robot: Its driver; closed by `close`, and also if this raises.
-        bridge: The bridge of the node's parameters.
-        threads: The node's.
-        on_change: Called in any thread when `state` may have changed.
-        on_failure: Called in any thread when a thread has failed, after the wheels were stopped.
-        poses: The node's, from one robot that it opens to the next.
         estopped: Latch the e-stop before anything else.
 
     Raises:
         WheelwireError: The robot refuses a parameter, or sends no sample.
     """
 
-    def __init__(
-        self,
-        node: Any,
-        robot: BaseDriver,
-        bridge: ParameterBridge,
-        threads: NodeThreads,
-        on_change: Callable[[], None],
-        on_failure: Callable[[Exception], None],
-        poses: pose.PoseMemory,
-        *,
-        estopped: bool,
-    ) -> None:
+    def __init__(self, node: Any, robot: BaseDriver, *, estopped: bool) -> None:
         self._node = node
-        self._bridge = bridge
-        self._threads = threads
-        self._on_change = on_change
-        self._on_failure = on_failure
-        self._poses = poses
         self._newest: WheelSample | None = None
         self._closing = False
         self._estopped_by_us = False
@@ -66,13 +42,13 @@ class OpenRobot:
         self._logged_warnings: dict[str, int] = {}
         """The session in which each was logged last."""
         self._preparing = False
-        """The preparation of a session is under way, or will be."""
+        """Whether the worker prepares a session, or will."""
         self._time_base = TimeBase(
             lambda: int(node.get_clock().now().nanoseconds),
             node.get_logger(),
             is_simulated=lambda: bool(node.get_clock().ros_time_is_active),
         )
-        # An error below closes in reverse order what has been opened; `pop_all` keeps it open.
+        # An error below closes in reverse order what is open so far; `pop_all` leaves it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
             self._prepare_robot(robot, estopped=estopped)
@@ -81,7 +57,7 @@ class OpenRobot:
 
     def close(self) -> None:
         """Stop the wheels, then release everything, in reverse order."""
-        # What the threads report from here on comes of the closing, and is no failure.
+        # From here on the threads report errors of the closing, which are no failures.
         self._closing = True
         self.connection.active = False
         self.connection.robot.shutdown()  # it stops first
@@ -93,8 +69,8 @@ class OpenRobot:
             return
         # Not locked: if two threads come here at once, the second preparation has nothing to do.
         self._preparing = True
-        with suppress(RuntimeError):  # the thread pool is closed, and so is the robot soon
-            self._threads.requests.submit(self._prepare)
+        with suppress(RuntimeError):  # the worker is shut down, and so is the robot soon
+            self._node.threads.requests.submit(self._prepare)
 
     def use_settings(self) -> None:
         """Apply the parameters that can change while the robot is open."""
@@ -114,7 +90,7 @@ class OpenRobot:
         """
         self.connection.clear_fault()
         self._resets.acknowledge()
-        self._on_change()
+        self._node.update_state()
 
     def state(self) -> RobotState:
         """For `~/state`."""
@@ -167,7 +143,7 @@ class OpenRobot:
     def _prepare_robot(self, robot: BaseDriver, *, estopped: bool) -> None:
         get = self._node.setting
         self.connection = RobotConnection(
-            robot, self._bridge.given, parameters.tuning(get), self._on_session
+            robot, self._node.bridge.given, parameters.tuning(get), self._on_session
         )
         # All of this before `follow`, which sends the e-stop first, and then calls `_on_session`.
         self.connection.estopped = estopped
@@ -178,25 +154,23 @@ class OpenRobot:
         self.connection.follow()
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
-        node, threads, get = self._node, self._threads, self._node.setting
+        node, threads, get = self._node, self._node.threads, self._node.setting
         # Waits for the first sample, which shows whether there is a topic for the battery.
         first = robot.read()
         self._remember_pose(first, resources)
         topics = parameters.topics(get, has_battery=first.battery_v is not None)
-        setter = pose.PoseSetter(node, threads, self.estimator, topics.frames.odom)
-        resources.callback(setter.destroy)
-        self._publisher = MotionPublisher(node, threads, topics)
-        resources.callback(self._publisher.destroy)
+        pose.PoseSetter(node, threads, resources, self.estimator, topics.frames.odom)
+        self._publisher = MotionPublisher(node, threads, resources, topics)
         self._commands = CommandSubscriber(
             node,
             self.connection,
             threads,
+            resources,
             self.prepare_soon,
             self._time_base,
             parameters.command_type(get),
             topics.frames.base if get("publish_limited_velocity") else "",
         )
-        resources.callback(self._commands.destroy)
         # The last to begin and the first to end: its callbacks use all of the above.
         self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
         resources.callback(self._reader.close)
@@ -210,11 +184,11 @@ class OpenRobot:
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
         path = pose.path_of(setting, name, board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
-        self._poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
-        resources.callback(self._poses.close)
+        self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
+        resources.callback(self._node.poses.close)
 
     def _prepare(self) -> None:
-        """Runs in the thread of requests."""
+        """Runs in the request worker."""
         try:
             with suppress(WheelwireError):  # `connection.problem` has it
                 self.connection.follow()
@@ -223,23 +197,23 @@ class OpenRobot:
         finally:
             self._preparing = False
         if not self._closing:
-            self._on_change()
+            self._node.update_state()
 
     def _on_session(self) -> None:
         """Read the parameters again: a robot that was reset or flashed may have others."""
-        self._bridge.mirror(self.connection.robot)
+        self._node.bridge.mirror(self.connection.robot)
         self.use_settings()
 
     def _on_reach(self) -> None:
         """Called in the reader's thread: the robot is lost, or back, perhaps in a new session."""
         self.prepare_soon()
-        self._on_change()
+        self._node.update_state()
 
     def _on_sample(self, sample: WheelSample) -> None:
         """Called in the reader's thread."""
         before, self._newest = self._newest, sample
         was_reset = self._resets.note(sample, self.connection.robot)
-        # Each one, also while the node is inactive: the robot may be pushed, and the pose follows.
+        # Each sample, also while the node is inactive: somebody may push the robot.
         motion = self.estimator.update(sample)
         if was_reset:
             self._node.get_logger().warning(
@@ -258,11 +232,11 @@ class OpenRobot:
             or before is None
             or (sample.state, sample.faults) != (before.state, before.faults)
         ):
-            self._on_change()
+            self._node.update_state()
 
     def _fail(self, error: Exception) -> None:
         """Without samples the robot must not go on driving."""
         if self._closing or not self._node.context.ok():
             return
         self.connection.robot.shutdown()
-        self._on_failure(error)
+        self._node.threads.fail(error)

@@ -12,6 +12,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -286,39 +287,43 @@ class PoseSetter:
     Args:
         node: An rclpy node.
         threads: The node's.
+        resources: Removes the topic when it closes.
         estimator: The odometry.
         frame: The odometry's frame; the node refuses a pose in another one.
     """
 
     def __init__(
-        self, node: Any, threads: NodeThreads, estimator: MotionEstimator, frame: str
+        self,
+        node: Any,
+        threads: NodeThreads,
+        resources: ExitStack,
+        estimator: MotionEstimator,
+        frame: str,
     ) -> None:
-        self._node = node
-        self._threads = threads
+        self._logger = node.get_logger()
         self._estimator = estimator
         self._frame = frame
-        self._subscription = threads.run_generally(
-            lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, self._on_pose, 1)
+        threads.entity(
+            resources,
+            lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, self._on_pose, 1),
+            node.destroy_subscription,
         )
 
-    def destroy(self) -> None:
-        """Remove the topic."""
-        self._threads.run_generally(lambda: self._node.destroy_subscription(self._subscription))
-
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
-        logger = self._node.get_logger()
         frame = message.header.frame_id
         if frame not in {"", self._frame}:
-            logger.warning(f"{TOPIC} ignored: it is in {frame}; give the pose in {self._frame}")
+            self._logger.warning(
+                f"{TOPIC} ignored: the pose is in {frame}; give it in {self._frame}"
+            )
             return
         try:
             pose = planar_pose(message.pose.pose)
             covariance = planar_covariance(message.pose.covariance)
         except ValueError as error:
-            logger.warning(f"{TOPIC} ignored: {error}")
+            self._logger.warning(f"{TOPIC} ignored: {error}")
             return
         self._estimator.set_pose(pose, covariance)
-        logger.info(f"the pose was set to {words(pose)}")
+        self._logger.info(f"the pose was set to {words(pose)}")
 
 
 def planar_pose(pose: Any) -> Pose:

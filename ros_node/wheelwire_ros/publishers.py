@@ -7,16 +7,19 @@ twist in the robot's.
 from __future__ import annotations
 
 import math
+import random
+import struct
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, JointState
 
 from .estimator import RobotMotion
-from .message_template import MessageTemplate
 from .threads import NodeThreads
 
 try:
@@ -29,6 +32,8 @@ DEPTH = 10
 BATTERY_PERIOD_NS = NANOSECONDS
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
+NATIVE = "="
+"""Byte order of the middleware of this computer, without padding."""
 PLANAR = (0, 1, 5)
 """Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
 
@@ -65,34 +70,35 @@ class MotionPublisher:
     Args:
         node: The lifecycle node.
         threads: The node's.
+        resources: Removes the topics when it closes.
         topics: What to publish. `transform` needs tf2_msgs; if that is missing, the log says so.
     """
 
-    def __init__(self, node: Any, threads: NodeThreads, topics: MotionTopics) -> None:
+    def __init__(
+        self, node: Any, threads: NodeThreads, resources: ExitStack, topics: MotionTopics
+    ) -> None:
         if topics.transform and TFMessage is None:
             node.get_logger().warning(
                 "the node does not publish /tf: install tf2_msgs (ros-jazzy-tf2-msgs)"
             )
             topics = topics._replace(transform=False)
+
+        def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
+            return threads.entity(
+                resources,
+                lambda: node.create_lifecycle_publisher(type_, name, depth),
+                node.destroy_lifecycle_publisher,
+            )
+
         self.topics = topics
         self.published = 0
         """Samples published."""
         self._templates = MotionTemplates(topics)
-        self._node = node
-        self._threads = threads
+        self._publishers = [publisher(Odometry, "odom"), publisher(JointState, "joint_states")]
+        if topics.transform:
+            self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
+        self._battery = publisher(BatteryState, "battery_state") if topics.battery else None
         self._battery_due_ns = 0
-        threads.run_generally(self._create)
-
-    def _create(self) -> None:
-        create = self._node.create_lifecycle_publisher
-        self._publishers = [
-            create(Odometry, "odom", DEPTH),
-            create(JointState, "joint_states", DEPTH),
-        ]
-        if self.topics.transform:
-            self._publishers.append(create(TFMessage, "/tf", TF_DEPTH))
-        if self.topics.battery:
-            self._battery = create(BatteryState, "battery_state", DEPTH)
 
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement."""
@@ -102,23 +108,13 @@ class MotionPublisher:
             publisher.publish(message)
         self.published += 1
         voltage_v = motion.battery_v
-        if self.topics.battery and voltage_v is not None and stamp_ns >= self._battery_due_ns:
+        if self._battery and voltage_v is not None and stamp_ns >= self._battery_due_ns:
             self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
             # Once a second a message may be built the slow way, without a template.
             message = battery_message(voltage_v, *self.topics.battery_range_v)
             message.header.stamp = time_message(stamp_ns)
             message.header.frame_id = self.topics.frames.base
             self._battery.publish(message)
-
-    def destroy(self) -> None:
-        """Remove the topics."""
-        self._threads.run_generally(self._destroy)
-
-    def _destroy(self) -> None:
-        if self.topics.battery:
-            self._publishers.append(self._battery)
-        for publisher in self._publishers:
-            self._node.destroy_lifecycle_publisher(publisher)
 
 
 class MotionTemplates:
@@ -191,6 +187,59 @@ class MotionTemplates:
         )
         if self._transform is not None:
             yield self._transform.fill(*numbers)
+
+
+class MessageTemplate:
+    """A message that is published often: serialised once, then only its numbers are replaced.
+
+    Building a ROS message in Python and converting it to C costs several times what its publication
+    costs. The template finds the numbers in the serialised message by values that occur nowhere
+    else in it, with the middleware's own serialisation.
+
+    Args:
+        message: Its constant part.
+        fields: Path and format of each number to replace, the format as in `struct`:
+            `("pose.pose.position.x", "d")`, `("transforms.0.header.stamp.sec", "i")`, or an array,
+            `("pose.covariance", "36d")`.
+
+    Raises:
+        ValueError: A field's number does not occur exactly once in the serialised message.
+    """
+
+    def __init__(self, message: Any, fields: Sequence[tuple[str, str]]) -> None:
+        # The same numbers in every process: no luck decides whether each occurs once.
+        chance = random.Random(1)
+        self._fields: list[tuple[struct.Struct, int]] = []
+        marked: list[tuple[str, bytes]] = []
+        for path, format_ in fields:
+            code = struct.Struct(NATIVE + format_)
+            count = len(code.unpack(bytes(code.size)))
+            is_real = format_[-1] == "d"
+            # Whole numbers are below 2^29, so that they fit signed fields of 32 bits, too.
+            marks = [
+                chance.random() if is_real else chance.randrange(1 << 29) for _ in range(count)
+            ]
+            _set(message, path, marks if format_[:-1] else marks[0])
+            marked.append((path, code.pack(*marks)))
+        self._buffer = bytearray(serialize_message(message))
+        for (path, mark), (_, format_) in zip(marked, fields, strict=True):
+            if self._buffer.count(mark) != 1:
+                # A number in the wrong place would be published as a good message.
+                raise ValueError(f"the serialised {type(message).__name__} has no single {path}")
+            self._fields.append((struct.Struct(NATIVE + format_), self._buffer.index(mark)))
+
+    def fill(self, *values: Sequence[float]) -> bytes:
+        """The message with these values, one sequence a field in the order of the fields."""
+        for (code, offset), numbers in zip(self._fields, values, strict=True):
+            code.pack_into(self._buffer, offset, *numbers)
+        return bytes(self._buffer)
+
+
+def _set(message: Any, path: str, value: Any) -> None:
+    *parents, last = path.split(".")
+    for parent in parents:
+        message = message[int(parent)] if parent.isdigit() else getattr(message, parent)
+    setattr(message, last, value)
 
 
 def time_message(stamp_ns: int) -> Time:

@@ -13,7 +13,7 @@ from .open_robot import OpenRobot
 from .threads import NodeThreads
 
 SEEN_WHEN_DRIVEN = ("NOT_COUNTING", "REVERSED", "IMPLAUSIBLE")
-"""Ends of the names of faults whose cause is seen only while the wheel is driven."""
+"""Ends of the names of faults whose cause shows only while the wheel is driven."""
 STOPPED_BY_DEADLINE = "the last command ends at its deadline"
 
 
@@ -28,11 +28,8 @@ class RobotServices:
     def __init__(self, node: Any, threads: NodeThreads) -> None:
         self._node = node
         threads.urgent_service(node, SetBool, "~/estop", self._estop)
-        threads.urgent_service(node, Trigger, "~/stop", self._trigger(self._stop))
-        waiting: dict[str, Callable[[OpenRobot], str | None]] = {
-            "clear_fault": _clear_fault,
-            "save_parameters": _save_parameters,
-        }
+        threads.urgent_service(node, Trigger, "~/stop", self._trigger(_stop))
+        waiting = {"clear_fault": _clear_fault, "save_parameters": _save_parameters}
         for name, action in waiting.items():
             service = node.create_service(Trigger, f"~/{name}", self._trigger(action))
             threads.defer(service, threads.requests)
@@ -47,26 +44,27 @@ class RobotServices:
             return str(self._node.clear_estop())
 
         answer = _answer(act, response)
-        # After a failure as well: the e-stop is noted even where the robot cannot be reached.
+        # After a failure as well: the node remembers the e-stop of a robot out of reach.
         self._node.update_state()
         return answer
 
-    def _stop(self, robot: OpenRobot) -> str:
-        try:
-            robot.connection.stop()
-        except WheelwireError as error:
-            raise WheelwireError(f"{error}; {STOPPED_BY_DEADLINE}") from error
-        return "stopped, until the next command"
-
-    def _trigger(self, action: Callable[[OpenRobot], str | None]) -> Callable[[Any, Any], Any]:
+    def _trigger(self, action: Callable[[OpenRobot], str]) -> Callable[[Any, Any], Any]:
         def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             return _answer(lambda: action(self._node.open_robot()), response)
 
         return serve
 
 
+def _stop(robot: OpenRobot) -> str:
+    try:
+        robot.connection.stop()
+    except WheelwireError as error:
+        raise WheelwireError(f"{error}; {STOPPED_BY_DEADLINE}") from error
+    return "stopped, until the next command"
+
+
 def _clear_fault(robot: OpenRobot) -> str:
-    # Read first: once they are cleared nothing tells which they were.
+    # Read first: a cleared fault leaves no trace.
     faults = robot.faults
     robot.clear_fault()
     again = [fault for fault in faults if fault.endswith(SEEN_WHEN_DRIVEN)]
@@ -88,9 +86,9 @@ def _reset_odometry(robot: OpenRobot) -> str:
     return "the odometry begins here"
 
 
-def _answer(action: Callable[[], str | None], response: Any) -> Any:
+def _answer(action: Callable[[], str], response: Any) -> Any:
     try:
-        response.message = action() or ""
+        response.message = action()
     except WheelwireError as error:
         response.message = str(error)
     else:

@@ -4,16 +4,16 @@ thread               callback group   runs
 general callbacks    the default one  parameters, lifecycle, the other services; diagnostics at 1 Hz
  (the main thread)                    and at each change
 urgent callbacks     `urgent`         cmd_vel, ~/estop and ~/stop; each 0.2 s who publishes cmd_vel
-lane of stops        (4 threads)      e-stop and stop, until acknowledged
-lane of requests     (1 thread)       the robot's parameters, save, clear, preparing a new session
-lane of transitions  (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
+stop workers         (4 threads)      e-stop and stop, until acknowledged
+request worker       (1 thread)       the robot's parameters, save, clear, preparing a new session
+transition worker    (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
 samples              (its own)        reads the robot; odom, tf, joint_states, battery_state
 pose                 (its own)        writes pose_file, at most once a second
 
-Only the lanes and the thread of the samples wait for the robot.
-An entity is created and destroyed in the thread that waits for it: `run_generally`, `run_urgently`.
-A callback that needs a lane is a coroutine: its executor goes on with other callbacks until the
-lane is done. So nothing that the robot does, or does not do, delays an e-stop, a command or the
+Only the workers and the thread of the samples wait for the robot.
+An entity is created and destroyed in the thread that waits for it: `entity`, `run_urgently`.
+A callback that needs a worker is a coroutine: its executor runs other callbacks until the worker
+has finished. So nothing that the robot does, or does not do, delays an e-stop, a command or the
 answer of a parameter service.
 """
 
@@ -24,28 +24,34 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any, TypeVar
 
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.task import Future as RosFuture
 
 STOPS_AT_ONCE = 4
 """Stops that may wait for their acknowledgement; the next one would wait for one of these."""
 SWITCH_INTERVAL_S = 0.0001
-"""How long one thread may keep the interpreter while another has something to do. Python's 5 ms
+"""How long one thread may hold the interpreter while another has something to do. Python's 5 ms
 is as long as an e-stop may take to the wire."""
 JOIN_S = 2.0
 GENERAL_PAUSE_S = 0.0005
-"""Between two general callbacks. A client that asks without end would otherwise keep their thread
-in the interpreter all the time, and each e-stop would have to wait until it lets go."""
+"""Between two general callbacks. Otherwise a client that asks without end would let their thread
+hold the interpreter all the time, and each e-stop would have to wait until it lets go."""
 SPIN_ENDED_S = 0.1
-"""How soon it is noticed that an executor ended before it came to a callback."""
+"""How soon a caller finds out that an executor ended before it came to a callback."""
 
 Result = TypeVar("Result")
 Serve = Callable[[Any, Any], Any]
 """A service's callback: fills in the response to a request, and returns it."""
+
+
+def steady_clock() -> Clock:
+    """A clock for timers that must not depend on the wall clock or on /clock."""
+    return Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no types
@@ -67,7 +73,7 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         self._thread: int | None = None
 
     def spin(self) -> None:
-        """Run callbacks until the context or this is shut down."""
+        """Run callbacks until the context or this executor is shut down."""
         self._thread = threading.get_ident()
         self.spins.set()
         try:
@@ -106,22 +112,22 @@ class _Executor(SingleThreadedExecutor):  # type: ignore[misc] # rclpy has no ty
         return [self._node]
 
     def can_execute(self, entity: Any) -> bool:
-        """Whether to wait for it now."""
+        """Whether to wait for an entity now."""
         return self._runs(entity.callback_group) and bool(super().can_execute(entity))
 
 
 class NodeThreads:
-    """The executors and lanes of one node, from `start` to `close`.
+    """The executors and workers of one node, from `spin` to `close`.
 
     Args:
         node: An rclpy node.
 
     Attributes:
-        urgent: The callback group of what must not wait for other callbacks. An entity that is
-            added to it while the threads run needs `wake`.
-        stops: Lane of e-stop and stop.
-        requests: Lane of what asks the robot.
-        transitions: Lane of lifecycle transitions.
+        urgent: The callback group of what must not wait for other callbacks. While the threads
+            run, create and destroy its entities by `run_urgently`.
+        stops: The workers for e-stop and stop.
+        requests: The worker for what asks the robot.
+        transitions: The worker for lifecycle transitions.
     """
 
     def __init__(self, node: Any) -> None:
@@ -139,18 +145,18 @@ class NodeThreads:
         """Run all callbacks until the context is shut down; raises what a callback raises."""
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         self._thread.start()
-        # Until it spins, `run_urgently` would run its callback in the caller's thread.
+        # Before it spins, `run_urgently` would make its call in the caller's thread.
         self._urgent.spins.wait()
         self._general.spin()
 
     def close(self) -> None:
-        """End what runs callbacks, and wait for a transition that is under way.
+        """End the executors, and wait for a running transition.
 
-        The other lanes finish what they have begun; nothing new is begun.
+        The other workers finish what they have begun, and begin nothing new.
         """
-        for lane in (self.stops, self.requests):
-            lane.shutdown(wait=False, cancel_futures=True)
-        # Waited for, because it may be opening the robot, which its node then has to close.
+        for worker in (self.stops, self.requests):
+            worker.shutdown(wait=False, cancel_futures=True)
+        # The transition may be opening the robot, which the node then has to close.
         self.transitions.shutdown(wait=True, cancel_futures=True)
         self._urgent.shutdown(0)
         if self._thread.is_alive():
@@ -161,17 +167,23 @@ class NodeThreads:
         """Run a callback in the general thread; from any thread."""
         self._general.create_task(callback)
 
-    def run_generally(self, call: Callable[[], Result]) -> Result:
-        """Make a call in the general thread, and wait for it; returns or raises as the call.
+    def entity(
+        self,
+        resources: ExitStack,
+        create: Callable[[], Result],
+        destroy: Callable[[Result], object],
+    ) -> Result:
+        """Create an entity of the default group; `resources` destroys it when it closes.
 
-        Publishers are created and destroyed there once the threads run, like all entities of the
-        default group: rclpy's executor raises InvalidHandle when the event handler of a
-        publisher is destroyed while another thread prepares to wait for it.
+        Both in the general thread: rclpy's executor raises InvalidHandle when the event handler of
+        a publisher is destroyed while another thread prepares to wait for it.
         """
-        return self._general.run(call)
+        made = self._general.run(create)
+        resources.callback(self._general.run, lambda: destroy(made))
+        return made
 
     def run_urgently(self, call: Callable[[], Result]) -> Result:
-        """As `run_generally`, for the entities of the group `urgent` and in its thread."""
+        """Make a call in the urgent thread, and wait for it; returns or raises as the call."""
         return self._urgent.run(call)
 
     def fail(self, error: Exception) -> None:
@@ -183,33 +195,33 @@ class NodeThreads:
         # An executor raises what its tasks raise, out of `spin`.
         self.call_soon(raise_it)
 
-    def urgent_service(self, node: Any, type_: Any, name: str, action: Serve) -> Any:
-        """A service that is served without waiting for other callbacks; `action` may wait."""
+    def urgent_service(self, node: Any, type_: Any, name: str, action: Serve) -> None:
+        """Create a service that waits for no other callback; `action` may wait for the robot."""
 
         async def serve(request: Any, response: Any) -> Any:
             return await self._done(self._urgent, self.stops.submit(action, request, response))
 
-        return node.create_service(type_, name, serve, callback_group=self.urgent)
+        node.create_service(type_, name, serve, callback_group=self.urgent)
 
     def defer(
         self,
         service: Any,
-        lane: ThreadPoolExecutor,
+        worker: ThreadPoolExecutor,
         waits: Callable[[Any], bool] = lambda _request: True,
     ) -> None:
-        """Serve in a lane what waits for the robot.
+        """Have a worker serve the requests that wait for the robot.
 
         Args:
-            service: A service of the node, whose callback is replaced.
-            lane: Where its callback runs from now on.
-            waits: Whether a request is served there; the others are served as before.
+            service: A service of the node; this replaces its callback.
+            worker: Where that callback runs from now on.
+            waits: Whether a request waits for the robot; the general thread serves the others.
         """
         serve_now: Serve = service.callback
 
         async def serve(request: Any, response: Any) -> Any:
             if not waits(request):
                 return serve_now(request, response)
-            return await self._done(self._general, lane.submit(serve_now, request, response))
+            return await self._done(self._general, worker.submit(serve_now, request, response))
 
         service.callback = serve
         # A coroutine occupies its group until it ends.
@@ -217,7 +229,7 @@ class NodeThreads:
 
     @staticmethod
     async def _done(executor: SingleThreadedExecutor, called: Future[Result]) -> Result:
-        """Wait for a call in a lane, as a coroutine of an executor."""
+        """Wait for a worker's call, as a coroutine of an executor."""
         done = RosFuture(executor=executor)
 
         def finish(_: object) -> None:
@@ -234,5 +246,5 @@ class NodeThreads:
             with suppress(ExternalShutdownException):
                 self._urgent.spin()
         except Exception as error:
-            # Otherwise only this thread would end: the node would go on, and obey no command.
+            # Otherwise only this thread would end: the node would live on, and obey no command.
             self.fail(error)

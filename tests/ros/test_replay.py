@@ -20,6 +20,8 @@ from wheelwire import DifferentialDrive
 from wheelwire_ros.publishers import time_ns
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "replay_joint_states.py"
+LONGEST_NS = 30_000_000
+"""Between two messages at 50 Hz."""
 GEOMETRY = ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
 
 
@@ -40,9 +42,14 @@ def test_joint_states_replay_to_the_pose_of_odom_bit_by_bit(tmp_path: Path) -> N
         odometry = {time_ns(message.header.stamp): message for message in tuple(rig.odometry)}
     replay = runpy.run_path(str(EXAMPLE))["JointReplay"](DifferentialDrive(*geometry))
     compared = moved = 0
+    last_ns = None
     for message in tuple(joints):
+        stamp_ns = time_ns(message.header.stamp)
+        if last_ns is not None and stamp_ns - last_ns > LONGEST_NS:
+            break  # on a busy computer DDS may drop messages; the poses before are exact
+        last_ns = stamp_ns
         replayed = replay.update(message)
-        there = odometry.get(time_ns(message.header.stamp))
+        there = odometry.get(stamp_ns)
         if there is None:
             continue
         position, rotation = there.pose.pose.position, there.pose.pose.orientation
@@ -66,6 +73,12 @@ def test_the_program_shows_the_poses_of_odom(tmp_path: Path) -> None:
     with open_rig(tmp_path) as rig, RobotNode(rig.graph, PROGRAM) as program:
         wait(lambda: "x 0.0000 m" in program.errors(), "a first pose")
         drive_a_bend_and_back(rig)
-        pose = rig.odometry[-1].pose.pose
-        shown = f"x {pose.position.x:.4f} m, y {pose.position.y:.4f} m, heading "
-        wait(lambda: program.errors().rstrip().rpartition("\n")[2].startswith(shown), shown)
+
+        def shows_odom() -> bool:
+            place = rig.odometry[-1].pose.pose.position
+            line = program.errors().rstrip().rpartition("\n")[2]
+            numbers = [float(word) for word in line.split() if word[-1].isdigit()]
+            return numbers[:2] == pytest.approx([place.x, place.y], abs=1e-3)
+
+        wait(lambda: abs(rig.odometry[-1].twist.twist.linear.x) < 1e-3, "standstill in odom")
+        wait(shows_odom, "the pose of odom")

@@ -76,6 +76,7 @@ def test_a_fault_is_named_and_cleared(rig: Rig) -> None:
 
 def test_the_odometry_begins_anew_where_the_robot_is(rig: Rig) -> None:
     with rig.driving():
+        rig.truth(lambda state: state.drive_on)
         wait(lambda: rig.x_m() > 0.1, "10 cm")
     rig.truth(stopped)
     # Samples of the last centimetres may come later than the truth.

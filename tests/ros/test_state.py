@@ -281,13 +281,13 @@ def test_an_estop_without_a_robot_answers_what_is_true(graph: Graph, tmp_path: P
         answer = graph.call(SetBool, f"{NODE}/estop", data=True)
         assert not answer.success
         assert "not confirmed" in answer.message
-        assert "first thing that the robot gets" in answer.message
-        state.wait(lambda v: "the e-stop is noted" in v["cause"])
+        assert "before anything else" in answer.message
+        state.wait(lambda v: "the robot gets the e-stop" in v["cause"])
         answer = graph.call(SetBool, f"{NODE}/estop", data=False)
         assert answer.success
         assert "no robot is open" in answer.message
         assert "is cleared" not in answer.message
-        state.wait(lambda v: "the e-stop is noted" not in v["cause"])
+        state.wait(lambda v: "the robot gets the e-stop" not in v["cause"])
         assert graph.call(SetBool, f"{NODE}/estop", data=True).message
         with Simulator(link=path) as simulator:
             state.wait(lambda v: v["state"] == "ESTOPPED")

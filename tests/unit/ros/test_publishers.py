@@ -19,8 +19,7 @@ import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
 from wheelwire import Pose, Twist
 from wheelwire_ros import publishers
 from wheelwire_ros.estimator import RobotMotion, WheelMotion
-from wheelwire_ros.message_template import MessageTemplate
-from wheelwire_ros.publishers import Frames, MotionTemplates, MotionTopics
+from wheelwire_ros.publishers import Frames, MessageTemplate, MotionTemplates, MotionTopics
 
 POSE_DIAGONAL = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
 TWIST_DIAGONAL = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
