@@ -6,13 +6,13 @@ import pytest
 
 from wheelwire.commissioning.inspection import clear
 from wheelwire.commissioning.motion import arm
-from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.motion.kinematics import WheelVelocities
 from wheelwire_protocol.codes import SupervisorState
 
 
-class LosingRobot(MockDriver):
+class LosingRobot(VirtualMockDriver):
     """Its first setpoints do not arrive, nor do their repeats."""
 
     to_lose = 0

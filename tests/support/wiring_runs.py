@@ -10,7 +10,7 @@ from itertools import product
 from wheelwire.commissioning.questions import Question, SimulatedPerson
 from wheelwire.commissioning.setup import Findings, set_up
 from wheelwire.commissioning.wiring import Wiring
-from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.files.plant import load_plant, shipped_plants
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import SupervisorState
@@ -160,7 +160,7 @@ def _counts_of(plant: str) -> int:
     return round(load_plant(plant).values["counts_per_revolution"].value)
 
 
-class InterruptedRobot(MockDriver):
+class InterruptedRobot(VirtualMockDriver):
     """A simulated robot in virtual time that is reset or unplugged when it is read."""
 
     def __init__(self, kind: str, reads: int) -> None:

@@ -12,15 +12,14 @@ import socket
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import TypeVar, cast
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, path, timeout_s
-from ..errors import InvalidCommand, LinkLost, RequestTimeout
+from ..errors import InvalidArgument, InvalidCommand, LinkLost, RequestTimeout
 from ..link.base_link import LinkOptions
-from ..link.clock import host_clock_us
 from ..link.connection import Link
-from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..link.transports import SocketTransport, Transport
 from ..linux_mcu.store import converted_store
@@ -35,6 +34,9 @@ from .transport_driver import DeviceDriver
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""
+
+
+_Driver = TypeVar("_Driver", bound="MockDriver")
 
 
 class MockDriver(DeviceDriver):
@@ -52,6 +54,17 @@ class MockDriver(DeviceDriver):
         ParameterOutOfRange: In `parameters`.
     """
 
+    def __new__(
+        cls: type[_Driver],
+        *,
+        realtime: bool = True,
+        parameters: Mapping[str, float] | None = None,  # noqa: ARG004 - of `__init__`
+        store: Path | None = None,  # noqa: ARG004
+    ) -> _Driver:
+        """A robot in virtual time is of a class of its own."""
+        is_virtual = cls is MockDriver and not flag("realtime", realtime)
+        return cast("_Driver", object.__new__(VirtualMockDriver if is_virtual else cls))
+
     def __init__(
         self,
         *,
@@ -59,74 +72,91 @@ class MockDriver(DeviceDriver):
         parameters: Mapping[str, float] | None = None,
         store: Path | None = None,
     ) -> None:
-        # Before the link is opened, which sets it in virtual time.
-        self._virtual: VirtualLink | None = None
-        if flag("realtime", realtime):
-            self._process = MockProcess(parameters, store)
-            super().__init__(partial(Link, self._process.options))
-        else:
-            self._sim = _powered_on(checked_values(parameters), _converted(store))
-            super().__init__(self._open_virtual_link)
-            self._callbacks = InlineCallbacks()
+        if not flag("realtime", realtime):
+            raise InvalidArgument("a subclass for virtual time is one of VirtualMockDriver")
+        self._process = MockProcess(parameters, store)
+        super().__init__(partial(Link, self._process.options))
 
     @property
     def simulator(self) -> Simulator | FwSim:
         """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
-        return self._sim if self._virtual is not None else self._process.simulator
+        return self._process.simulator
 
-    def advance(self, seconds: float) -> None:
+    def advance(self, seconds: float) -> None:  # noqa: ARG002 - virtual time has a use for it
         """Let virtual time pass.
 
         Raises:
             InvalidCommand: Time is real.
         """
-        if self._virtual is None:
-            raise InvalidCommand("time passes by itself: give realtime=False to advance it")
-        self._virtual.advance(timeout_s("seconds", seconds))
+        raise InvalidCommand("time passes by itself: give realtime=False to advance it")
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
-        (self._virtual or self._process).unplug()
+        self._process.unplug()
 
     def plug(self) -> None:
         """It is back in reach, in real time a moment later."""
-        (self._virtual or self._process).plug()
+        self._process.plug()
+
+
+class VirtualMockDriver(MockDriver):
+    """A simulated robot in virtual time, which passes in `advance` and while a call waits."""
+
+    _link: VirtualLink
+
+    def __init__(
+        self,
+        *,
+        realtime: bool = False,  # noqa: ARG002 - it has selected this class
+        parameters: Mapping[str, float] | None = None,
+        store: Path | None = None,
+    ) -> None:
+        self._sim = _powered_on(checked_values(parameters), _converted(store))
+        DeviceDriver.__init__(self, partial(VirtualLink, sim=self._sim, watched=WATCHED))
+        self._callbacks = InlineCallbacks()
+
+    @property
+    def simulator(self) -> FwSim:
+        """As every mock driver's."""
+        return self._sim
+
+    def advance(self, seconds: float) -> None:
+        """Let virtual time pass."""
+        self._link.advance(timeout_s("seconds", seconds))
+
+    def unplug(self) -> None:
+        """The robot is out of reach from now on."""
+        self._link.unplug()
+
+    def plug(self) -> None:
+        """It is back in reach."""
+        self._link.plug()
 
     def read(self, timeout: float = 1.0) -> WheelSample:
-        """As every driver's; in virtual time, waiting makes it pass."""
-        link = self._virtual
-        if link is None:
-            return super().read(timeout)
-        end_us = link.now_us + round(timeout_s("timeout", timeout) * 1e6)
+        """As every driver's; waiting makes time pass."""
+        end_us = self._link.now_us + round(timeout_s("timeout", timeout) * 1e6)
         while True:
             try:
                 # Without a wait in real time, in which nothing would come.
                 return super().read(0)
             except (RequestTimeout, LinkLost):
                 # Reading waits through a reconnection, as in real time.
-                if link.now_us >= end_us:
+                if self._link.now_us >= end_us:
                     raise
-            link.advance(0.001)
+            self._link.advance(0.001)
 
     def samples(self) -> SampleIterator:
-        """As every driver's; in virtual time, waiting makes it pass."""
-        link = self._virtual
-        if link is None:
-            return super().samples()
-        return self._latest_sample.iterate(lambda _: link.advance(0.001))
+        """As every driver's; waiting makes time pass."""
+        return self._latest_sample.iterate(lambda _: self._link.advance(0.001))
 
     def get_encoder_ticks(self) -> tuple[int, int]:
-        """As every driver's; in virtual time, waiting for the first sample makes it pass."""
-        if self._virtual is not None and not self._latest_sample.is_current:
+        """As every driver's; waiting for the first sample makes time pass."""
+        if not self._latest_sample.is_current:
             self.read()
         return super().get_encoder_ticks()
 
-    def _open_virtual_link(self, latest_sample: LatestSample) -> VirtualLink:
-        self._virtual = VirtualLink(latest_sample, self._sim, WATCHED)
-        return self._virtual
-
     def _now_us(self) -> int:
-        return host_clock_us() if self._virtual is None else self._virtual.now_us
+        return self._link.now_us
 
 
 class _Transport(SocketTransport):

@@ -14,7 +14,7 @@ from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import aio
-from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import Expired, InvalidCommand
 from wheelwire_protocol.codes import SupervisorState
@@ -66,10 +66,10 @@ def test_the_same_with_asyncio(tmp_path: Path) -> None:
 def test_one_that_comes_too_late_is_counted_and_the_next_one_drives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    with MockDriver(realtime=False) as robot:
+    with VirtualMockDriver() as robot:
         held: list[bytes] = []
-        deliver = robot._sim.write
-        monkeypatch.setattr(robot._sim, "write", held.append)
+        deliver = robot.simulator.write
+        monkeypatch.setattr(robot.simulator, "write", held.append)
         robot.set_velocity(0.1, 0.0, ttl=0.02)
         robot.advance(0.05)
         monkeypatch.undo()

@@ -9,7 +9,7 @@ import pytest
 
 from support.pty_device import PtyDevice
 from wheelwire import aio, errors
-from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.mock import MockDriver, VirtualMockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.framing import Encoder
@@ -87,13 +87,13 @@ def test_in_virtual_time() -> None:
 def test_what_another_session_has_set_is_known_once_ours_is_open_again() -> None:
     """Another host takes the device over, and sets the limit; the device is not reset."""
     other = Encoder()
-    with MockDriver(realtime=False) as robot:
+    with VirtualMockDriver() as robot:
         boot_id, sessions = robot.info.device.boot_id, robot.sessions
         for limit_s in (0.25, 3.0):
             # Together, or ours would be open again before the second one.
             hello = Hello(77, PROTOCOL_VERSION, schema_hash())
             change = ParameterSet(77 ^ boot_id, 1, ID, limit_s)
-            robot._sim.write(other.encode(hello) + other.encode(change))
+            robot.simulator.write(other.encode(hello) + other.encode(change))
             robot.advance(2.0)
             assert robot.ttl_max_s == robot.health.ttl_max_s == limit_s
             robot.set_velocity(0.1, 0.0, ttl=limit_s)
