@@ -1,4 +1,4 @@
-"""The drivers for asyncio, without a thread.
+"""The drivers for asyncio: a facade over `wheelwire.open_driver`, whose link has a thread.
 
 async with wheelwire.aio.connect("/dev/ttyUSB0") as robot:
     async for sample in robot.samples():
@@ -6,17 +6,19 @@ async with wheelwire.aio.connect("/dev/ttyUSB0") as robot:
         print(sample)
 
 Each method does what its namesake of `wheelwire.BaseDriver` does, and raises the same errors. What
-waits for the robot is a coroutine. A robot belongs to the loop that it was opened in, and
-only its thread may use it.
+waits for the robot is a coroutine. A robot belongs to the loop that it was opened in: only that
+loop, and its thread, may use it.
 """
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import weakref
+from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Mapping
 from contextlib import AbstractAsyncContextManager, suppress
-from dataclasses import replace
-from importlib import import_module
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
@@ -42,23 +44,24 @@ from .drivers.device_parameters import (
     Steps,
     checked_timeout,
     contradiction_error,
+    run,
 )
-from .drivers.factory import check_options
+from .drivers.factory import check_options, driver_class
 from .drivers.linked import LinkedRobot
 from .drivers.loop_callbacks import LoopCallbacks
-from .errors import (
-    DeviceRefused,
-    DriverUnavailable,
-    InvalidArgument,
-    LinkLost,
-    WheelwireError,
-    shown,
+from .errors import DeviceRefused, DriverUnavailable, InvalidCommand, LinkLost, WheelwireError
+from .link.connection import (
+    CALL_TIMEOUT_S,
+    CLOSE_TIMEOUT_S,
+    Link,
+    call_takes_too_long,
 )
-from .link.async_connection import AsyncLink
-from .link.base_link import LinkOptions
-from .link.latest_sample import ITERATOR_WAIT_S, LatestSample
-from .link.requests import Answer, RequestMessage
+from .link.latest_sample import LatestSample
+from .link.news import Happening
+from .link.requests import Answer, Done, RequestMessage
 from .link.sample_iterator import SampleIterator as _SampleQueue
+from .link.waiting import Notifier
+from .motion.kinematics import WheelVelocities
 from .parameters import TRIAL_TIMEOUT_S, ParameterInfo, ParameterMapping
 from .samples import WheelSample
 
@@ -68,9 +71,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from .board import BoardDescription
-    from .drivers.mock import MockProcess
-    from .linux_mcu.settings import McuSettings
+    from .drivers.mock import MockDriver as _SyncMockDriver
+    from .drivers.pins import PinDriver as _SyncPinDriver
+    from .drivers.transport_driver import DeviceDriver
+    from .simulation.library import FwSim
     from .simulation.simulator import Simulator
+    from .simulation.virtual_link import VirtualLink
 
 __all__ = [
     "Driver",
@@ -86,6 +92,226 @@ __all__ = [
 Result = TypeVar("Result")
 DriverT = TypeVar("DriverT", bound="Driver")
 
+_VIRTUAL_STEP_S = 0.001
+
+
+class _LoopLink:
+    """A link, and the loop that waits for it.
+
+    The link's thread wakes the loop, by one call for all that has happened until the loop runs it.
+    Where time is virtual there is no such thread, and waiting makes time pass.
+    """
+
+    def __init__(self, robot: DeviceDriver) -> None:
+        self.link = robot._link
+        self.latest_sample: LatestSample = robot._latest_sample
+        self._virtual = None if isinstance(self.link, Link) else self.link
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = 0
+        self._calls: deque[Callable[[], None]] = deque()
+        self._is_woken = False
+        self._guard: asyncio.Task[None] | None = None
+
+    # --- opening and closing ---------------------------------------------------------------------
+
+    async def open(self) -> None:
+        """Open the link, which belongs to the running loop from now on."""
+        self._loop = asyncio.get_running_loop()
+        self._thread = threading.get_ident()
+        link = self.link
+        if not isinstance(link, Link):
+            link.open()
+            return
+        # All are watched, so that each has a value without waiting: no subscript can be awaited.
+        link.watch([definition.id for definition in PARAMETERS])
+        self._guard = self._loop.create_task(
+            _guard(link, self.wait_for), name=f"wheelwire {link.name}"
+        )
+        try:
+            for ready, timeout_s in link.opening():
+                await self.wait_for(link.changed, ready, timeout_s)
+        except BaseException:
+            # A cancellation, too: the thread would go on serving a port that nobody can close.
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        """Stop the robot and close the port; when this is cancelled, a moment later."""
+        link, guard = self.link, self._guard
+        if not isinstance(link, Link):
+            link.close()
+            return
+        link.finish()
+        if guard is not None and guard.get_loop() is asyncio.get_running_loop():
+            # To await the task itself would cancel it along with the caller.
+            await asyncio.wait([guard], timeout=CLOSE_TIMEOUT_S)
+
+    def abandon(self) -> None:
+        """Nobody uses the link any more: stop the robot, without keeping a loop waiting."""
+        if isinstance(self.link, Link) and self._loop is not None and self._loop.is_running():
+            self.link.finish()
+        else:
+            self.link.close()
+
+    def check_thread(self) -> None:
+        """Raise `InvalidCommand` in another thread than the loop's."""
+        if threading.get_ident() != self._thread and not self.link.has_ended:
+            raise InvalidCommand(
+                "the robot belongs to an asyncio loop of another thread: have that loop call it, "
+                "by loop.call_soon_threadsafe or asyncio.run_coroutine_threadsafe"
+            )
+
+    # --- waiting ---------------------------------------------------------------------------------
+
+    def call_in_loop(self, call: Callable[[], None]) -> None:
+        """Have the loop call it; from any thread."""
+        self._calls.append(call)
+        if not self._is_woken and self._loop is not None:
+            self._is_woken = True
+            try:
+                self._loop.call_soon_threadsafe(self._run_calls)
+            except RuntimeError:  # the loop is closed
+                self._is_woken = False
+                self._calls.clear()
+
+    def _run_calls(self) -> None:
+        self._is_woken = False  # first: what comes from now on wakes the loop once more
+        while self._calls:
+            self._calls.popleft()()
+
+    async def wait_for(
+        self, changed: Notifier, ready: Callable[[], bool], timeout_s: float | None = None
+    ) -> bool:
+        """Wait until `ready()`, which `changed` tells of, or for `timeout_s`; returns whether."""
+        loop = self._own_loop()
+        if self._virtual is not None:
+            return await _pass_until(self._virtual, ready, timeout_s)
+        end_s = None if timeout_s is None else loop.time() + timeout_s
+        while not ready():
+            if end_s is not None and loop.time() >= end_s:
+                return False
+            waiter = _Waiter(loop.create_future(), self.call_in_loop)
+            changed.add(waiter)
+            # It ends the same wait: when time is up, `ready` is asked once more, too.
+            timer = None if end_s is None else loop.call_at(end_s, waiter.end)
+            try:
+                # What changed before it was added wakes nobody.
+                if not ready():
+                    await waiter.future
+            finally:
+                changed.discard(waiter)
+                if timer is not None:
+                    timer.cancel()
+        return True
+
+    async def call(self, post: Callable[[Done], None]) -> Answer:
+        """Have `post` send a request; wait for its result, and return or raise it.
+
+        When this is cancelled the request is withdrawn.
+        """
+        self._own_loop()
+        results: list[Answer | WheelwireError] = []
+        answered = Notifier()
+
+        def done(result: Answer | WheelwireError) -> None:
+            results.append(result)
+            answered.notify_all()
+
+        post(done)
+        try:
+            await self.wait_for(answered, lambda: bool(results), CALL_TIMEOUT_S)
+        except BaseException:
+            # A late copy would be carried out after whatever the program does next.
+            self.link.withdraw(done)
+            raise
+        if not results:
+            self.link.withdraw(done)
+            raise call_takes_too_long()
+        # The same error may end many calls: tracebacks must not pile up in it.
+        if isinstance(results[0], WheelwireError):
+            raise results[0].with_traceback(None)
+        return results[0]
+
+    async def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer."""
+        return await self.call(partial(self.link.post, message))
+
+    async def run(self, steps: Steps[Result]) -> Result:
+        """Do an operation by requests that are awaited, one after the other."""
+        try:
+            # A request's error ends the operation where it is: its generator has nothing to clean
+            # up.
+            message = next(steps)
+            while True:
+                message = steps.send(await self._answer(message))
+        except StopIteration as end:
+            # The operation is over, and this is what its generator returned.
+            return cast("Result", end.value)
+
+    async def _answer(self, message: RequestMessage) -> Answer:
+        try:
+            return await self.request(message)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.CONTRADICTION:
+                raise
+            found = cast("Contradictions", await self.request(ContradictionsGet(0, 0)))
+            raise contradiction_error(message, found) from None
+
+    def _own_loop(self) -> asyncio.AbstractEventLoop:
+        loop = asyncio.get_running_loop()
+        # Of a link that has ended, whoever asks learns that.
+        if loop is not self._loop and not self.link.has_ended:
+            raise InvalidCommand(
+                "the robot belongs to another asyncio loop: use it in the one that opened it, as "
+                "by asyncio.run_coroutine_threadsafe"
+            )
+        return loop
+
+
+class _Waiter:
+    """A coroutine that waits for another thread's news."""
+
+    def __init__(
+        self, future: asyncio.Future[None], call_in_loop: Callable[[Callable[[], None]], None]
+    ) -> None:
+        self.future = future
+        self._call_in_loop = call_in_loop
+
+    def release(self) -> None:
+        """End the wait; from any thread."""
+        self._call_in_loop(self.end)
+
+    def end(self) -> None:
+        """End the wait; in the loop."""
+        if not self.future.done():
+            self.future.set_result(None)
+
+
+async def _pass_until(
+    link: VirtualLink, ready: Callable[[], bool], timeout_s: float | None
+) -> bool:
+    """Let virtual time pass until `ready()`, or for `timeout_s`; returns whether it was ready."""
+    end_us = None if timeout_s is None else link.now_us + round(timeout_s * 1e6)
+    while not ready():
+        if end_us is not None and link.now_us >= end_us:
+            return False
+        link.advance(_VIRTUAL_STEP_S)
+        await asyncio.sleep(0)  # others have the loop meanwhile, and this may be cancelled
+    return True
+
+
+async def _guard(link: Link, wait_for: Callable[..., Awaitable[bool]]) -> None:
+    """The link's task: a loop that ends cancels it, and waits until the robot is stopped."""
+    try:
+        while not link.has_ended:
+            try:
+                await wait_for(link.changed, lambda: link.has_ended)
+            except asyncio.CancelledError:  # noqa: PERF203 - it goes on waiting
+                link.finish()
+    except GeneratorExit:  # the loop was closed without a word, and this is thrown away
+        link.close()
+        raise
+
 
 class Driver(LinkedRobot):
     """A robot with two driven wheels, on the running loop. Made by `connect` and `open_driver`.
@@ -97,17 +323,21 @@ class Driver(LinkedRobot):
 
     All methods that reach the robot raise `LinkLost` while it is out of reach, and `LinkClosed`
     once the driver is closed.
+
+    Args:
+        robot: The driver that is used; made by `opened_later`.
     """
 
-    def __init__(self, options: LinkOptions) -> None:
-        self._latest_sample = LatestSample()
-        self._callbacks: LoopCallbacks = LoopCallbacks()
-        # All are watched, so that each has a value without waiting: no subscript can be awaited.
-        everything = tuple(definition.id for definition in PARAMETERS)
-        self._link: AsyncLink = AsyncLink(replace(options, watched=everything), self._latest_sample)
-        self._parameters = Parameters(self._link)
-        # When it is forgotten, the robot is stopped, as far as the loop still runs.
-        self._finalizer = weakref.finalize(self, self._link.finish)
+    def __init__(self, robot: DeviceDriver) -> None:
+        self._robot = robot
+        self._link = robot._link
+        self._latest_sample = robot._latest_sample
+        self._on_loop = on_loop = _LoopLink(robot)
+        self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
+        self._parameters = Parameters(on_loop)
+        # In place of the driver's own, which waits.
+        robot._finalizer.detach()
+        self._finalizer = weakref.finalize(self, on_loop.abandon)
 
     async def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.
@@ -116,19 +346,19 @@ class Driver(LinkedRobot):
             LinkLost: There is no session; the stop was sent if the port is there.
             RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
         """
-        await self._link.stop()
+        await self._on_loop.call(self._link.post_stop)
 
     async def estop(self) -> None:
         """Stop both wheels and latch; otherwise as `stop`."""
-        await self._link.estop()
+        await self._on_loop.call(self._link.post_estop)
 
     async def clear_estop(self) -> None:
         """End the emergency stop; `DeviceRefused` while its cause lasts."""
-        await self._link.request(ClearEstop(0, 0))
+        await self._on_loop.request(ClearEstop(0, 0))
 
     async def clear_fault(self) -> None:
         """Clear the latched faults; `DeviceRefused` while their cause lasts."""
-        await self._link.request(ClearFault(0, 0))
+        await self._on_loop.request(ClearFault(0, 0))
 
     async def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
@@ -144,15 +374,17 @@ class Driver(LinkedRobot):
             RequestTimeout: The robot is in reach, but sent no new sample.
         """
         timeout = timeout_s("timeout", timeout)
+        latest = self._latest_sample
         taken: WheelSample | None = None
 
         def take() -> bool:
             nonlocal taken
-            taken = self._latest_sample.poll()
+            if taken is None:  # asked again after the wait: it must not take a second one
+                taken = latest.poll()
             return taken is not None
 
         # The end of the link ends the wait, too: `poll` then raises its reason.
-        await self._link.changed.wait_for(take, timeout)
+        await self._on_loop.wait_for(latest.changed, take, timeout)
         if taken is None:
             # Out of reach is the better explanation, if that is why nothing came.
             self._check_link()
@@ -166,7 +398,8 @@ class Driver(LinkedRobot):
         those that were not taken in time. It waits while the robot is out of reach, however long,
         and ends when the driver is closed.
         """
-        return SampleIterator(self._latest_sample, self._link)
+        self._on_loop.check_thread()
+        return SampleIterator(self._on_loop)
 
     async def get_encoder_ticks(self) -> tuple[int, int]:
         """(left, right) ticks of the newest sample, forward positive, without bounds.
@@ -180,7 +413,9 @@ class Driver(LinkedRobot):
         self._check_link()
         latest, link = self._latest_sample, self._link
         # A link that has ended brings no sample: waiting on would only delay its error.
-        await link.changed.wait_for(lambda: latest.is_current or link.has_ended, FIRST_SAMPLE_S)
+        await self._on_loop.wait_for(
+            latest.changed, lambda: latest.is_current or link.has_ended, FIRST_SAMPLE_S
+        )
         if not latest.is_current:
             self._check_link()  # it may have been lost meanwhile
             raise latest.why_none(FIRST_SAMPLE_S)
@@ -194,16 +429,16 @@ class Driver(LinkedRobot):
 
     async def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
-        return cast("LinkCounters", await self._link.request(LinkCountersGet(0, 0)))
+        return cast("LinkCounters", await self._on_loop.request(LinkCountersGet(0, 0)))
 
     async def contradictions(self) -> Contradiction:
         """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
-        answer = cast("Contradictions", await self._link.request(ContradictionsGet(0, 0)))
+        answer = cast("Contradictions", await self._on_loop.request(ContradictionsGet(0, 0)))
         return Contradiction(answer.active)
 
     async def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""
-        return cast("ControlCounters", await self._link.request(ControlCountersGet(0, 0)))
+        return cast("ControlCounters", await self._on_loop.request(ControlCountersGet(0, 0)))
 
     async def close(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once.
@@ -213,7 +448,7 @@ class Driver(LinkedRobot):
         self._callbacks.close()
         # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
-        await self._link.close()
+        await self._on_loop.close()
         await self._callbacks.wait()
         # Skipped when this is cancelled: the finaliser stays, and finishing twice is harmless.
         self._finalizer.detach()
@@ -230,52 +465,65 @@ class Driver(LinkedRobot):
         await self.close()
 
     async def _open(self) -> None:
-        await self._link.open()
+        await self._on_loop.open()
+
+    def _listen(self, happening: Happening) -> None:
+        self._on_loop.check_thread()
+        super()._listen(happening)
+
+    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._on_loop.check_thread()
+        super()._drive_velocity(wheels, expiry_us)
+
+    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._on_loop.check_thread()
+        super()._drive_duty(left, right, expiry_us)
+
+    def _now_us(self) -> int:
+        return self._robot._now_us()
 
 
 class PinDriver(Driver):
     """A robot on this computer's pins, or behind a pigpio daemon."""
 
-    def __init__(self, settings: McuSettings) -> None:
-        from .drivers.pins import PinProcess  # here: it starts processes, and few need it
-
-        self._process = PinProcess(settings)
-        super().__init__(self._process.options)
+    _robot: _SyncPinDriver
 
     @property
     def limits(self) -> tuple[str, ...]:
         """What this wiring cannot do, in sentences; logged once as warnings."""
-        return self._process.limits
+        return self._robot.limits
 
 
 class MockDriver(Driver):
-    """A simulated robot, in real time."""
+    """A simulated robot. In virtual time, it passes while a coroutine waits, and in `advance`."""
 
-    def __init__(self, process: MockProcess) -> None:
-        self._process = process
-        super().__init__(process.options)
+    _robot: _SyncMockDriver
 
     @property
-    def simulator(self) -> Simulator:
+    def simulator(self) -> Simulator | FwSim:
         """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
-        return self._process.simulator
+        return self._robot.simulator
+
+    def advance(self, seconds: float) -> None:
+        """Let virtual time pass; `InvalidCommand` if time is real."""
+        self._robot.advance(seconds)
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
-        self._process.unplug()
+        self._robot.unplug()
 
     def plug(self) -> None:
-        """It is back in reach, a moment later."""
-        self._process.plug()
+        """It is back in reach, in real time a moment later."""
+        self._robot.plug()
 
 
 class SampleIterator(AsyncIterator[WheelSample]):
     """As `wheelwire.SampleIterator`, for `async for`."""
 
-    def __init__(self, latest_sample: LatestSample, link: AsyncLink) -> None:
+    def __init__(self, on_loop: _LoopLink) -> None:
         # Polled, and waited for on the loop: its own `next` would block the thread.
-        self._queue: _SampleQueue = latest_sample.iterate()
-        self._link = link
+        self._queue: _SampleQueue = on_loop.latest_sample.iterate()
+        self._on_loop = on_loop
 
     @property
     def dropped(self) -> int:
@@ -297,7 +545,7 @@ class SampleIterator(AsyncIterator[WheelSample]):
                 raise StopAsyncIteration from None
             if sample is not None:
                 return sample
-            await self._link.changed.wait_for(self._queue.is_ready, ITERATOR_WAIT_S)
+            await self._on_loop.wait_for(self._on_loop.latest_sample.changed, self._queue.is_ready)
 
 
 class Parameters(ParameterMapping):
@@ -311,9 +559,9 @@ class Parameters(ParameterMapping):
     takes a name: `UnknownParameter`.
     """
 
-    def __init__(self, link: AsyncLink) -> None:
-        self._operations = ParameterOperations(link)
-        self._link = link
+    def __init__(self, on_loop: _LoopLink) -> None:
+        self._operations = ParameterOperations(on_loop.link)
+        self._on_loop = on_loop
 
     async def set(self, name: str, value: float) -> float:
         """Change a value until the next reset of the device; returns the value in force.
@@ -321,47 +569,49 @@ class Parameters(ParameterMapping):
         Raises:
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
         """
-        return await self._run(self._operations.set(name, value))
+        return await self._on_loop.run(self._operations.set(name, value))
 
     async def refresh(self, name: str | None = None) -> None:
         """Ask the device anew for one value, or for all."""
-        await self._run(self._operations.refresh(name))
+        await self._on_loop.run(self._operations.refresh(name))
 
     async def list(self) -> tuple[ParameterInfo, ...]:
         """All parameters, with the bounds that the device holds them to."""
-        return await self._run(self._operations.list())
+        return await self._on_loop.run(self._operations.list())
 
     async def save(self, name: str | None = None) -> None:
         """Keep values across resets: one, or all. Only while stopped."""
-        await self._run(self._operations.save(name))
+        await self._on_loop.run(self._operations.save(name))
 
     async def reset(self) -> None:
         """Go back to the defaults, and forget what was saved. Only while stopped."""
-        await self._run(self._operations.reset())
+        await self._on_loop.run(self._operations.reset())
 
     def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
         """Try values: `async with robot.parameters.trial() as trial: ...; await trial.keep()`.
 
         As `wheelwire.Parameters.trial`.
         """
-        return Trial(self._operations, self._link, checked_timeout(timeout))
+        return Trial(self._operations, self._on_loop, checked_timeout(timeout))
 
     def _value(self, definition: Parameter) -> float:
         value = self._operations.newest(definition.id)
-        if value is None:  # a new session has just begun
+        if value is not None:
+            return value
+        link = self._on_loop.link
+        if isinstance(link, Link):  # a new session has just begun
             raise LinkLost("a new session is being opened; wait a moment")
-        return value
-
-    async def _run(self, steps: Steps[Result]) -> Result:
-        return await _run(steps, self._link)
+        return run(self._operations.get(definition.id), link.request)  # in virtual time
 
 
 class Trial(AbstractAsyncContextManager["Trial"]):
     """A trial of parameters, made by `Parameters.trial`; as `wheelwire.parameters.Trial`."""
 
-    def __init__(self, operations: ParameterOperations, link: AsyncLink, timeout_s: float) -> None:
+    def __init__(
+        self, operations: ParameterOperations, on_loop: _LoopLink, timeout_s: float
+    ) -> None:
         self._operations = operations
-        self._link = link
+        self._on_loop = on_loop
         self._timeout_s = timeout_s
         self._kept = False
 
@@ -372,13 +622,13 @@ class Trial(AbstractAsyncContextManager["Trial"]):
             DeviceRefused: The trial was lost; the former values are in force.
             RequestTimeout: Whether they were kept is not known.
         """
-        await _run(self._operations.keep_trial(), self._link)
+        await self._on_loop.run(self._operations.keep_trial())
         # Only once it is acknowledged: until then the end of the block has to revert.
         self._kept = True
 
     async def __aenter__(self) -> Trial:
         try:
-            await _run(self._operations.begin_trial(self._timeout_s), self._link)
+            await self._on_loop.run(self._operations.begin_trial(self._timeout_s))
         except DeviceRefused:
             raise  # none was begun; the other one goes on
         except BaseException:  # it may have been begun, and nobody will be there to end it
@@ -396,7 +646,7 @@ class Trial(AbstractAsyncContextManager["Trial"]):
         if self._kept:
             return
         try:
-            await _run(self._operations.revert_trial(), self._link)
+            await self._on_loop.run(self._operations.revert_trial())
         except WheelwireError:
             if error is None:  # else that one says more
                 raise
@@ -404,35 +654,13 @@ class Trial(AbstractAsyncContextManager["Trial"]):
             self._abandon()
             raise
         finally:
-            self._link.release_trial()
+            self._on_loop.link.release_trial()
 
     def _abandon(self) -> None:
         # Not awaited: the task may be ending. If it cannot be sent, the device reverts by itself.
         with suppress(WheelwireError):
-            self._link.post(REVERT)
-        self._link.release_trial()
-
-
-async def _run(steps: Steps[Result], link: AsyncLink) -> Result:
-    """Do an operation by requests that are awaited, one after the other."""
-    try:
-        # A request's error ends the operation where it is: its generator has nothing to clean up.
-        message = next(steps)
-        while True:
-            message = steps.send(await _answer(message, link))
-    except StopIteration as end:
-        # The operation is over, and this is what its generator returned.
-        return cast("Result", end.value)
-
-
-async def _answer(message: RequestMessage, link: AsyncLink) -> Answer:
-    try:
-        return await link.request(message)
-    except DeviceRefused as error:
-        if error.code != RefusalCode.CONTRADICTION:
-            raise
-        found = cast("Contradictions", await link.request(ContradictionsGet(0, 0)))
-        raise contradiction_error(message, found) from None
+            self._on_loop.link.post(REVERT, lambda _: None)
+        self._on_loop.link.release_trial()
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
@@ -440,6 +668,7 @@ class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[
 
     def __init__(self, make: Callable[[], DriverT]) -> None:
         self._make = make
+        self._made: DriverT | None = make()  # at once: that checks the options
         self._robot: DriverT | None = None
 
     def __await__(self) -> Generator[Any, None, DriverT]:
@@ -459,8 +688,7 @@ class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[
             await self._robot.close()
 
     async def _open(self) -> DriverT:
-        # Not before: the link belongs to the loop that runs when it is made.
-        robot = self._make()
+        robot, self._made = self._made or self._make(), None
         await robot._open()
         return robot
 
@@ -480,13 +708,8 @@ def connect(robot: str | os.PathLike[str] | None = None) -> Opening[Driver]:
     return open_driver(name, **options)
 
 
-_DRIVERS: dict[str, tuple[type[Driver], str, str]] = {
-    "l298n": (PinDriver, "options", "L298NOptions"),
-    "mock": (MockDriver, "mock", "MockProcess"),
-    "pigpio": (PinDriver, "options", "PigpioDriverOptions"),
-    "serial": (Driver, "options", "SerialDriverOptions"),
-}
-"""Name -> the class, and its options in which module of `drivers`."""
+_DRIVERS: dict[str, type[Driver]] = {"l298n": PinDriver, "mock": MockDriver, "pigpio": PinDriver}
+"""Name -> what offers more than `Driver`."""
 
 
 @overload
@@ -528,6 +751,7 @@ def open_driver(
 def open_driver(
     name: Literal["mock"],
     *,
+    realtime: bool = ...,
     parameters: Mapping[str, float] | None = ...,
     store: Path | None = ...,
 ) -> Opening[MockDriver]: ...
@@ -539,29 +763,29 @@ def open_driver(name: str, **options: Any) -> Opening[Any]:
     The options are checked at once, without opening anything.
 
     Args:
-        name: `serial`, `l298n`, `pigpio` or `mock`.
-        **options: As those of `wheelwire.open_driver`. `mock` has real time only.
+        name: As for `wheelwire.open_driver`.
+        **options: As those of `wheelwire.open_driver`.
 
     Raises:
-        DriverUnavailable: No driver has this name, or what it needs is not installed or not there.
+        DriverUnavailable: No driver has this name, or what it needs is not installed or not there,
+            or it has no link.
         InvalidArgument: The driver has no such option, or needs one that is missing.
         WheelwireError: What the driver itself raises.
     """
-    if not isinstance(name, str) or name not in _DRIVERS:
-        known = ", ".join(_DRIVERS)
-        raise DriverUnavailable(
-            f"no driver for asyncio is called {shown(name)}; there are: {known}"
-        )
-    driver, module, checks = _DRIVERS[name]
-    # Taken out of the options: `MockProcess` has real time only, and no such argument.
-    if name == "mock" and not options.pop("realtime", True):
-        raise InvalidArgument(
-            "driver 'mock': in virtual time, time passes while a call waits, which no asyncio loop "
-            "does; leave out realtime=False, or use wheelwire.open_driver"
-        )
-    # By name: only the module of the chosen driver is imported, with what it needs.
-    check: Any = getattr(import_module(f"{__package__}.drivers.{module}"), checks)
-    check_options(name, check, options)
-    made = check(**options)
-    checked = made if name == "mock" else made.checked()
-    return Opening(lambda: driver(checked))
+    from .drivers.transport_driver import DeviceDriver, opened_later  # here: it can read boards
+
+    driver = driver_class(name)
+    check_options(name, driver, options)
+
+    def make() -> Driver:
+        with opened_later():
+            robot = driver(**options)
+        if not isinstance(robot, DeviceDriver):
+            robot.close()
+            raise DriverUnavailable(
+                f"driver {name!r} has no link that asyncio could wait for: use "
+                "wheelwire.open_driver"
+            )
+        return _DRIVERS.get(name, Driver)(robot)
+
+    return Opening(make)

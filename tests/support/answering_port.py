@@ -24,6 +24,7 @@ class Port(Transport):
         self, device: FakeDevice | None = None, accepts: Callable[[], bool] = lambda: True
     ) -> None:
         self.ours, self.theirs = socket.socketpair()
+        self.ours.setblocking(False)  # it is also read when nothing is known to be there
         self.written: list[bytes] = []
         self._device = device
         self._accepts = accepts
@@ -32,7 +33,10 @@ class Port(Transport):
         return self.ours.fileno()
 
     def read(self) -> bytes:
-        return self.ours.recv(4096)
+        try:
+            return self.ours.recv(4096)
+        except BlockingIOError:
+            return b""
 
     def write(self, data: bytes) -> int:
         if not self._accepts():

@@ -18,11 +18,10 @@ from support.answering_port import Port
 from support.fake_device import FakeDevice
 from wheelwire import aio
 from wheelwire.drivers.linked import WATCHED
-from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.drivers.transport_driver import DeviceDriver, opened_later
 from wheelwire.errors import LinkLost, WheelwireError
-from wheelwire.link.base_link import LinkOptions
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.connection import Link
+from wheelwire.link.connection import Link, LinkOptions
 
 BOUND_S = 8.0
 """A call takes 5 s at most; the rest is for a computer that has other things to do."""
@@ -126,7 +125,11 @@ class _Pluggable(Port):
             raise self.lost(error) from error
 
     def read(self) -> bytes:
-        if not (data := super().read()):
+        try:
+            data = self.ours.recv(4096)
+        except BlockingIOError:
+            return b""
+        if not data:
             raise self.lost()
         return data
 
@@ -227,7 +230,12 @@ def with_asyncio(count: int, seed: int) -> Outcome:
 async def _with_asyncio(count: int, seed: int) -> Outcome:
     random, outcome = Random(seed), Outcome()
     socket = Socket(random)
-    async with aio.Opening(lambda: aio.Driver(options(socket))) as robot:
+
+    def make() -> aio.Driver:
+        with opened_later():
+            return aio.Driver(DeviceDriver(partial(Link, options(socket))))
+
+    async with aio.Opening(make) as robot:
         heard = Heard(robot)
         loop = asyncio.get_running_loop()
         for number in range(1, count + 1):

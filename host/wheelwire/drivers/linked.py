@@ -9,7 +9,7 @@ from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from ..link.base_link import BaseLink, LinkInfo
+from ..link.connection import Link, LinkInfo
 from ..link.info import LinkStatistics
 from ..link.news import Happening
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
@@ -44,7 +44,7 @@ _DOES_NOT_DRIVE = {
 class LinkedRobot(Driving):
     """A robot behind `_link`, which watches at least the parameters of `WATCHED`."""
 
-    _link: BaseLink | VirtualLink
+    _link: Link | VirtualLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
     _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import weakref
 from collections import deque
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from functools import partial
 from inspect import isawaitable
 
 from ..link.news import Happening, Listener, News
@@ -14,10 +15,15 @@ from .callbacks import LAST_CALL_S, Callbacks, Handler, log_failure
 
 
 class LoopCallbacks(Callbacks):
-    """Called by a task of the loop; a coroutine is awaited before the next call."""
+    """Called by a task of the loop; a coroutine is awaited before the next call.
 
-    def __init__(self) -> None:
+    Args:
+        call_in_loop: Calls its argument in the loop, from any thread.
+    """
+
+    def __init__(self, call_in_loop: Callable[[Callable[[], None]], None]) -> None:
         super().__init__()
+        self._call_in_loop = call_in_loop
         self._news: deque[News] = deque()
         self._task: asyncio.Task[None] | None = None
         self._awaited: asyncio.Future[object] | None = None
@@ -25,16 +31,16 @@ class LoopCallbacks(Callbacks):
 
     @property
     def listener(self) -> Listener:
-        """Queues it, and has a task call."""
+        """Queues it, and has a task call; for the link's thread."""
         # Weakly: the functions commonly refer to the driver, which the port must not keep alive.
-        this = weakref.ref(self)
+        this, call_in_loop = weakref.ref(self), self._call_in_loop
 
         def tell(news: News) -> None:
             callbacks = this()
             if callbacks is not None:
                 callbacks.tell(news)
 
-        return tell
+        return lambda news: call_in_loop(partial(tell, news))
 
     def tell(self, news: News) -> None:
         """Call the function for it, once those before it have been called."""

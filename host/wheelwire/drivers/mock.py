@@ -18,8 +18,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, path, timeout_s
 from ..errors import InvalidArgument, InvalidCommand, LinkLost, RequestTimeout
-from ..link.base_link import LinkOptions
-from ..link.connection import Link
+from ..link.connection import Link, LinkOptions
 from ..link.sample_iterator import SampleIterator
 from ..link.transports import SocketTransport, Transport
 from ..linux_mcu.store import converted_store

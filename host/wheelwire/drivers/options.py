@@ -21,9 +21,9 @@ from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
 from ..files.board import load_board
 from ..files.pins import Pins
-from ..link.base_link import CONNECT_TIMEOUT_S, LinkOptions
+from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
-from ..link.served_port import OpenPort
+from ..link.port_loop import OpenPort
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from ..linux_mcu.store import converted_store
 from ..parameters import checked_values

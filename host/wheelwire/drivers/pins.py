@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 from functools import partial
 
-from ..link.base_link import LinkOptions
-from ..link.connection import Link
+from ..link.connection import Link, LinkOptions
 from ..link.transports import Transport
 from ..linux_mcu.launch import launch
 from ..linux_mcu.settings import McuSettings

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import weakref
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, cast
 
@@ -39,17 +40,33 @@ if TYPE_CHECKING:
 DeviceLink: TypeAlias = "Link | VirtualLink"
 
 
+_opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
+
+
+@contextmanager
+def opened_later() -> Iterator[None]:
+    """A driver that is made in here does not open its link: whoever makes it does."""
+    before = _opened_later.set(True)
+    try:
+        yield
+    finally:
+        _opened_later.reset(before)
+
+
 class DeviceDriver(LinkedRobot, BaseDriver):
     """A robot whose device is reached over a link.
 
     Args:
-        open_link: Opens the link, which puts samples into the argument. The driver closes it.
+        make_link: Makes the link, which puts samples into the argument. The driver opens and
+            closes it.
     """
 
-    def __init__(self, open_link: Callable[[LatestSample], DeviceLink]) -> None:
+    def __init__(self, make_link: Callable[[LatestSample], DeviceLink]) -> None:
         super().__init__()
-        self._link: DeviceLink = open_link(self._latest_sample)
+        self._link: DeviceLink = make_link(self._latest_sample)
         link = self._link
+        if not _opened_later.get():
+            link.open()
         inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, _close, inbox, link)
@@ -90,7 +107,6 @@ class DeviceDriver(LinkedRobot, BaseDriver):
                 newest.append(answer)
 
         with suppress(LinkLost, LinkClosed):
-            # Only a link in virtual time raises here; any other tells `keep` that it is lost.
             self._link.post(ControlCountersGet(0, 0), keep)
         return known
 

@@ -1,82 +1,310 @@
-"""An open link, usable from any thread and any signal handler.
+"""An open link to one device, usable from any thread and any signal handler.
 
 Only the port's thread reads the port and changes the session. A request is handed to that thread,
-and its caller waits for the result on a queue of its own, at most `CALL_TIMEOUT_S`. A setpoint is
-written by the calling thread.
+which calls back with its result; who waits for it has a queue of its own, and waits at most
+`CALL_TIMEOUT_S`. A setpoint is written by the calling thread.
 """
 
 from __future__ import annotations
 
 import _thread
+import os
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
 
-from ..errors import LinkLost, WheelwireError
-from .base_link import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, PORT_TIMEOUT_S, BaseLink, LinkOptions
+from ..errors import (
+    BoardMismatch,
+    DeviceRefused,
+    DeviceSilent,
+    ForeignDevice,
+    LinkLost,
+    PortUnavailable,
+    ProtocolMismatch,
+    RequestTimeout,
+    WheelwireError,
+)
 from .clock import host_clock_us
+from .info import ActiveBoard, DeviceInfo, ExpectedBoard, LinkStatistics
 from .latest_sample import LatestSample
 from .news import Happening, Listener
-from .port_loop import PortLoop
-from .requests import Answer, Done, RequestMessage
-from .served_port import Done as Told
-from .served_port import Task
+from .port_loop import Done, OpenPort, PortLoop, Task
+from .requests import Answer, RequestMessage
+from .requests import Done as RequestDone
+from .session import Phase, Session
 from .waiting import Notifier
 
-Heard: TypeAlias = Callable[[Answer | WheelwireError], None]
+if TYPE_CHECKING:
+    from .transports import Transport
+
+Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
+"""What is to be waited for while a link is opened, one after the other, each with its limit [s]."""
+
+CONNECT_TIMEOUT_S = 5.0
+"""How long to look for the device, unless the application says otherwise."""
+PORT_TIMEOUT_S = 60.0
+"""A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
+CALL_TIMEOUT_S = 5.0
+"""A request times out after about one second, and others may be queued before it."""
+CLOSE_TIMEOUT_S = 10.0
+"""Longer than a port needs to close: a process at the other end brakes for up to 5 s."""
 
 
-class Link(BaseLink):
-    """A link to one device.
+@dataclass(frozen=True)
+class LinkInfo:
+    """What a link is at this moment."""
+
+    port: str
+    baud_rate: int | None
+    """The rate at which the device answered; None if the port has none."""
+    low_latency: bool | None
+    """See `transports.Transport`."""
+    device: DeviceInfo
+    board: ActiveBoard | None
+    """The board that the device is on; None until it has said so, and where it cannot tell."""
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """What a link leads to, and how it is opened.
+
+    Attributes:
+        port: Device path, pyserial URL, `socket://host:port` or `unix:path`; or, beside
+            `open_port`, a name for what that opens.
+        baud_rate: Tried first.
+        connect_timeout_s: How long to look for the device.
+        stream_rate_hz: Rate of the samples; None leaves it to the device.
+        watched: Ids of parameters whose values are always available from
+            `watched_values`.
+        board_id: Accept only this board, at whichever free port it answers; `port` may then be
+            glob patterns, separated by commas.
+        any_board: Whether to continue with another board than the first, if the port leads to one.
+        settings: Parameter id -> the value that the device is given whenever a session opens.
+        expected_board: The board that the device has to be on.
+        open_port: Opens the transport in place of `port`, at a baud rate or without one; called
+            again whenever it was lost, in a thread of its own. It may raise any WheelwireError.
+            It decides which board is the right one: any is.
+    """
+
+    port: str
+    baud_rate: int = 0
+    connect_timeout_s: float = CONNECT_TIMEOUT_S
+    stream_rate_hz: int | None = None
+    watched: Sequence[int] = ()
+    board_id: str | None = None
+    any_board: bool = False
+    settings: Mapping[int, float] | None = None
+    expected_board: ExpectedBoard | None = None
+    open_port: OpenPort | None = None
+
+    def session(self) -> Session:
+        """A session that is prepared as they say."""
+        return Session(
+            _random_nonce,
+            self.stream_rate_hz,
+            self.watched,
+            any_board=self.any_board or self.open_port is not None,
+            settings=self.settings,
+            expected_board=self.expected_board,
+        )
+
+    @property
+    def opener(self) -> OpenPort:
+        """What opens the port."""
+        return self.open_port or partial(_open_port, self.port, self.board_id)
+
+
+class Link:
+    """A link to one device. Is to be opened first, and closed.
 
     Args:
         options: What it leads to.
         latest_sample: Takes the samples.
 
-    Raises:
-        PortUnavailable: The port cannot be opened, or the board is at none.
-        DeviceSilent: Nothing came.
-        ForeignDevice: Bytes came, but no Wheelwire frame.
-        ProtocolMismatch: Host and firmware are of different releases.
-        DeviceRefused: The device refused the stream rate or a setting.
-        RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
+    Attributes:
+        changed: Notified when the port or the session opens, ends or fails to open.
     """
 
     def __init__(self, options: LinkOptions, latest_sample: LatestSample) -> None:
-        self._changed = Notifier()
-        session = options.session()
+        self.changed = Notifier()
+        self._options = options
+        self._session = options.session()
+        self._withdrawn: set[RequestDone] = set()
+        """Posted by somebody who has given up; one call into C each, so nothing is locked."""
         # Weakly: the port's thread must not keep alive what nobody else refers to any more.
         this = weakref.ref(self)
         self._loop = PortLoop(
             options.opener,
             options.baud_rate,
-            session,
-            self._changed,
+            self._session,
+            self.changed,
             latest_sample,
             is_wanted=lambda: this() is not None,
         )
-        super().__init__(options, session, self._loop)
         self._thread = threading.Thread(
             target=self._loop.run, name=f"wheelwire {options.port}", daemon=True
         )
+
+    # --- opening and closing -------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Open the port and a session.
+
+        Raises:
+            PortUnavailable: The port cannot be opened, or the board is at none.
+            DeviceSilent: Nothing came.
+            ForeignDevice: Bytes came, but no Wheelwire frame.
+            ProtocolMismatch: Host and firmware are of different releases.
+            DeviceRefused: The device refused the stream rate or a setting.
+            RequestTimeout: A Wheelwire device answered, but no session could be opened in time.
+        """
         try:
-            # Thread.start() waits for an Event: an exception out of a signal handler in there can
-            # leave the new thread waiting for ever. No handler interrupts a thread but the main.
-            try:
-                _thread.start_new_thread(_start, (self._thread, self._loop))
-            except RuntimeError as error:
-                self._loop.fail(error)
-            self._wait_for_port()
-            self._wait_until_open()
+            for ready, timeout_s in self.opening():
+                self.changed.wait_for(ready, timeout_s)
         except BaseException:
             # The thread may be running, and would keep the port.
             self.close()
             raise
+
+    def opening(self) -> Opening:
+        """As `open`, by whoever waits for what this yields, and closes the link when it raises."""
+        # Thread.start() waits for an Event: an exception out of a signal handler in there can
+        # leave the new thread waiting for ever. No handler interrupts a thread but the main.
+        try:
+            _thread.start_new_thread(_start, (self._thread, self._loop))
+        except RuntimeError as error:
+            self._loop.fail(error)
+        loop = self._loop
+        yield lambda: loop.is_opened or loop.end is not None, PORT_TIMEOUT_S
+        if loop.failure is not None:
+            raise loop.failure.with_traceback(None)
+        if not loop.is_opened:
+            self._check_alive()
+            raise self._port_takes_too_long()
+        yield self._opening_is_decided, self._options.connect_timeout_s
+        if not self._opening_is_decided():
+            raise self._why_not_open()
+        # Decided does not mean open: a device may have refused for good.
+        self.check()
+
+    def watch(self, parameters: Sequence[int]) -> None:
+        """Have the values of these parameters in each session; to be called before it is opened."""
+        self._session.watch(parameters)
+
+    def finish(self) -> None:
+        """Begin to stop the robot and close the port, without waiting."""
+        self._loop.finish()
+
+    @property
+    def has_ended(self) -> bool:
+        """The link is down for good."""
+        return self._loop.end is not None
+
+    def close(self) -> None:
+        """Stop the robot, close the port and end the thread. Safe to call more than once."""
+        self._loop.finish()
+        if threading.current_thread() is self._thread:
+            return  # called by the garbage collector; the thread ends when it returns to its loop
+        # Not join() alone: when a signal handler's exception interrupts it, it may consider the
+        # thread ended, so that a second close() would not wait.
+        ended = self.changed.wait_for(lambda: self._loop.end is not None, CLOSE_TIMEOUT_S)
+        if ended and self._thread.is_alive():  # it may also have ended without a thread
+            self._thread.join(CLOSE_TIMEOUT_S)  # it is a daemon in any case
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The port, for display; while it is being searched for, the pattern or name given."""
+        return self._loop.port or self._options.port
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+        device, loop = self._session.device, self._loop
+        if device is None:
+            raise self._session.error
+        # Not the port's own rate: during a search that is one of those that are tried.
+        rate, board = loop.policy.search.rate, self._session.board
+        return LinkInfo(loop.port, rate, loop.low_latency, device, board)
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What was counted since the link was opened."""
+        counted = self._session.statistics(host_clock_us())
+        return replace(counted, reconnects=self._loop.policy.reconnects)
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions since the link was opened."""
+        return self._session.count
+
+    @property
+    def rolling_mps(self) -> float | None:
+        """As `Session.rolling_mps`."""
+        return self._session.rolling_mps
+
+    @property
+    def watched_values(self) -> Mapping[int, float]:
+        """The newest values of the watched parameters, by id: the same object until one changes."""
+        values = self._session.watched_values
+        # The end of the serving ends the session as well, so there is nothing else to look at.
+        if values is None:
+            self._check_alive()
+            raise self._session.error.with_traceback(None)
+        return values
+
+    @property
+    def watched_if_open(self) -> Mapping[int, float] | None:
+        """As `watched_values`; None while no session is open."""
+        return self._session.watched_values
+
+    def known(self, parameter: int) -> float | None:
+        """The newest value of a parameter that was reported in this session, if there is one."""
+        self.check()
+        return self._session.values.get(parameter)
+
+    def check(self) -> None:
+        """Raise why the link is not open, if it is not."""
+        self._check_alive()
+        self._session.check_open()
+
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+        self._session.release_trial()
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
+        """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
+        now_us = host_clock_us()
+        # Before a frame is made, which would be noted for a repeat and so be sent after all.
+        self._loop.check_room()
+        setpoints = self._session.setpoints
+        self._write(setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Write one duty setpoint; otherwise as `drive_velocity`."""
+        now_us = host_clock_us()
+        self._loop.check_room()
+        setpoints = self._session.setpoints
+        self._write(setpoints.duty_frame(left, right, expiry_us, now_us), now_us)
+
+    def _write(self, frame: bytes, now_us: int) -> None:
+        try:
+            self._loop.send(frame, now_us)
+        except LinkLost:
+            # Raise only after the port's thread has noticed: it may know a better reason, and a
+            # caller that reads next must get no sample of a link that was reported lost.
+            self._result(partial(self._begin, lambda done, _: done(None)))
+            raise
+
+    # --- what is answered ----------------------------------------------------------------------
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer.
@@ -86,26 +314,52 @@ class Link(BaseLink):
             LinkLost: The link is down, or went down before the answer came.
             RequestTimeout: No answer came.
         """
-        answer = self._call(
-            lambda done, now_us: self._session.request(message, done, now_us),
-            interrupted=self._session.withdraw,
-        )
-        return cast("Answer", answer)
+        return cast("Answer", self._result(partial(self.post, message), is_stop=False))
 
-    def post(self, message: RequestMessage, done: Heard) -> None:
-        """Send a request without waiting; the link's thread calls `done` with the result."""
+    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """Stop and wait for the acknowledgement. Without a session it is sent all the same.
 
-        def answered(result: Answer | WheelwireError | None) -> None:
-            # A request always has a result; None is for tasks that have none.
-            if result is not None:
-                done(result)
+        Raises:
+            LinkLost: There is no session: whether the stop arrived is unknown.
+            RequestTimeout: No acknowledgement came.
+        """
+        self._result(partial(self.post_stop, mode=mode))
 
-        self._loop.call(lambda done, now_us: self._session.request(message, done, now_us), answered)
+    def estop(self) -> None:
+        """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
+        self._result(self.post_estop)
+
+    def post(self, message: RequestMessage, done: RequestDone) -> None:
+        """As `request`, without waiting: the link's thread calls `done` with the result."""
+        self._begin(lambda done, now_us: self._session.request(message, done, now_us), done)
+
+    def post_stop(self, done: RequestDone, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """As `stop`, without waiting: the link's thread calls `done` with the result."""
+        self._write_at_once(self._session.setpoints.stop_copy(mode))
+        self._begin(lambda done, now_us: self._session.stop(mode, done, now_us), done)
+
+    def post_estop(self, done: RequestDone) -> None:
+        """As `estop`, without waiting: the link's thread calls `done` with the result."""
+        self._write_at_once(self._session.setpoints.stop_copy(None))
+        self._begin(self._session.estop, done)
+
+    def withdraw(self, done: RequestDone) -> None:
+        """Whoever posted a request with `done` has given up: nothing of it is sent from now on."""
+        self._withdrawn.add(done)  # for a thread that has not begun it; the call below if it has
+
+        def withdraw(answered: Done, _now_us: int) -> None:
+            self._session.withdraw(done)
+            answered(None)
+
+        self._loop.call(withdraw, lambda _: self._withdrawn.discard(done))
 
     def listen(self, listener: Listener, happening: Happening) -> None:
-        """As `BaseLink.listen`; the link's thread calls it."""
+        """Tell `listener` what happens from now on; of `happening` also what is so already.
 
-        def begin(done: Told, _now_us: int) -> None:
+        The link's thread calls it.
+        """
+
+        def begin(done: Done, _now_us: int) -> None:
             self._loop.listen(listener, happening)
             done(None)
 
@@ -115,41 +369,6 @@ class Link(BaseLink):
                 listener((happening, result))
 
         self._loop.call(begin, answered)
-
-    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """Stop and wait for the acknowledgement. Without a session it is sent all the same.
-
-        Raises:
-            LinkLost: There is no session: whether the stop arrived is unknown.
-            RequestTimeout: No acknowledgement came.
-        """
-        self._write_at_once(self._session.setpoints.stop_copy(mode))
-        self._call(lambda done, now_us: self._session.stop(mode, done, now_us))
-
-    def estop(self) -> None:
-        """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
-        self._write_at_once(self._session.setpoints.stop_copy(None))
-        self._call(self._session.estop)
-
-    def close(self) -> None:
-        """Stop the robot, close the port and end the thread. Safe to call more than once."""
-        self._loop.finish()
-        if threading.current_thread() is self._thread:
-            return  # called by the garbage collector; the thread ends when it returns to its loop
-        # Not join() alone: when a signal handler's exception interrupts it, it may consider the
-        # thread ended, so that a second close() would not wait.
-        ended = self._changed.wait_for(lambda: self._loop.end is not None, CLOSE_TIMEOUT_S)
-        if ended and self._thread.is_alive():  # it may also have ended without a thread
-            self._thread.join(CLOSE_TIMEOUT_S)  # it is a daemon in any case
-
-    def _write(self, frame: bytes, now_us: int) -> None:
-        try:
-            self._loop.send(frame, now_us)
-        except LinkLost:
-            # Raise only after the port's thread has noticed: it may know a better reason, and a
-            # caller that reads next must get no sample of a link that was reported lost.
-            self._call(lambda done, _: done(None))
-            raise
 
     def _write_at_once(self, copy: bytes | None) -> None:
         """Write a stop's copy: the port's thread sends the one that is acknowledged.
@@ -161,58 +380,90 @@ class Link(BaseLink):
             with suppress(LinkLost):  # what follows the copy tells
                 self._loop.send(copy, host_clock_us())
 
-    def _call(self, task: Task, interrupted: Callable[[Done], None] | None = None) -> Answer | None:
-        """Have the port's thread do `task`; return its result, or raise its error.
-
-        When an exception out of a signal handler ends the wait, that thread calls `interrupted`
-        with what `task` was given. Without it the task goes on: a stop is to arrive in any case.
-        A task whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
-        """
+    def _begin(self, task: Task, done: RequestDone) -> None:
+        """Have the port's thread do `task`, which has `done` called with its result."""
         self._check_alive()
         self._session.check_connected()
-        # A queue for each call: a result that comes after its caller gave up reaches nobody.
-        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
-        # For the call and for its withdrawal, which finds the request by it.
-        done = results.put
-        overdue = False
 
-        def begin(done: Told, now_us: int) -> None:
-            if not overdue:
+        def begin(done: Done, now_us: int) -> None:
+            if done not in self._withdrawn:
                 task(done, now_us)
 
+        # A request always has a result; None is for tasks that have none.
+        self._loop.call(begin, cast("Done", done))
+
+    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:
+        """Wait for what `post` hands to the port's thread; return its result, or raise its error.
+
+        A call whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
+        So is a request when an exception out of a signal handler ends the wait; a stop is to arrive
+        in any case.
+        """
+        # A queue for each call: a result that comes after its caller gave up reaches nobody.
+        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
+        done = results.put
         try:
-            self._loop.call(begin, done)
+            post(done)
             result = results.get(timeout=CALL_TIMEOUT_S)
         except Empty:
-            overdue = True  # for a thread that has not begun it; the call below if it has
-            self._loop.call(lambda _done, _now_us: self._session.withdraw(done), lambda _: None)
-            raise self._call_takes_too_long() from None
+            self.withdraw(done)
+            raise call_takes_too_long() from None
         except BaseException:
-            if interrupted is not None:
-                self._loop.call(lambda _done, _now_us: interrupted(done), lambda _: None)
+            if not is_stop:
+                self.withdraw(done)
             raise
         # The same error may end many calls: tracebacks must not pile up in it.
         if isinstance(result, WheelwireError):
             raise result.with_traceback(None)
         return result
 
-    def _wait_for_port(self) -> None:
-        """Wait until the link's thread has opened the port; raise the error if it could not."""
-        try:
-            error = self._loop.opened.get(timeout=PORT_TIMEOUT_S)
-        except Empty:
-            raise self._port_takes_too_long() from None
-        if error is not None:
-            try:
-                raise error
-            finally:
-                del error  # its traceback holds this frame
+    def _check_alive(self) -> None:
+        # Every call from here on raises the same error: tracebacks must not pile up in it.
+        if self._loop.end is not None:
+            raise self._loop.end.with_traceback(None)
 
-    def _wait_until_open(self) -> None:
-        if not self._changed.wait_for(self._opening_is_decided, self._options.connect_timeout_s):
-            raise self._why_not_open()
-        # Decided does not mean open: a device may have refused for good.
-        self.check()
+    # --- while it is being opened --------------------------------------------------------------
+
+    def _opening_is_decided(self) -> bool:
+        """A session is open, or waiting for one is in vain."""
+        session = self._session
+        # Neither passes by itself while a link is being opened; all else may.
+        final = isinstance(session.error, (ProtocolMismatch, DeviceRefused, BoardMismatch))
+        return session.phase is Phase.OPEN or final or self._loop.end is not None
+
+    def _port_takes_too_long(self) -> PortUnavailable:
+        return PortUnavailable(
+            self._options.port,
+            f"opening it takes longer than {PORT_TIMEOUT_S:g} s: plug it in again, or restart "
+            "the peer",
+        )
+
+    def _why_not_open(self) -> WheelwireError:
+        """Why no session was opened within the connect timeout."""
+        session, policy = self._session, self._loop.policy
+        port, tried = self._options.port, policy.search.tried
+        # Whoever answers a hello is a Wheelwire device at this rate, whatever else is wrong.
+        if session.answers:
+            return RequestTimeout(
+                f"{port} answers, but no session could be opened in "
+                f"{self._options.connect_timeout_s:g} s ({session.error}): allow more time, look "
+                "at the cable"
+            )
+        # A port that was lost without a byte says more than that it was silent.
+        if not session.bytes_received and policy.lost is not None:
+            return PortUnavailable(port, str(policy.lost))
+        # Bytes without an answer: another kind of device, or a rate that was not tried.
+        if session.bytes_received:
+            return ForeignDevice(port, tried, session.bytes_received)
+        return DeviceSilent(port, tried)
+
+
+def call_takes_too_long() -> RequestTimeout:
+    """Of a call that the port's thread has not answered within `CALL_TIMEOUT_S`."""
+    return RequestTimeout(
+        f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
+        "look at the port, and at what keeps this computer busy"
+    )
 
 
 def _start(thread: threading.Thread, loop: PortLoop) -> None:
@@ -220,3 +471,19 @@ def _start(thread: threading.Thread, loop: PortLoop) -> None:
         thread.start()
     except RuntimeError as error:
         loop.fail(error)
+
+
+def _open_port(port: str, board_id: str | None, baud_rate: int) -> Transport:
+    # Here, for not every link needs what they import.
+    from .discovery import open_board
+    from .transports import open_transport
+
+    if board_id is None:
+        return open_transport(port, baud_rate)
+    return open_board(port, board_id, baud_rate)
+
+
+def _random_nonce() -> int:
+    # Not from `random`: a program that seeds it would draw the nonces of its last run again, and
+    # the device would take its session for the one that is open.
+    return int.from_bytes(os.urandom(4), "little")

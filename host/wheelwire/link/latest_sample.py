@@ -46,12 +46,13 @@ class LatestSample:
 
     Attributes:
         now_us: The clock that samples are stamped with.
+        changed: Wakes who waits for a sample.
     """
 
     def __init__(self) -> None:
         self.now_us = host_clock_us
-        self._changed = Notifier()
-        self.notify_all = self._changed.notify_all
+        self.changed = Notifier()
+        self.notify_all = self.changed.notify_all
         """Wakes who waits for what was put."""
         self._last: WheelState | None = None
         # Filled and emptied by one call into C each, so that no lock is needed.
@@ -115,7 +116,7 @@ class LatestSample:
             iterator = reference()
             if iterator is not None:
                 iterator.end(None if self._closed else error)
-        self._changed.notify_all()
+        self.changed.notify_all()
 
     def close(self) -> None:
         """The driver is about to be closed: iterators then end instead of failing."""
@@ -213,12 +214,12 @@ class LatestSample:
         return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
-        self._changed.wait_for(ready, ITERATOR_WAIT_S)
+        self.changed.wait_for(ready, ITERATOR_WAIT_S)
 
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
         self._asked_us = host_clock_us()
         if not ready():
-            self._changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
+            self.changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
             # Again: the wait may have been long, and its caller is about to ask for the next.
             self._asked_us = host_clock_us()
 

@@ -1,8 +1,10 @@
-"""The thread that serves a port.
+"""The thread that serves a port, and the session on it.
 
-Requests are handed to it as calls. So no lock is needed, a signal handler may make a request
-whatever it interrupted, and an exception raised by a handler leaves nothing half done. Only
-setpoints are written by the calling thread: waking another thread would take twice as long.
+It waits for the port, reads, does what is due, writes, and opens the port again when it is lost.
+Requests are handed to it as calls, which it carries out between two reads. So no lock is needed, a
+signal handler may make a request whatever it interrupted, and an exception raised by a handler
+leaves nothing half done. Only setpoints are written by the calling thread, one frame in one system
+call: waking another thread would take twice as long.
 """
 
 from __future__ import annotations
@@ -11,28 +13,60 @@ import logging
 import select
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from queue import SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
+
+from wheelwire_protocol.framing import MAX_ENCODED
 
 from ..errors import LinkClosed, LinkLost, WheelwireError
-from .clock import host_clock_us
+from .clock import SuspendWatch, host_clock_us
+from .forking import abandon_in_child
 from .latest_sample import LatestSample
-from .served_port import CLOSED, Changed, Done, OpenPort, ServedPort, Task
-from .session import Session
+from .news import Happening, Listener
+from .reconnect import Coalescing, LastStop, PortPolicy
+from .requests import Answer
+from .session import Phase, Session
+from .setpoints import REPEAT_AFTER_US
+from .waiting import Notifier
 
 if TYPE_CHECKING:
     from .transports import Transport
 
+IDLE_US = 1_000_000
+"""How long nothing may be done when nothing is due."""
+OUTPUT_LIMIT = 4096
+"""Bytes queued for the port at most: older ones would be out of date for a robot."""
+CLOSED = "the link is closed; open it again"
+# With a delimiter at either end.
+MAX_FRAME = MAX_ENCODED + 2
+# `poll` reports these whatever it is asked for, so also during a rest.
+BROKEN = select.POLLHUP | select.POLLERR | select.POLLNVAL
+
+OpenPort: TypeAlias = "Callable[[int], Transport]"
+"""Opens the port at a baud rate, or raises a WheelwireError."""
+Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
+Task: TypeAlias = Callable[[Done, int], None]
+"""Given `done` and the time: hands `done` on, calls it itself, or raises."""
+
 _log = logging.getLogger("wheelwire")
+_link_log = logging.getLogger("wheelwire.link")
+"""Of the link's loss and return alone, so that a program that reports them itself can filter."""
 
 
-class PortLoop(ServedPort):
+class PortLoop:
     """Serves a session on a port, through every loss of the port, until `finish`.
 
-    Args: those of `ServedPort`. `call`, `send` and `finish` may be called by any thread, and by a
-    signal handler.
+    `call`, `send` and `finish` may be called by any thread, and by a signal handler.
+
+    Args:
+        open_port: Opens the port; called again whenever it is lost. What it returns is closed here.
+        baud_rate: Tried first.
+        session: Not connected yet. Other threads may read it, but not change it.
+        changed: Notified when the port or the session opens, ends or fails to open.
+        latest_sample: Takes the samples.
+        is_wanted: Whether the link is still referenced by anyone who could use or finish it.
     """
 
     def __init__(
@@ -40,12 +74,51 @@ class PortLoop(ServedPort):
         open_port: OpenPort,
         baud_rate: int,
         session: Session,
-        changed: Changed,
+        changed: Notifier,
         latest_sample: LatestSample,
         is_wanted: Callable[[], bool],
     ) -> None:
-        self.opened: SimpleQueue[BaseException | None] = SimpleQueue()
-        """Gets None once the port has been opened for the first time, or the error."""
+        self.end: WheelwireError | None = None
+        """Why the serving ended, once it has."""
+        self.is_opened = False
+        """The port has been opened for the first time."""
+        self.failure: BaseException | None = None
+        """Why the port could not be opened for the first time."""
+        self.policy = PortPolicy(host_clock_us())
+        self.low_latency: bool | None = None
+        self.baud_rate: int | None = None
+        self.port = ""
+        self._first_baud_rate = baud_rate
+        self._suspend = SuspendWatch()
+        self._open_port = open_port
+        self._session = session
+        self._changed = changed
+        self._latest_sample = latest_sample
+        self._is_wanted = is_wanted
+        # A deque: any thread may use either of its ends without a lock.
+        self._calls: deque[tuple[Task, Done]] = deque()
+        self._was_open = False
+        self._transport: Transport | None = None
+        """The port while it is served."""
+        # Bytes, replaced as a whole: other threads look at it without a lock.
+        self._output = b""
+        self._frames: deque[bytes] = deque()
+        """Setpoints that did not fit into the port's buffer."""
+        self._turned_us = 0
+        """When the last turn began."""
+        self._coalescing = Coalescing()
+        self._has_news = False
+        """A sample was stored of which those who wait for it have not been told."""
+        self._due_us = 0
+        self._wait_due_us = 0
+        """When to do something though nothing comes; as `_next_wait` found it."""
+        self._work_pending = True
+        """The session may have work: somebody called `wake`, or an answer is pending."""
+        self._finishing = False
+        self._last_stop = LastStop()
+        self._closing_us: int | None = None
+        """When the closing began."""
+        self._listener: Listener | None = None
         self._begun = threading.Lock()
         """Acquired once and never released, by `run` or by a `finish` that came before it."""
         # A socket can be polled along with the port, and a signal handler may write to it.
@@ -58,8 +131,8 @@ class PortLoop(ServedPort):
         self._descriptor = -1
         self._wanted = 0
         """Of the port, and the events that are polled for."""
-        # Last: from then on a fork of the process may call `abandon`, which needs what is above.
-        super().__init__(open_port, baud_rate, session, changed, latest_sample, is_wanted)
+        # Last: from here on a fork calls `abandon`, which needs all of the above.
+        abandon_in_child(self)
 
     def wake(self) -> None:
         """Make the loop check the session; from any thread."""
@@ -118,7 +191,45 @@ class PortLoop(ServedPort):
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
 
-    # -------------------------------------------------------------------------------------------
+    def check_room(self) -> None:
+        """Raise LinkLost if a setpoint would only queue up. The other half is kept for requests."""
+        # An upper bound: their sum would iterate over what another thread may be changing.
+        if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
+            raise LinkLost("the port accepts no data; the setpoint was not sent")
+
+    def send(self, frame: bytes, now_us: int) -> None:
+        """Write a frame, or queue it behind others that wait; from any thread. Never waits.
+
+        A frame that the port took only in part is written again as a whole: each frame begins with
+        a delimiter, so the fragment does not damage the frame after it.
+
+        Raises:
+            LinkLost: The port is gone.
+        """
+        transport = self._transport
+        if transport is None:
+            raise LinkLost("the port is gone; the setpoint was not sent")
+        # Behind what waits, or a newer setpoint would overtake an older one.
+        if self._output or self._frames or transport.write(frame) < len(frame):
+            self._frames.append(frame)
+            self.wake()
+        elif now_us > self._turned_us + REPEAT_AFTER_US:
+            # No state frames cause a turn, and this setpoint may have to be repeated in time.
+            self.wake()
+        # The port may have been closed before the write; then the descriptor led nowhere.
+        if self._transport is not transport:
+            raise LinkLost("the port was closed; whether the setpoint was sent is not known")
+
+    def abandon(self) -> None:
+        """This process was forked: end its copy of the link; the parent's continues."""
+        self._terminate(
+            LinkClosed(
+                f"this process was forked from the one that opened {self.port}, which keeps it: "
+                "close it there and open it here, or fork before it is opened"
+            )
+        )
+
+    # --- opening and serving ------------------------------------------------------------------
 
     def _open(self) -> Transport | None:
         """Open the port for the first time; None when that failed.
@@ -129,10 +240,11 @@ class PortLoop(ServedPort):
         try:
             transport = self._open_port(self._first_baud_rate)
         except BaseException as error:
-            self.opened.put(error)  # raised in the thread that opens the link
+            self.failure = error  # raised where the link is opened
             return None
         self._connect(transport)
-        self.opened.put(None)
+        self.is_opened = True
+        self._changed.notify_all()
         return transport
 
     def _reopen(self) -> Transport | None:
@@ -214,9 +326,258 @@ class PortLoop(ServedPort):
         with suppress(BlockingIOError):
             self._wake_read.recv(4096)
 
+    # --- one turn ------------------------------------------------------------------------------
+
+    def _next_wait(self, now_us: int) -> tuple[int, bool]:
+        """Until when to wait for the port or a wake-up, and whether the port's data is left."""
+        until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
+        # Asked for at each turn: another thread may have sent a setpoint.
+        repeat_due_us = self._session.setpoints.repeat_due_us
+        if repeat_due_us is not None and repeat_due_us < until_us:
+            until_us = repeat_due_us
+        # Without the rest: at its end there is something to read, but nothing is due.
+        self._wait_due_us = until_us
+        if now_us < rest_until_us and self._may_rest(now_us):
+            return min(until_us, rest_until_us), True
+        return until_us, False
+
+    def _turn(self, transport: Transport, events: int) -> None:
+        """Read, do what is due, write.
+
+        At 100 frames a second each turn finds cold caches, and calling a function costs more than
+        what it does: nothing is called here that nearly no turn needs.
+
+        Args:
+            transport: The port.
+            events: Of the port, as `poll` gives them.
+
+        Raises:
+            LinkLost: The port is to be closed, and opened again.
+        """
+        data = transport.read() if events & select.POLLIN else b""
+        # An unplugged port polls as readable for ever, but gives no data.
+        if events & BROKEN and not data:
+            raise transport.lost()
+        # Not before the read: an arrival dated too early would break the bound of the clock.
+        self._turned_us = now_us = host_clock_us()
+        if self._suspend.was_suspended(now_us):  # before what came is stamped by a wrong estimate
+            self._renew(now_us)
+        if data:
+            session, latest = self._session, self._latest_sample
+            # Asked at each read: iterators come and go.
+            session.every_state = latest.is_iterated
+            for measurement in session.receive(data, now_us):
+                latest.put(measurement)
+                self._has_news = True
+            self._coalescing.note_read(session.frames_received, now_us)
+        if self._calls:
+            self._do_calls(now_us)
+        # A setpoint sent since the wait began is to be repeated later than now, or has called
+        # `wake`.
+        if (
+            self._work_pending
+            or now_us >= self._wait_due_us
+            or self._session.phase is not Phase.OPEN
+        ):  # most reads bring state frames, which need none of this
+            self._advance(transport, now_us)
+        if self._session.news:
+            self._tell_listener()
+        if self._frames or self._output:
+            self._write(transport)
+
+    def _may_rest(self, now_us: int) -> bool:
+        """Whether reading may be deferred: no answer is pending, and nobody waits for a sample.
+
+        At high state rates one read then takes several frames, which saves wake-ups.
+        """
+        return not self._work_pending and not self._latest_sample.is_read(now_us)
+
+    def _do_calls(self, now_us: int) -> None:
+        while self._calls:
+            task, done = self._calls.popleft()
+            # What it has the session say is sent by `_advance`, in this same turn.
+            self._work_pending = True
+            try:
+                task(done, now_us)
+            except WheelwireError as error:
+                done(error)
+            except Exception as error:
+                # A bug in one call must not end the loop: others must be able to stop the robot.
+                _log.exception("a call of the link failed")
+                done(WheelwireError(f"the call failed ({error!r}): report this, with the log"))
+
+    def _refuse_calls(self, error: WheelwireError) -> None:
+        # Until it is empty, not by its length: another thread may be taking calls out as well.
+        with suppress(IndexError):
+            while True:
+                self._calls.popleft()[1](error)
+
+    def _tell_news(self) -> None:
+        """Wake who waits for a sample. To be called right before waiting.
+
+        Earlier, the thread that is woken would compete with this one for the interpreter.
+        """
+        if self._has_news:
+            self._has_news = False
+            self._latest_sample.notify_all()
+
+    def _advance(self, transport: Transport, now_us: int) -> None:
+        if not self._is_wanted():  # its owner was garbage-collected without close()
+            self._finishing = True
+        # Before the session sends anything: this finds out whether the port is to be given up.
+        self._check_port(transport, now_us)
+        self._session.advance(now_us)
+        self._queue_output()
+        self._write(transport)  # before the rest: the round trip of a ping has begun
+        due_us = self._session.next_deadline_us
+        self._due_us = now_us + IDLE_US if due_us is None else due_us
+        # While an answer is awaited each turn looks at the session, and the port does not rest.
+        self._work_pending = self._session.awaits_answer(now_us)
+        self._tell_changes()
+
+    def _write(self, transport: Transport) -> None:
+        """Write what the port takes."""
+        while self._frames:  # other threads append meanwhile
+            self._output += self._frames.popleft()
+        if self._output:
+            self._output = self._output[transport.write(self._output) :]
+
+    def _queue_output(self) -> None:
+        """Queue the session's output, or drop it if the port has accepted nothing for long.
+
+        Queued setpoints are kept: their caller was told that they are sent. Requests are repeated
+        anyway.
+        """
+        output = self._session.take_output()
+        if len(self._output) + len(output) <= OUTPUT_LIMIT:
+            self._output += output
+
+    # --- the port ------------------------------------------------------------------------------
+
+    def _check_port(self, transport: Transport, now_us: int) -> None:
+        """Check that the port still has its settings, leads to the same board, and is answered."""
+        policy = self.policy
+        if policy.takes_check(now_us):
+            transport.check()
+        policy.judge(self._session, self.baud_rate, now_us)
+        rate = policy.next_rate(now_us)
+        if rate is not None:
+            transport.set_baud_rate(rate)
+            # Not `rate`: an adapter that cannot have it keeps its own.
+            self.baud_rate = transport.baud_rate
+
+    def _connect(self, transport: Transport) -> None:
+        """The port was opened: say hello."""
+        now_us = host_clock_us()
+        self.port = transport.port
+        self.low_latency = transport.low_latency
+        self.baud_rate = transport.baud_rate
+        self.policy.begin(transport.baud_rate, transport.longest_pause_s, self._session, now_us)
+        self._session.connect(now_us)
+        # A caller may have queued one for the former port after it was lost, and was told so.
+        self._frames.clear()
+        # A turn at once: the hello waits in the session.
+        self._work_pending, self._due_us = True, 0
+
+    def _renew(self, now_us: int) -> None:
+        """The computer slept, so the estimate of the device's clock is wrong."""
+        error = LinkLost("the computer was suspended; a new session is being opened")
+        self._session.renew(error, now_us)
+        self._work_pending, self._due_us = True, 0
+
+    def _lose(self, error: LinkLost) -> None:
+        """The port is given up because of `error`."""
+        for kept in (error, error.__cause__):
+            if kept is not None:  # its traceback would keep the port's descriptors
+                kept.__traceback__ = None
+        if self.policy.note_lost(error):
+            _link_log.warning("%s: %s", self.port, error)
+        # First: whoever sees that the link is lost must get no sample from before.
+        self._latest_sample.interrupt()
+        self._session.disconnect(error)
+        self._tell_changes()
+        self._output = b""
+        self._frames.clear()
+
+    def _note_failure(self, error: WheelwireError) -> None:
+        """The lost port could not be opened again."""
+        news = self.policy.news_of_failure(error)
+        if news is not None:
+            self._session.disconnect(news)
+
+    # --- changes and the end -------------------------------------------------------------------
+
+    def _tell_changes(self) -> None:
+        """Log a change of the session's state, and notify all who wait."""
+        is_open = self._session.phase is Phase.OPEN
+        if is_open != self._was_open:
+            self._was_open = is_open
+            if is_open:
+                self.policy.session_opened()
+                _link_log.info("%s: link open", self.port)
+            else:
+                self._latest_sample.interrupt()
+                _link_log.warning("%s: %s", self.port, self._session.error)
+        self._tell_listener()
+        # Even if it did not change: who opens a link also waits for an error that is final.
+        self._changed.notify_all()
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Tell what happens from now on, and of `happening` also what is so already.
+
+        To be called as a task.
+        """
+        self._tell_listener()  # of what was before
+        self._listener = listener
+        standing = self._session.standing_news(happening)
+        if standing is not None:
+            listener(standing)
+
+    def _tell_listener(self) -> None:
+        """Pass on what has happened; samples of a lost link are gone by then."""
+        news, listener = self._session.news, self._listener
+        while news:
+            happened = news.popleft()
+            if listener is not None:
+                listener(happened)
+
+    def _is_ending(self) -> bool:
+        return self._finishing or not self._is_wanted()
+
+    def _last_stop_over(self) -> bool:
+        """Stop the robot before the port is closed; True once acknowledged or timed out."""
+        now_us = host_clock_us()
+        self._note_closing()
+        if not self._last_stop.begun:
+            self._last_stop.begin(self._session, now_us)
+            self.wake()  # one more turn, to write it
+            return False
+        return self._last_stop.is_over(now_us, all_written=not self._output)
+
+    def _note_closing(self) -> None:
+        """The link is about to be closed: whether the robot moves is a question of this moment."""
+        if self._closing_us is None:
+            self._closing_us = host_clock_us()
+
+    def _warn_of_motion(self) -> None:
+        """Say so if the robot drove when the closing began, and has acknowledged no stop."""
+        left_us = self._session.setpoints.moves_until_us - (self._closing_us or host_clock_us())
+        if left_us > 0:
+            _link_log.warning(
+                "%s: closed while the robot drives and cannot be reached: it stops by itself when "
+                "its last setpoint expires, within %.1f s",
+                self.port,
+                left_us / 1e6,
+            )
+
     def _terminate(self, end: WheelwireError) -> None:
-        super()._terminate(end)
-        # For whoever still waits for the port: the end may have come before it was opened.
-        self.opened.put(end)
+        # First: a later call is refused because of it, and whoever is told below looks for it.
+        self.end = end
+        self._session.disconnect(end)
+        self._refuse_calls(end)
+        self._latest_sample.fail(end)
+        self._tell_listener()
         self._wake_read.close()
         self._wake_write.close()
+        # Last: whoever waits for the end finds everything released.
+        self._changed.notify_all()

@@ -434,6 +434,10 @@ class Session:
             return happening, self._latched
         return None
 
+    def watch(self, parameters: Sequence[int]) -> None:
+        """Watch these parameters, from the next session on."""
+        self._watched = tuple(parameters)
+
     def withdraw(self, done: Done) -> None:
         """Whoever waits for `done` has given up: no copy of the request is sent any more."""
         self._requests.withdraw(done)
@@ -474,6 +478,8 @@ class Session:
             self._send(Hello(self._nonce, PROTOCOL_VERSION, schema_hash()))
 
     def _end(self, error: WheelwireError) -> None:
+        # The traceback refers to whoever it was raised to, and would keep a driver alive.
+        self.error.with_traceback(None)
         self.error = error  # first: other threads read it as soon as they see the phase
         if self.phase is Phase.OPEN:
             self.news.append((Happening.LOST, error))
@@ -608,6 +614,7 @@ class Session:
                 self._id, self._synchroniser.clock, self._command_seqs, self._encoder
             )
             self.phase = Phase.OPEN
+            self.error = self.error.with_traceback(None)  # as in `_end`
             self.news.append((Happening.OPENED, self.device))
 
     def _collect_watched(self) -> None:

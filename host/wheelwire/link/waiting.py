@@ -12,13 +12,21 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Protocol
+
+
+class Waiter(Protocol):
+    """What waits, once: a lock that is held, or a coroutine's future."""
+
+    def release(self) -> None:
+        """End the wait; called by any thread. Never waits."""
 
 
 class Notifier:
     """Wakes all who wait. Nobody waits without a limit."""
 
     def __init__(self) -> None:
-        self._waiting: set[threading.Lock] = set()
+        self._waiting: set[Waiter] = set()
 
     def notify_all(self) -> None:
         """Have everybody look again. Never waits."""
@@ -28,6 +36,14 @@ class Notifier:
             with suppress(KeyError):  # who waited has just given up
                 self._waiting.remove(woken)
                 woken.release()
+
+    def add(self, waiter: Waiter) -> None:
+        """Release `waiter` at the next change; what has changed before is for it to look at."""
+        self._waiting.add(waiter)
+
+    def discard(self, waiter: Waiter) -> None:
+        """It does not wait any more, or was released."""
+        self._waiting.discard(waiter)
 
     def wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until `ready()`, or for `timeout_s`; returns whether it was ready."""
@@ -43,10 +59,10 @@ class Notifier:
         woken = threading.Lock()
         # Held from the start: to acquire it once more is to wait until `notify_all` releases it.
         woken.acquire(blocking=False)
-        self._waiting.add(woken)
+        self.add(woken)
         try:
             # What changed before we were listed here woke nobody.
             if not ready():
                 woken.acquire(timeout=timeout_s)
         finally:
-            self._waiting.discard(woken)
+            self.discard(woken)

@@ -6,12 +6,12 @@ import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
-from ..link.base_link import LinkInfo
-from ..link.connection import Heard
+from ..link.connection import LinkInfo
 from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.news import Happening, Listener
@@ -50,6 +50,9 @@ class VirtualLink:
         self._reconnects = -1
         self._end: LinkClosed | None = None
         self._listener: Listener | None = None
+
+    def open(self) -> None:
+        """Plug the cable in for the first time, and open a session."""
         self.plug()
         self._pass_until(lambda: self._session.phase is Phase.OPEN, OPEN_S)
         self._check_open()
@@ -130,7 +133,7 @@ class VirtualLink:
         self._session.check_open()
 
     def listen(self, listener: Listener, happening: Happening) -> None:
-        """As `BaseLink.listen`."""
+        """As `Link.listen`."""
         self._listener = listener
         standing = self._session.standing_news(happening)
         if standing is not None:
@@ -152,20 +155,39 @@ class VirtualLink:
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer."""
-        return self._answer(lambda done: self._session.request(message, done, self.now_us))
+        return self._answer(partial(self.post, message))
 
-    def post(self, message: RequestMessage, done: Heard) -> None:
+    def post(self, message: RequestMessage, done: Done) -> None:
         """Send a request without waiting; `done` is called with the result."""
-        self.check()
+        self._check_open()
         self._session.request(message, done, self.now_us)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
         """Stop and wait for the acknowledgement."""
-        self._answer(lambda done: self._session.stop(mode, done, self.now_us))
+        self._answer(partial(self.post_stop, mode=mode))
+
+    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """As `stop`, without waiting."""
+        self._check_open()
+        self._session.stop(mode, done, self.now_us)
 
     def estop(self) -> None:
         """Stop, latch and wait for the acknowledgement."""
-        self._answer(lambda done: self._session.estop(done, self.now_us))
+        self._answer(self.post_estop)
+
+    def post_estop(self, done: Done) -> None:
+        """As `estop`, without waiting."""
+        self._check_open()
+        self._session.estop(done, self.now_us)
+
+    def withdraw(self, done: Done) -> None:
+        """As `Link.withdraw`."""
+        self._session.withdraw(done)
+
+    @property
+    def has_ended(self) -> bool:
+        """The link is down for good."""
+        return self._end is not None
 
     def close(self) -> None:
         """Stop the robot and switch it off. Safe to call more than once."""
@@ -211,11 +233,10 @@ class VirtualLink:
             if self._listener is not None:
                 self._listener(happened)
 
-    def _answer(self, submit: Callable[[Done], None]) -> Answer:
-        self._check_open()
+    def _answer(self, post: Callable[[Done], None]) -> Answer:
         replies: list[Answer | WheelwireError] = []
         done = replies.append
-        submit(done)
+        post(done)
         try:
             self._pass_until(lambda: bool(replies), OPEN_S)
         except RequestTimeout:

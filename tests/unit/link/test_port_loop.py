@@ -13,9 +13,8 @@ from support.fake_device import FakeDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.port_loop import PortLoop
+from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
 from wheelwire.link.reconnect import FIRST_PAUSE_S
-from wheelwire.link.served_port import OUTPUT_LIMIT
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier

@@ -10,9 +10,8 @@ import pytest
 from support.fake_device import FakeDevice
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.link.base_link import LinkOptions
 from wheelwire.link.clock import host_clock_us
-from wheelwire.link.connection import Link
+from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import SocketTransport, Transport
 
@@ -63,7 +62,9 @@ def places() -> Places:
 
 
 def open_link(places: Places) -> Link:
-    return Link(LinkOptions("a process", open_port=places.open), LatestSample())
+    link = Link(LinkOptions("a process", open_port=places.open), LatestSample())
+    link.open()
+    return link
 
 
 def is_open(link: Link) -> bool:

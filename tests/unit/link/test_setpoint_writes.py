@@ -12,7 +12,7 @@ from support.pty_device import PtyDevice
 from support.waiting import is_open, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link import served_port, setpoints
+from wheelwire.link import port_loop, setpoints
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.types import SetDuty
 
@@ -71,7 +71,7 @@ def test_a_frame_for_which_the_port_has_no_room_follows_whole(
 
         return partial
 
-    for module in (setpoints, served_port):
+    for module in (setpoints, port_loop):
         monkeypatch.setattr(module, "REPEAT_AFTER_US", 60_000_000)
     instead_of_writing(monkeypatch, take_a_part)
     robot.set_velocity(0.1, 0.0)

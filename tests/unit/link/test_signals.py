@@ -23,8 +23,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import TransportDriver
-from wheelwire.link.base_link import LinkOptions
-from wheelwire.link.connection import Link
+from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.transports import Transport, open_transport
 from wheelwire.link.waiting import Notifier
@@ -163,7 +162,7 @@ def test_no_handler_interrupts_the_opening_itself(tmp_path: Path) -> None:
 
 def test_a_link_that_nobody_got_is_closed(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "robot") as device:
-        Link(LinkOptions(str(device.path), baud_rate=921_600), LatestSample())
+        Link(LinkOptions(str(device.path), baud_rate=921_600), LatestSample()).open()
         wait_until(lambda: not link_threads())
         SerialDriver(str(device.path)).shutdown()
 
