@@ -564,7 +564,7 @@ class Parameters(ParameterMapping):
         self._on_loop = on_loop
 
     async def set(self, name: str, value: float) -> float:
-        """Change a value until the next reset of the device; returns the value in force.
+        """Change a value until the next reset of the device; returns the active value.
 
         Raises:
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
@@ -616,11 +616,11 @@ class Trial(AbstractAsyncContextManager["Trial"]):
         self._kept = False
 
     async def keep(self) -> None:
-        """Leave the values in force until the next reset of the device; ends the trial.
+        """Leave the values active until the next reset of the device; ends the trial.
 
         Raises:
-            DeviceRefused: The trial was lost; the former values are in force.
-            RequestTimeout: Whether they were kept is not known.
+            DeviceRefused: The trial was lost; the previous values are active.
+            RequestTimeout: Nobody knows whether the device kept the values.
         """
         await self._on_loop.run(self._operations.keep_trial())
         # Only once it is acknowledged: until then the end of the block has to revert.
@@ -642,7 +642,7 @@ class Trial(AbstractAsyncContextManager["Trial"]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        # Where it was kept, the session has released the trial already.
+        # After a KEEP the session has released the trial already.
         if self._kept:
             return
         try:

@@ -1,6 +1,6 @@
 """A board: which pins lead to which power stage and encoders, and whether that can work.
 
-A board is data. It is written as YAML (`files.board`), travels and is kept as a packed struct, and
+A board is data. It is written as YAML (`files.board`), is sent and stored as a packed struct, and
 is checked by the firmware's own rules.
 """
 
@@ -103,7 +103,7 @@ class BoardDescription:
         return int.from_bytes(self.packed()[-_CRC_SIZE:], "little")
 
     def packed(self) -> bytes:
-        """The bytes in which it travels and is kept.
+        """The bytes in which it is sent and stored.
 
         Raises:
             ConfigurationError: A value does not fit into its field.

@@ -236,7 +236,7 @@ class RobotNotNamed(WheelwireError):  # noqa: N818
 
 
 class ImportFailed(WheelwireError):  # noqa: N818
-    """Parameters could not be imported. The message says whether the former values are back."""
+    """Parameters could not be imported. The message says whether the previous values are back."""
 
     exit_code = 23
 

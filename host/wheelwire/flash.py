@@ -365,7 +365,7 @@ def read_image(path: Path) -> Image:
 def plan_flash(image: Image, chip_table: Sequence[Partition], *, erase_all: bool = False) -> Plan:
     """Plan what writing an image changes on a chip with that partition table.
 
-    A data partition is kept where the chip has one of the same kind at the same offset. The rest of
+    A data partition stays where the chip has one of the same kind at the same offset. The rest of
     it held something else, such as another firmware's code, which must not be read as data.
     """
     if erase_all:

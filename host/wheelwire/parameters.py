@@ -80,15 +80,15 @@ class ParameterMapping(Mapping[str, float]):
 
     @abstractmethod
     def _value(self, definition: Parameter) -> float:
-        """The value in force."""
+        """The active value."""
 
 
 class Parameters(ParameterMapping):
     """The parameters of one robot: a mapping of the values known since the session was opened.
 
-    A value that is not known yet is asked for when it is first used, and kept. A new session, after
-    a reconnection or a reset of the device, voids what is known. `set`, `refresh`, `list`, `save`
-    and `reset` talk to the device each time.
+    A value that is not known yet is asked for when it is first used, and stored. A new session,
+    after a reconnection or a reset of the device, voids what is known. `set`, `refresh`, `list`,
+    `save` and `reset` talk to the device each time.
 
     Raises, in every method that talks to the device: `LinkLost`, `RequestTimeout`, `DeviceRefused`;
     in every one that takes a name: `UnknownParameter`.
@@ -96,7 +96,7 @@ class Parameters(ParameterMapping):
 
     @abstractmethod
     def set(self, name: str, value: float) -> float:
-        """Change a value until the next reset of the device; returns the value in force.
+        """Change a value until the next reset of the device; returns the active value.
 
         Raises:
             ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
@@ -147,15 +147,15 @@ class Parameters(ParameterMapping):
     def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
         """Try values: `with robot.parameters.trial() as trial: ...; trial.keep()`.
 
-        What is set in the block is in force at once, and reverted at its end unless `keep` was
+        What is set in the block is active at once, and reverted at its end unless `keep` was
         called. The link renews the trial while the block runs. If the device hears no renewal for
         `timeout`, because the program was killed, the cable pulled, or the computer hangs, or if
-        another session begins, it stops the wheels and has the former values again by itself. A
-        reset of the device leaves its saved values in force, as always.
+        another session begins, it stops the wheels and restores the previous values by itself. A
+        reset of the device leaves its saved values active, as always.
 
         `save` and `reset` are refused in the block, and so is a change of `estop_input_enabled`.
         After the trial was lost, setpoints and changes are refused with `RefusalCode.NO_TRIAL`
-        until the block is left: the program would go on with values that are not in force.
+        until the block is left: the program would go on with values that are not active.
 
         Args:
             timeout: For how long the link may be silent, 0.2 to 60. [s]
@@ -175,11 +175,11 @@ class Trial(ABC):
 
     @abstractmethod
     def keep(self) -> None:
-        """Leave the values in force until the next reset of the device; ends the trial.
+        """Leave the values active until the next reset of the device; ends the trial.
 
         Raises:
-            DeviceRefused: The trial was lost; the former values are in force.
-            RequestTimeout: Whether they were kept is not known.
+            DeviceRefused: The trial was lost; the previous values are active.
+            RequestTimeout: Nobody knows whether the device kept the values.
         """
 
     @abstractmethod
@@ -193,7 +193,7 @@ class Trial(ABC):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Stop the wheels and revert, unless the values were kept."""
+        """Stop the wheels and revert, unless `keep` was called."""
 
 
 def decimal_of_float32(value: float) -> float:

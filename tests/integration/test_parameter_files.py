@@ -139,7 +139,7 @@ def test_a_refused_value_leaves_the_robot_as_it_was(second: Simulator, tmp_path:
     run("estop", second.port)
     line = check_error(run("params", "import", second.port, str(path)), errors.ImportFailed)
     assert "estop_input_enabled = 0 was not set: the device refused" in line
-    assert "The former values are in force again." in line
+    assert "The previous values are active again." in line
     assert value(second, "wheel_radius") == 0.033
     assert value(second, "path_gain") == 2
     run("clear", second.port)
@@ -173,7 +173,7 @@ def test_values_that_contradict_each_other_are_named_and_not_set(
     )
     line = check_error(run("params", "import", second.port, str(path)), errors.ImportFailed)
     assert "overrun_limit_us is less than 1.5 control periods (control_rate_hz)" in line
-    assert "The former values are in force again." in line
+    assert "The previous values are active again." in line
     assert value(second, "wheel_radius") == 0.033
 
 

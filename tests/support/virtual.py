@@ -124,7 +124,7 @@ class VirtualRobot:
         return answer.value
 
     def set_parameter(self, name: str, value: float) -> float:
-        """Set one parameter; returns the value in force."""
+        """Set one parameter; returns the active value."""
         answer = self.request(ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value))
         assert isinstance(answer, ParameterValue)
         return answer.value

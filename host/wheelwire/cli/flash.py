@@ -40,7 +40,7 @@ def flash(
     erase: EraseFlag = False,
     as_json: JsonFlag = False,
 ) -> None:
-    """Write the firmware to a board and connect to it. Saved parameters are kept."""
+    """Write the firmware to a board and connect to it. Saved parameters stay."""
     from wheelwire import flash as flasher  # here, so that other commands start faster
     from wheelwire.drivers.factory import open_driver
     from wheelwire.files.board import checked_board
@@ -97,7 +97,7 @@ def flash(
             f"{device.board.name} {device.board_id} at {port} runs firmware {device.release}"
         )
         if pins is not None:
-            console.print(f"{pins.name}: written, tried and kept", soft_wrap=True)
+            console.print(f"{pins.name}: written, tried and saved", soft_wrap=True)
 
 
 def _check_is_no_image(robot: str | None) -> None:

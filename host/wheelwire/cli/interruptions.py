@@ -1,7 +1,7 @@
 """What interrupts a command: Ctrl-C, SIGTERM and SIGHUP, or a lost link.
 
-A signal stops the robot, and the user is told what was done. A lost link is waited for, or ends the
-command with what to do.
+A signal stops the robot, and the command says what it did. A command waits for a lost link, or ends
+and says what to do.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Signal(BaseException):
 
 
 class Ending:
-    """What the user is told if a signal ends the command."""
+    """What the command says if a signal ends it."""
 
     def __init__(self) -> None:
         self.outcome = "interrupted before anything was done"
@@ -124,7 +124,7 @@ def watch(
 ) -> Iterator[WheelSample | LinkNews]:
     """The newest samples until `until`, a time of `now`; goes on when a lost link is back.
 
-    A loss is told once, and so is the first sample after it.
+    It reports a loss once, and the first sample after it.
 
     Raises:
         LinkClosed: The driver was closed, or its link has failed for good.

@@ -300,7 +300,7 @@ def import_file(
 ) -> None:
     """Set all values in a file until the next reset; with --save also after it.
 
-    If one is refused or the link fails, the former values are set again.
+    If one is refused or the link fails, the previous values are set again.
     Parameters that are not in the file stay as they are.
     The file may be from another board.
     """

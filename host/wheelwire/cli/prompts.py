@@ -47,7 +47,7 @@ def read_line(prompt: str, *, err: bool = True) -> str:
 
     `input` shows its prompt and begins to wait within one call. Python notes a signal that comes in
     between, but handles it only when that call returns: at the next line, or at a second Ctrl-C.
-    This function waits for a line or for a signal noted by then, whichever comes first.
+    This function waits for a line or for a signal that came by then, whichever comes first.
 
     Raises:
         InvalidArgument: There is no line any more.

@@ -316,7 +316,7 @@ def clear(
         console.print("nothing was latched")
         return
     console.print(f"{ended.name} cleared")
-    # A fault that the e-stop hid is in force again.
+    # A fault that the e-stop hid is active again.
     if after.state in _LATCHED:
         faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
         console.print(

@@ -107,8 +107,8 @@ def setup(
 
     Raise the robot so that its wheels hang free. It takes some minutes and about eleven questions;
     most have an answer that Enter takes.
-    However the motors and encoders are wired, parameters correct it; what they cannot correct is
-    said. A test drive before and after shows what the new gains are worth. Until you save, the
+    However the motors and encoders are wired, parameters correct it; setup names what they cannot
+    correct. A test drive before and after shows what the new gains are worth. Until you save, the
     robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
@@ -230,7 +230,7 @@ class _Terminal:
 
 
 def _check_lasting(address: Address, keep: Path | None) -> None:
-    """Check that what is found can be kept; raises `InvalidArgument`."""
+    """Check that the results can be saved; raises `InvalidArgument`."""
     if keep is not None:
         return
     if address.text == MOCK:

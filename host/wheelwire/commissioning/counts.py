@@ -84,8 +84,8 @@ def plausible(left: float, right: float, turns: int = TURNS) -> Counted:
     """
     mean = (left + right) / 2 / turns
     difference = abs(left - right) / (left + right) * 2
-    # Bounded on both sides: two wheels may agree by chance, and a bad count must not be taken for
-    # a usual value that is far off.
+    # Bounded on both sides: two wheels may agree by chance, and a bad count must not be mistaken
+    # for a usual value that is far off.
     doubt = min(max(2 * difference, _SMALLEST_DOUBT), _LARGEST_DOUBT) * mean
     usual = {*_USUAL, *known_motors().values()}
     nearest = min(usual, key=lambda value: abs(value - mean))

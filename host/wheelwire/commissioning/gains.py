@@ -24,10 +24,10 @@ CLOSED_LOOP_DELAYS = 2.0
 twice that leaves room for what the model lacks, such as play in the gearbox."""
 
 FLOOR_INERTIA = 3.0
-"""Taken for the robot's inertia, relative to that of its raised wheels, until it is measured on the
-floor. The rotor of a gear motor counts by the square of the gear ratio, so the robot's mass adds
-only some times as much: the plants of the simulator have 3.1 to 6.4. The least of them is taken:
-too much feed-forward is a jerk, what is missing is left to the loop."""
+"""The assumed inertia of the robot, relative to that of its raised wheels, until it is measured on
+the floor. The rotor of a gear motor counts by the square of the gear ratio, so the robot's mass
+adds only some times as much: the plants of the simulator have 3.1 to 6.4. This is the least of
+them: too much feed-forward is a jerk, and the loop makes up for too little."""
 
 
 class Pi(NamedTuple):

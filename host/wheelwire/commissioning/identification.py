@@ -155,7 +155,7 @@ def identify(
     """Measure what duty the wheels need. The robot is stopped at the end, whatever happens.
 
     It takes about a minute. Raised, the wheels turn at up to 0.6 of duty for some seconds at a
-    time; on the floor the robot drives to and fro, and needs a metre ahead of it.
+    time; on the floor the robot drives back and forth, and needs a metre ahead of it.
 
     Args:
         robot: Its wheels turn and count in the direction in which they are driven, and
@@ -265,7 +265,7 @@ class _Bench:
     def _breakaway(self) -> Pair:
         found: list[Pair] = []
         for _ in range(_BREAKAWAY_ROUNDS):
-            # By turns, so that a robot on the floor stays where it is.
+            # Alternately, so that a robot on the floor stays where it is.
             for sign in (1, -1):
                 come_to_rest(self._robot)
                 found.append(self._breakaway_towards(sign))

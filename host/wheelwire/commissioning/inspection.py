@@ -66,8 +66,8 @@ RAISED = Question(
 
 FLOOR = Question(
     "floor",
-    "Does the robot stand on the floor, with a metre free ahead of it? It will drive to and fro; "
-    "an e-stop or fault that is latched will be cleared.",
+    "Does the robot stand on the floor, with a metre free ahead of it? It will drive back and "
+    "forth; an e-stop or fault that is latched will be cleared.",
     (YES, NO),
     NO,
 )

@@ -36,7 +36,7 @@ NO_MOTOR = Defect(
 )
 CHANNEL_DEAD = Defect(
     "{side} encoder has one dead channel",
-    "its count goes to and fro while the wheel turns: one of A and B does not reach the board; "
+    "its count oscillates while the wheel turns: one of A and B does not reach the board; "
     "check both wires, and that the encoder has two channels",
     "left.stuck_channel",
 )
@@ -47,7 +47,7 @@ SAME_ENCODER = Defect(
 )
 CHANNELS_MIXED = Defect(
     "A of one encoder with B of the other",
-    "both counts go to and fro while one wheel turns: exchange one wire of each encoder, so that "
+    "both counts oscillate while one wheel turns: exchange one wire of each encoder, so that "
     "A and B of a wheel are a pair",
     "channels_mixed",
 )

@@ -15,7 +15,7 @@ ENVIRONMENT = "XDG_STATE_HOME"
 class Progress:
     """The values found so far, of one robot.
 
-    The robot itself has its former values again after an interruption.
+    The robot itself has its previous values again after an interruption.
 
     Args:
         board_id: Of the robot.
@@ -41,7 +41,7 @@ class Progress:
         Raises:
             OutputFailed: It cannot be written.
         """
-        # Replaced as a whole: if this is interrupted, the former file is still there.
+        # Replaced as a whole: if this is interrupted, the previous file is still there.
         new = self._file.with_suffix(".new")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)

@@ -45,7 +45,7 @@ _DUTY_AT_TOP = 0.7
 _DUTY_OF_RAMP = 0.3
 """Of the robot's limit, for the acceleration."""
 _MEASUREMENT_LAG = 0.65
-"""Lag of the measured velocity, in `velocity_window_us`; the firmware reckons with the same."""
+"""Lag of the measured velocity, in `velocity_window_us`; the firmware assumes the same."""
 _SHORTEST_HOLD_S = 0.4
 """A part of the drive that is held for less shows no overshoot."""
 _SMALLEST_STEP = 0.3
@@ -348,7 +348,7 @@ def prove(
             left(course.seconds)
             second = _drive_with(robot, after, course)
         finally:
-            # The stop first: while the robot drives, some of the former values would be refused.
+            # The stop first: while the robot drives, some of the previous values would be refused.
             robot.stop()
             _set(robot, before)
             left(0.0)
@@ -393,7 +393,7 @@ class _Drive(NamedTuple):
 
 def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) -> _Drive:
     """A fault that ends the drive is cleared."""
-    # The setpoint of the drive before may still be in force, and some parameters change only while
+    # The setpoint of the drive before may still be active, and some parameters change only while
     # the robot stands.
     robot.stop()
     _set(robot, values)
@@ -418,7 +418,7 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
     """None if a setpoint ran out meanwhile."""
     resting = come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
-    # round trip later, and is in force until the next one: its middle has to be on the course.
+    # round trip later, and is active until the next one: its middle has to be on the course.
     round_trip_us = robot.statistics.round_trip_p50_us
     ahead_s = 0.0 if math.isnan(round_trip_us) else round_trip_us / 1e6
     ahead_s += resting.seconds / (len(resting.samples) - 1) / 2

@@ -89,7 +89,7 @@ class Pulsed:
         return abs(self.ticks[counter]) >= COUNTED_TICKS
 
     def toggled(self, counter: int) -> bool:
-        """Whether it went to and fro."""
+        """Whether its count oscillated."""
         return abs(self.ticks[counter]) <= 1 and self.toggles[counter] >= TOGGLES
 
     @property
@@ -141,7 +141,7 @@ def show(robot: BaseDriver, side: int, pulsed: Pulsed) -> Pulsed:
 def run(robot: BaseDriver, duties: tuple[float, float], seconds: float) -> Run:
     """Drive both bridges for this long, stop, and wait for standstill.
 
-    The end of a short drive is kept by the robot's own clock. Faults that a wrong wiring trips
+    The robot's own clock ends a short drive. Faults that a wrong wiring trips
     are cleared; they are in the result.
 
     Raises:

@@ -88,7 +88,7 @@ class Question:
             try:
                 return repr(checked_value(self.parameter, float(str(words))))
             except ValueError as error:
-                # Only a number is told the bounds; a word is told what may be given.
+                # For a number the message has the bounds; for a word, what may be given.
                 if math.isfinite(_number(words)):
                     raise InvalidArgument(str(error)) from error
         expected = [*self.choices, *(["a number"] if self.parameter else [])]

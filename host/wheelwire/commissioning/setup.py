@@ -54,8 +54,8 @@ _DRIVES_S = 23.0
 """Of both test drives, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
-    "Both wheels are taken for equal in size: each counts its own turns, so unequal ones cannot be "
-    "found. A robot that drives a curve when it is to drive straight has them."
+    "Setup assumes that both wheels are equal in size: each counts its own turns, so setup cannot "
+    "find unequal ones. A robot that drives a curve when it should drive straight has them."
 )
 
 TUNE = Question(
@@ -75,7 +75,7 @@ class Findings:
         counts_per_revolution: Of both wheels.
         velocity_feedforward: In duty per m/s.
         static_feedforward: In duty.
-        rms_before_mps: Tracking error of a fixed test drive with the former values. [m/s]
+        rms_before_mps: Tracking error of a fixed test drive with the previous values. [m/s]
         rms_after_mps: The same with the new ones. [m/s]
         problems: In words, each with what to do.
         is_complete: The set-up came to its end.
@@ -100,7 +100,7 @@ class Options:
     Attributes:
         keep: File for the new values, in place of the robot's own memory.
         resume: Go on where the last set-up was interrupted; None asks.
-        progress: Where an unfinished one is kept; None keeps none.
+        progress: Where the results of an unfinished one are stored; None stores none.
         on_the_floor: Only tune, on the floor: wiring, counts and sizes are right already.
         plot: File for the picture of the test drives.
         left: Called with about how long the wheels still turn [s], time and again while they do;
@@ -118,8 +118,8 @@ class Options:
 def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
     """Find wiring, counts, sizes, feed-forward and gains, and save them after a yes.
 
-    Unless they are saved, the robot has its former parameters again afterwards. What ends it early
-    is among the problems of the findings, unless the robot is out of reach.
+    Unless they are saved, the robot has its previous parameters again afterwards. What ends it
+    early is among the problems of the findings, unless the robot is out of reach.
 
     Args:
         robot: The robot.
@@ -382,7 +382,7 @@ class _SetUp:
 
     def _remember(self, names: Iterable[str]) -> dict[str, float]:
         now = {name: self.robot.parameters[name] for name in names}
-        # Only the first value is the former one: a parameter may be tried several times.
+        # Only the first value is the previous one: a parameter may be tried several times.
         for name, value in now.items():
             self.former.setdefault(name, value)
         return now

@@ -110,7 +110,7 @@ def find_problems(first: Seen, second: Seen) -> list[Problem]:
 
 
 def deduce(first: Seen, second: Seen) -> Wiring:
-    """The wiring, from pulses of the left and of the right bridge without any correction in force.
+    """The wiring, from pulses of the left and of the right bridge without any active correction.
 
     Each must have turned one wheel and moved one counter: no problems were found.
     """

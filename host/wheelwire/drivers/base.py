@@ -107,7 +107,7 @@ class BaseDriver(Driving):
             LinkLost: The robot is out of reach.
             RequestTimeout: The robot is in reach, but sends no samples.
         """
-        # First: that the robot is lost is told at once, and not after the wait.
+        # First: a lost robot is reported at once, and not after the wait.
         self._check_link()
         try:
             return self._latest_sample.ticks(FIRST_SAMPLE_S)

@@ -73,7 +73,7 @@ def log_failure(happening: Happening) -> None:
 
 
 class Inbox:
-    """What has happened and was not told yet; refers to no function of the application."""
+    """What has happened and was not reported yet; refers to no function of the application."""
 
     def __init__(self) -> None:
         self.news: SimpleQueue[News | None] = SimpleQueue()

@@ -87,7 +87,7 @@ class ParameterOperations:
         return None if value is None else decimal_of_float32(value)
 
     def known(self, parameter: int) -> float | None:
-        """The value in force, as far as it is known for certain."""
+        """The active value, as far as it is known for certain."""
         value = self.newest(parameter)
         return None if parameter in self._unsure else value
 
@@ -151,8 +151,8 @@ class ParameterOperations:
         yield ParameterTrial(0, 0, TrialAction.KEEP, 0.0)
 
     def revert_trial(self) -> Steps[None]:
-        """End the trial, and ask for the values that are in force again."""
-        # Until they are asked for below it is not known which values are in force.
+        """End the trial, and ask for the active values again."""
+        # Until they are asked for below it is not known which values are active.
         self._unsure |= self._tried
         yield REVERT
         for parameter in sorted(self._tried):
@@ -167,7 +167,7 @@ class DeviceParameters(Parameters):
         self._link = link
 
     def set(self, name: str, value: float) -> float:
-        """Change a value until the next reset of the device; returns the value in force."""
+        """Change a value until the next reset of the device; returns the active value."""
         return self._run(self._operations.set(name, value))
 
     def refresh(self, name: str | None = None) -> None:

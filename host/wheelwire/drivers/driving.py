@@ -199,7 +199,7 @@ class Driving(ABC):
     _callbacks: Callbacks
 
     def _listen(self, happening: Happening) -> None:
-        """Have the listener of `_callbacks` told what happens; of `happening` what is so, too."""
+        """Report what happens to `_callbacks`; of `happening` also what is so already."""
         raise InvalidCommand(
             f"{self._name} does not report {happening.name} by itself: ask `is_open` and `read`"
         )

@@ -117,7 +117,7 @@ def driver_class(name: str) -> Any:
 
 def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
     """Raise `InvalidArgument` if `make` does not take these options."""
-    # Before the call: a TypeError from inside the driver must not be taken for a wrong option.
+    # Before the call: a TypeError from inside the driver must not be mistaken for a wrong option.
     try:
         expected = signature(make)
     except ValueError:  # it is not written in Python, and checks them itself

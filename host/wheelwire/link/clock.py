@@ -204,7 +204,7 @@ class ClockEstimator:
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
         reading = _Reading.of(exchange)
-        # Looked for in every exchange, even in one that is too soon to be kept.
+        # Looked for in every exchange, even in one that is too soon to be stored.
         if any(line.contradicts(reading) for line in self.conversion.lines):
             self._readings.clear()  # a clock was stepped: earlier readings are void
         elif self._has_enough(reading.host_us):
@@ -358,7 +358,7 @@ class Synchroniser:
         if self._open.get(pong.request_id) != pong.host_us:
             return None
         # The CRC lets one bad frame in four billion pass, and another host's pong may come: a wrong
-        # exchange would be taken for a step of the clock.
+        # exchange would be mistaken for a step of the clock.
         held_us = pong.sent_us - pong.received_us
         if not 0 <= held_us <= now_us - pong.host_us + SLACK_US or pong.sent_us > MAX_DEVICE_US:
             return None

@@ -364,7 +364,7 @@ class Link:
             done(None)
 
         def answered(result: Answer | WheelwireError | None) -> None:
-            # The thread has ended, and nothing else will be told.
+            # The thread has ended, and nothing else will be reported.
             if isinstance(result, WheelwireError) and happening is Happening.LOST:
                 listener((happening, result))
 

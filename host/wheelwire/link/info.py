@@ -109,7 +109,7 @@ class ExpectedBoard(NamedTuple):
 
 
 class BootHistory:
-    """Which boot ids a device had, so that a late frame of a former one is no news of a reset."""
+    """Which boot ids a device had, so that a late frame of a previous one is no news of a reset."""
 
     def __init__(self) -> None:
         self.resets = 0

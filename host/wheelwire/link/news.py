@@ -11,11 +11,11 @@ class Happening(enum.Enum):
     """What has happened. The value is the name of a driver's callback."""
 
     LOST = "on_lost"
-    """The robot is out of reach; told with the error that every call raises."""
+    """The robot is out of reach; reported with the error that every call raises."""
     OPENED = "on_opened"
-    """A session was opened; told with the device."""
+    """A session was opened; reported with the device."""
     FAULT = "on_fault"
-    """A fault was latched; told with all that are."""
+    """A fault was latched; reported with all that are."""
 
 
 News: TypeAlias = "tuple[Happening, object]"

@@ -177,7 +177,7 @@ class PortLoop:
                 if lost:
                     transport = self._reopen()
         except BaseException as error:
-            # Told to all who wait: they would otherwise learn nothing but that time ran out.
+            # Reported to all who wait: they would otherwise learn nothing but that time ran out.
             _log.exception("the link's thread failed")
             end = LinkClosed(f"the link's thread failed ({error!r}); open it again")
             end.__cause__ = error
@@ -317,12 +317,12 @@ class PortLoop:
             else:
                 self._drain_wake_ups()
                 self._work_pending = True
-        # During the rest `poll` was not asked about data: read at its end without being told to.
+        # During the rest `poll` was not asked about data: read at its end without being asked to.
         rested = rests and host_clock_us() >= self._coalescing.rest_until_us
         return found | select.POLLIN if rested else found
 
     def _drain_wake_ups(self) -> None:
-        # However many came, one turn does for all of them.
+        # However many came, one pass does for all of them.
         with suppress(BlockingIOError):
             self._wake_read.recv(4096)
 

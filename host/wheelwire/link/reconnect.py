@@ -1,7 +1,7 @@
 """The policy of a port: baud rates, giving up and reopening, resting, the last stop. Sans-IO.
 
-Whoever serves a port, a thread or an asyncio loop, asks at the times given here and does what it is
-told.
+Whoever serves a port, a thread or an asyncio loop, asks at the times given here and does what the
+answer says.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class BaudSearch:
     """Which rate to try when.
 
     Args:
-        first: The rate in force; None where there is none, and nothing to try.
+        first: The active rate; None where there is none, and nothing to try.
         now_us: The host's clock.
     """
 
@@ -76,7 +76,7 @@ class BaudSearch:
         return rate
 
     def end(self, rate: int | None) -> None:
-        """A device answered at the rate in force."""
+        """A device answered at the active rate."""
         self.rate = rate
         self._due_us = None
 
@@ -170,7 +170,7 @@ class PortPolicy:
 
         Args:
             session: On the port.
-            rate: In force.
+            rate: The active one.
             now_us: The host's clock.
 
         Raises:
@@ -183,7 +183,7 @@ class PortPolicy:
             since_us = session.unanswered_since_us
             if since_us is not None and now_us >= since_us + UNANSWERED_US:
                 raise Unanswered("the device no longer answers; reopening the port")
-        # In HELLO alone: during a session `error` is a former one's.
+        # In HELLO alone: during a session `error` is a previous one's.
         if session.phase is Phase.HELLO and isinstance(session.error, WrongBoard):
             self._pause_s = WRONG_BOARD_PAUSE_S
             raise session.error.with_traceback(None)

@@ -155,12 +155,12 @@ class RequestQueue:
     @property
     def next_deadline_us(self) -> int | None:
         """When `advance` has something to do."""
-        # Those that wait for their turn have no deadline: the end of the one before sends them.
+        # Those that wait behind another have no deadline: the end of the one before sends them.
         return min((r.deadline_us for r in self._open.values()), default=None)
 
     def begin_session(self) -> None:
-        """Count ids from the start: the device has forgotten the former session's."""
-        # No request is left to be dropped: the end of the former session has aborted them all.
+        """Count ids from the start: the device has forgotten the previous session's."""
+        # No request is left to be dropped: the end of the previous session has aborted them all.
         self._last_ids.clear()
 
     def submit(self, message: RequestMessage, done: Done, now_us: int) -> None:
@@ -225,7 +225,7 @@ class RequestQueue:
         request = self._open.get(_key(answer))
         if request is None:
             return None
-        # An id alone is not enough: a former host's answer may carry the same one.
+        # An id alone is not enough: a previous host's answer may carry the same one.
         expected = _ANSWER_TYPES.get(type(request.message), Ack)
         if type(answer) is not expected:
             return None
@@ -260,7 +260,7 @@ class RequestQueue:
             if request.done != done:
                 continue
             if request.urgent:
-                # Nothing waits for its turn behind a stop.
+                # Nothing waits behind a stop.
                 del self._open[key]
             else:
                 # Still open, so that the next request does not overtake it on the line.

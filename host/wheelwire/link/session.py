@@ -467,7 +467,7 @@ class Session:
         self.phase = Phase.HELLO
         # Nobody asks during the pause, so it does not count as silence of the device.
         self.unanswered_since_us = now_us + pause_us
-        # A new one, so that a late answer to a former hello cannot begin this session.
+        # A new one, so that a late answer to a previous hello cannot begin this session.
         self._nonce = self._draw_nonce()
         self._hello_due_us = now_us + pause_us
         self._say_hello(now_us)
@@ -535,7 +535,7 @@ class Session:
         # A device that was reset has its saved values again: those known are void.
         self.values.clear()
         self._requests.begin_session()
-        # Again: a thread that was making a frame when the former session ended may have noted it
+        # Again: a thread that was making a frame when the previous session ended may have queued it
         # for a repeat since.
         self.setpoints.clear()
         self.setpoints.moves_until_us = 0  # a new session voids the setpoint of the one before
@@ -545,7 +545,7 @@ class Session:
         self._synchroniser.ping(now_us)
         self._prepared = False
         self._preparation_failure = None
-        # Settings before watched values: what is read is then what is in force.
+        # Settings before watched values: what is read then is what is active.
         needed: list[RequestMessage] = [
             ParameterSet(self._id, 0, id_, value) for id_, value in self._settings.items()
         ]
@@ -571,7 +571,7 @@ class Session:
                 self._board_is_known = True
 
         def take_board(_: Answer | WheelwireError) -> None:
-            self._board_is_known = True  # the answer itself is noted like every other of its kind
+            self._board_is_known = True  # the answer is recorded like every other one
 
         self._requests.submit(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
 
@@ -628,7 +628,7 @@ class Session:
     def _is_ours(self, session_id: int, now_us: int) -> bool:
         """Whether a message belongs to this session; if so, note that the device was heard."""
         ours = self._in_session and session_id == self._id
-        # What belongs to a former session is no sign of life of this one.
+        # What belongs to a previous session is no sign of life of this one.
         if ours:
             self._liveness.heard_us = now_us
         else:
@@ -709,7 +709,7 @@ class Session:
         if not self._is_ours(refuse.session_id, now_us):
             return
         self._refused += 1
-        # Not told to one request alone: the end of the session fails them all.
+        # Not reported to one request alone: the end of the session fails them all.
         if refuse.code == RefusalCode.NO_SESSION:
             error = LinkLost("the device no longer knows this session; opening a new one")
             self._begin_hello(error, now_us)
@@ -720,7 +720,7 @@ class Session:
         elif not self._requests.on_refuse(refuse, now_us):
             self._foreign += 1
             return
-        # After its caller was told: the end of the session would report a LinkLost instead.
+        # After its caller has the error: the end of the session would report a LinkLost instead.
         if refuse.code == RefusalCode.NO_TRIAL:
             self._begin_after_trial(now_us)
 
@@ -732,7 +732,7 @@ class Session:
             # The copy of a stop is acknowledged as well; nobody waits for that.
             self._foreign += answer.request_id != COPY_ID
             return
-        # What the answer changes first: whoever asked goes on in another thread once told.
+        # What the answer changes first: whoever asked goes on in another thread after that.
         if isinstance(request, ParameterTrial):
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):

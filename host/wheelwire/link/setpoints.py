@@ -171,9 +171,9 @@ class SetpointSender:
         """Find out before sending that the device will not drive.
 
         Raises:
-            DeviceRefused: The last setpoint was refused (told once), or the device is latched.
+            DeviceRefused: The last setpoint was refused (reported once), or the device is latched.
         """
-        # Told once, or one setpoint that was refused would keep back all that follow.
+        # Reported once, or one setpoint that was refused would hold back all that follow.
         refusal, self._refusal = self._refusal, None
         if refusal is None and self.supervisor is not None:
             refusal = _LATCHED.get(self.supervisor)
@@ -252,7 +252,7 @@ class SetpointSender:
         return opened.encoder.encode(setpoint)
 
     def _take_unarmed(self, *, is_zero: bool, now_us: int) -> bool:
-        """Whether a setpoint has to raise that the device is unarmed, which is told once."""
+        """Whether a setpoint has to raise that the device is unarmed, which is reported once."""
         if self._refusal != RefusalCode.UNARMED:
             return False
         self._refusal = None

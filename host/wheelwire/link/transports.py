@@ -48,7 +48,7 @@ class Transport(ABC):
 
     Attributes:
         port: Its name, as it was opened.
-        baud_rate: In force; None where there is none.
+        baud_rate: The active one; None where there is none.
         low_latency: True when the kernel delivers bytes at once, False when it may hold them
             back (FTDI adapters: 16 ms), None where the question does not arise.
         gone: What it means when the other end is gone, and what is done about it.

@@ -39,7 +39,7 @@ class HeldTrial:
     """What a session knows of its application's trial. At most one is held.
 
     Any thread may release it. That needs no lock: each method takes the trial that is held once,
-    and what it notes of a trial that was released meanwhile is noted nowhere else.
+    and what it notes of a trial that was released meanwhile is recorded nowhere else.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class HeldTrial:
         return held.due_us
 
     def check(self, subject: str) -> None:
-        """Raise `DeviceRefused` for what relies on values that are no longer in force."""
+        """Raise `DeviceRefused` for what relies on values that are no longer active."""
         held = self._held
         if held is not None and held.state is _State.LOST:
             raise DeviceRefused(RefusalCode.NO_TRIAL, subject)

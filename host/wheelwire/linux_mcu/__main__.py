@@ -107,7 +107,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     except LinkLost as error:
         return _print_error(error)
     except (WheelwireError, OSError) as error:
-        # Once the application was told that all is well, the socket carries frames.
+        # Once the application knows that all is well, the socket carries frames.
         return _print_error(error) if started else _fail(settings, error)
     finally:
         # In this order: if the closing hangs or dies, the guard still pulls EN low.

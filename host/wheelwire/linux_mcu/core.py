@@ -30,7 +30,7 @@ MACHINE_ID = Path("/etc/machine-id")
 
 
 def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core:
-    """Create the core with its saved parameters, not started; `heartbeat` is told while it saves.
+    """Create the core with its saved parameters, not started; `heartbeat` beats while it saves.
 
     Raises:
         ConfigurationError: A parameter is refused, or the store cannot be read.
@@ -74,7 +74,7 @@ class McuLoop:
         core: Not started.
         gpio: The pins. The caller closes them.
         line: The line to the application.
-        heartbeat: Gets a beat in each turn of the loop.
+        heartbeat: Gets a beat in each pass of the loop.
         endings: File descriptors that become readable when this process is to end.
     """
 
@@ -161,7 +161,7 @@ class McuLoop:
             right_illegal=illegal.right,
         )
         self._apply(outputs)
-        # Told by the outputs: how long the core brakes is for its parameters to say.
+        # Read from the outputs: how long the core brakes is for its parameters to say.
         self._low_steps = self._low_steps + 1 if self._gpio.is_released(self._outputs) else 0
         # Here and nowhere else: a loop that makes no steps must let the backend's watchdog act.
         self._gpio.keep_alive(now_us)

@@ -39,7 +39,7 @@ class LatchFile:
         except FileNotFoundError:
             return b""
         except OSError as error:
-            sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}: taken for an e-stop\n")
+            sys.stderr.write(f"wheelwire: {self._path}: {error.strerror}: treated as an e-stop\n")
             return UNREADABLE
 
     def save(self, record: bytes) -> bool:

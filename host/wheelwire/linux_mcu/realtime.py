@@ -18,7 +18,7 @@ def request_realtime(priority: int) -> str | None:
     Returns:
         What was not permitted, in a sentence; None if nothing was refused.
     """
-    # Collected first, or the garbage of the start would be kept for ever.
+    # Collected first, or the garbage of the start would stay for ever.
     gc.collect()
     gc.freeze()  # garbage collection need not scan the objects of the start again
     refused = []

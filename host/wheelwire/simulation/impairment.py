@@ -50,7 +50,7 @@ class Impairment:
     baud_rate: int = 0
     """10 bits a byte; what does not fit the buffer of 4096 bytes is lost. 0: no limit."""
     delay_us: int = 0
-    """Minimum delay; the order is kept."""
+    """Minimum delay; the order stays the same."""
     jitter_us: int = 0
     """Maximum additional delay; usually much less."""
 

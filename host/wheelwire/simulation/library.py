@@ -109,7 +109,7 @@ class FwSim:
 
     Args:
         seed: Seed of boot ids and encoder errors. The same seed and calls give the same run.
-        store: File for saved parameters; by default they are kept in memory.
+        store: File for saved parameters; by default they stay in memory.
     """
 
     def __init__(self, seed: int = 1, store: Path | None = None) -> None:

@@ -126,7 +126,7 @@ class Simulator:
             new one among the temporary files.
         seed: Seed of boot ids and encoder errors; random by default.
         baud_rate: Of the device's UART; 0 accepts any rate, like USB.
-        store: File for saved parameters; by default they are kept in memory.
+        store: File for saved parameters; by default they stay in memory.
         settings: Variables of the simulation, with their values at power-on.
         truth_hz: Rate of the true states. [Hz]
         on_state: Called with each true state, from the thread that reads them. What it raises is
@@ -282,7 +282,7 @@ class Simulator:
     def _ask(self, line: str) -> dict[str, Any]:
         commands = _pipe(self._running().stdin)
         # When a signal handler's exception ends the wait, the answer comes all the same, and is not
-        # to be taken for the next command's.
+        # to be mistaken for the next command's.
         number = next(self._numbers)
         try:
             commands.write(f"#{number} {line}\n")
@@ -351,7 +351,7 @@ class Simulator:
                 _log.exception("on_state of the simulator failed")
 
     def _answer(self, number: int | None) -> dict[str, Any]:
-        """The answer to the command of this number; None: what is said at the start."""
+        """The answer to the command of this number; None: what it prints at the start."""
         end = time.monotonic() + ANSWER_TIMEOUT_S
         while True:
             try:

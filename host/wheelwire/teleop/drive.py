@@ -162,7 +162,7 @@ class Teleop:
         self._sent = None
 
     def _take_command(self, key: str) -> None:
-        # Whoever presses a command wants to know what is wrong, even if it was said before.
+        # Whoever presses a command wants to know what is wrong, even if it was shown before.
         self._complaint = ""
         if key == INTERRUPT:
             raise KeyboardInterrupt

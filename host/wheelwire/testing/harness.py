@@ -89,7 +89,7 @@ class DriveHarness:
             begin()
             # The clock of the driver's stamps, which may be a virtual one.
             begun_s = self.driver._now_us() / 1e6
-            # A sample from before `begin` may still be waiting; it has the former number.
+            # A sample from before `begin` may still be waiting; it has the previous number.
             sample = self.wait(lambda s: s.command_seq != before and condition(s))
             return sample, sample.stamp - begun_s
 

@@ -97,7 +97,7 @@ class RefusingTests:
             with pytest.raises(errors.DeviceRefused, match=f"{name} = .*driving.*stop"):
                 parameters.set(name, value * 2)
             assert parameters[name] == value
-            # Setting the value that is in force is no change.
+            # Setting the active value is no change.
             parameters.set(name, value)
         harness.driver.stop()
         parameters.set("ttl_max_s", 0.5)

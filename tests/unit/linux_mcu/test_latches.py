@@ -51,7 +51,7 @@ def test_a_record_that_is_a_directory_is_an_estop(capfd: pytest.CaptureFixture[s
     record.unlink()
     record.mkdir()
     assert latch_file(SETTINGS).load() == latches.UNREADABLE
-    assert "taken for an e-stop" in capfd.readouterr().err
+    assert "treated as an e-stop" in capfd.readouterr().err
 
 
 def test_robots_on_other_pins_do_not_meet() -> None:
