@@ -8,8 +8,8 @@ ASAN_BUILD := build/asan
 FUZZ_BUILD := build/fuzz
 RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
-# Generated pages, and those with generated parts, are as their generators write them.
-MD_FILES = $(filter-out docs/api.md docs/benchmarks.md docs/boards.md docs/simulator.md protocol/MESSAGES.md,$(shell git ls-files '*.md'))
+# MESSAGES.md is as its generator writes it.
+MD_FILES = $(filter-out protocol/MESSAGES.md,$(shell git ls-files '*.md'))
 PYTHON_FOLDERS := host protocol ros_node tests bench examples tools
 MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)

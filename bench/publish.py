@@ -10,6 +10,8 @@ import shutil
 import sys
 from pathlib import Path
 
+import mdformat
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import ROOT
 
@@ -46,7 +48,9 @@ def main() -> None:
     plots.mkdir(exist_ok=True)  # docs/control.md has plots there, too
     for plot in PLOT.findall(report):
         shutil.copy(run / plot, plots)
-    PAGE.write_text(published(PAGE.read_text("utf-8"), report, plots.name), "utf-8")
+    page = published(PAGE.read_text("utf-8"), report, plots.name)
+    options = {"wrap": 100, "compact_tables": True}  # as `make lint` wants it
+    PAGE.write_text(mdformat.text(page, options=options, extensions={"gfm", "tables"}), "utf-8")
 
 
 if __name__ == "__main__":

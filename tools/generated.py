@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import mdformat
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -31,6 +33,13 @@ def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join([lines[0], "|" + "-|" * (lines[0].count(" | ") + 1), *lines[1:], ""])
 
 
+def formatted(text: str) -> str:
+    """A page as `make lint` wants it."""
+    return mdformat.text(
+        text, options={"wrap": 100, "compact_tables": True}, extensions={"gfm", "tables"}
+    )
+
+
 def filled(page: Path, parts: Mapping[str, str]) -> str:
     """The page with its generated parts, each between two comments, written anew."""
     text = page.read_text("utf-8")
@@ -40,4 +49,4 @@ def filled(page: Path, parts: Mapping[str, str]) -> str:
         if len(rest) != 3:
             sys.exit(f"{page} does not have one place for the {name}")
         text = f"{before}{rest[0]}\n{part}\n{rest[1]}{rest[2]}"
-    return text
+    return formatted(text)

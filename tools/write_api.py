@@ -168,4 +168,4 @@ def section(found: re.Match[str]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(generated.write({PAGE: reference()}))
+    sys.exit(generated.write({PAGE: generated.formatted(reference())}))
