@@ -283,7 +283,7 @@ class Link:
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
         now_us = host_clock_us()
-        # Before a frame is made, which would be noted for a repeat and so be sent after all.
+        # Before a frame is made, which would be recorded for a repeat and so be sent after all.
         self._loop.check_room()
         setpoints = self._session.setpoints
         self._write(setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us), now_us)

@@ -105,10 +105,10 @@ class PortLoop:
         self._frames: deque[bytes] = deque()
         """Setpoints that did not fit into the port's buffer."""
         self._turned_us = 0
-        """When the last turn began."""
+        """When the last pass began."""
         self._coalescing = Coalescing()
         self._has_news = False
-        """A sample was stored of which those who wait for it have not been told."""
+        """A sample was stored, and those who wait for it have not been woken yet."""
         self._due_us = 0
         self._wait_due_us = 0
         """When to do something though nothing comes; as `_next_wait` found it."""
@@ -192,7 +192,7 @@ class PortLoop:
         )
 
     def check_room(self) -> None:
-        """Raise LinkLost if a setpoint would only queue up. The other half is kept for requests."""
+        """Raise LinkLost if a setpoint would only queue up. The other half is reserved for requests."""
         # An upper bound: their sum would iterate over what another thread may be changing.
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
             raise LinkLost("the port accepts no data; the setpoint was not sent")
@@ -344,8 +344,8 @@ class PortLoop:
     def _turn(self, transport: Transport, events: int) -> None:
         """Read, do what is due, write.
 
-        At 100 frames a second each turn finds cold caches, and calling a function costs more than
-        what it does: nothing is called here that nearly no turn needs.
+        At 100 frames a second each pass finds cold caches, and calling a function costs more than
+        what it does: nothing is called here that nearly no pass needs.
 
         Args:
             transport: The port.
@@ -431,7 +431,7 @@ class PortLoop:
         self._write(transport)  # before the rest: the round trip of a ping has begun
         due_us = self._session.next_deadline_us
         self._due_us = now_us + IDLE_US if due_us is None else due_us
-        # While an answer is awaited each turn looks at the session, and the port does not rest.
+        # While an answer is awaited each pass looks at the session, and the port does not rest.
         self._work_pending = self._session.awaits_answer(now_us)
         self._tell_changes()
 
@@ -445,7 +445,7 @@ class PortLoop:
     def _queue_output(self) -> None:
         """Queue the session's output, or drop it if the port has accepted nothing for long.
 
-        Queued setpoints are kept: their caller was told that they are sent. Requests are repeated
+        Queued setpoints stay: their caller was promised that they are sent. Requests are repeated
         anyway.
         """
         output = self._session.take_output()
