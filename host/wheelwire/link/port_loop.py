@@ -192,7 +192,7 @@ class PortLoop:
         )
 
     def check_room(self) -> None:
-        """Raise LinkLost if a setpoint would only queue up. The other half is reserved for requests."""
+        """Raise LinkLost if a setpoint would only queue up; requests have the other half."""
         # An upper bound: their sum would iterate over what another thread may be changing.
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
             raise LinkLost("the port accepts no data; the setpoint was not sent")
