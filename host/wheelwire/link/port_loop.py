@@ -474,9 +474,9 @@ class PortLoop:
         self.baud_rate = transport.baud_rate
         self.policy.begin(transport.baud_rate, transport.longest_pause_s, self._session, now_us)
         self._session.connect(now_us)
-        # A caller may have queued one for the former port after it was lost, and was told so.
+        # A caller may have queued one for the previous port after it was lost, and got an error.
         self._frames.clear()
-        # A turn at once: the hello waits in the session.
+        # A pass at once: the hello waits in the session.
         self._work_pending, self._due_us = True, 0
 
     def _renew(self, now_us: int) -> None:
@@ -571,7 +571,7 @@ class PortLoop:
             )
 
     def _terminate(self, end: WheelwireError) -> None:
-        # First: a later call is refused because of it, and whoever is told below looks for it.
+        # First: a later call is refused because of it, and whoever is woken below looks for it.
         self.end = end
         self._session.disconnect(end)
         self._refuse_calls(end)
