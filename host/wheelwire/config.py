@@ -25,7 +25,6 @@ from .files.board import checked_board, shipped_boards
 from .files.pins import Pins
 from .files.reading import reading
 from .files.robot import BUILT_IN, parse_robot
-from .link.transports import UNIX
 from .linux_mcu.settings import McuSettings
 
 if TYPE_CHECKING:
@@ -229,6 +228,8 @@ def service_settings(config: RobotConfig, address: str) -> McuSettings:
             `unix:PATH`.
         DriverUnavailable: The core's library is missing.
     """
+    from .link.transports import UNIX  # here: it imports pyserial
+
     path = address.removeprefix(UNIX)
     if path == address or not path:
         raise ConfigurationError(
