@@ -87,12 +87,12 @@ class Tuning:
 class RobotConnection:
     """Sends commands to one open driver.
 
-    `command`, `estop` and `stop` may be called by any thread; one thread at a time calls the other
-    methods, which wait for the robot. `command` never waits.
+    Any thread may call `command`, `estop` and `stop`; one thread at a time calls the other methods,
+    which wait for the robot. `command` never waits.
 
-    A device that was reset has lost its parameters, and its e-stop if the power failed, and a lost
-    link does not tell what happened meanwhile. So in a new session the e-stop is latched and the
-    parameters are set before anything else is sent, and older commands are dropped.
+    A device that was reset has lost its parameters, and its e-stop if the power failed, and nobody
+    knows what happened while the link was lost. So in a new session the connection latches the
+    e-stop and sets the parameters before it sends anything else, and ignores older commands.
 
     Args:
         robot: The driver; the connection closes it.
@@ -116,19 +116,21 @@ class RobotConnection:
         """How many commands the node sent to the robot."""
         self.ignored: Counter[Ignored] = Counter()
         """How many commands the node ignored, by reason."""
+        self.active = False
+        """Whether the node obeys commands."""
         self.estopped = False
-        """Whether this node has set the e-stop; kept until cleared, even if the device is reset."""
+        """Whether this node has set the e-stop; a reset of the device does not change it."""
         self.problem: WheelwireError | None = None
         """Why the newest session cannot be used."""
         self.clears = 0
-        """How often an e-stop or a fault was cleared, or the device replaced: after each a zero
-        command is waited for."""
+        """How often an e-stop or a fault was cleared, or the device replaced: after each the robot
+        waits for a zero command."""
         self._board_id: str | None = None
         """Of the last session that was prepared."""
         self._is_replaced = False
-        """Whether a zero command is waited for, because another device was connected."""
+        """Whether the node waits for a zero command, because another device was connected."""
         self._moving_s = -math.inf
-        """When motion was commanded last while it was waited for."""
+        """When the last command for motion came while the node waited."""
         self._limiter = SpeedLimiter()
         self._calibrated: tuple[object, DifferentialDrive | None] = None, None
         """The geometry and the tuning that `drive` was computed from last, and the result."""
@@ -136,22 +138,16 @@ class RobotConnection:
         self._on_session = on_session
         self._session: int | None = None
         """The session that is prepared."""
-        self._active = False
         self._sending = threading.Lock()
-        """So that no command is sent after a stop that was called later."""
+        """Held while a command is sent, so that none follows the stop of a deactivation."""
         self._estops = 0
         """How often the e-stop was set."""
         self._estop_unsent = False
 
-    @property
-    def active(self) -> bool:
-        """Whether commands are obeyed."""
-        return self._active
-
-    @active.setter
-    def active(self, active: bool) -> None:
+    def deactivate(self) -> None:
+        """Ignore commands from now on; waits for one that is being sent."""
         with self._sending:
-            self._active = active
+            self.active = False
 
     @property
     def is_prepared(self) -> bool:
@@ -181,7 +177,7 @@ class RobotConnection:
         try:
             if self.estopped:
                 self._send_estop()  # first: nothing else may make the robot ready to drive
-            # A copy: another thread may be told a further value meanwhile.
+            # A copy: another thread may add a value meanwhile.
             for name, value in dict(self._given).items():
                 self.robot.parameters.set(name, value)
             self._on_session()
@@ -189,14 +185,14 @@ class RobotConnection:
             self.problem = error
             raise
         self.problem = None
-        # Commands given before this moment are dropped. `session` was read before the preparation:
-        # if the link was lost during it, the next call prepares the new session.
+        # The node ignores commands from before this moment. `session` was read before the
+        # preparation: if the link was lost during it, the next call prepares the new session.
         self.connected_s = time.monotonic()
         self._limiter.rest()
         board_id = _board_id(self.robot)
         if self._board_id not in (None, board_id):
-            # Nobody may have looked at this one: whoever goes on commanding motion does not move
-            # it. A device that was cleared refuses by itself; this one knows of no clear.
+            # Perhaps nobody has looked at this device: a sender that goes on commanding motion does
+            # not move it. A device that was cleared refuses by itself; this one knows of no clear.
             self._is_replaced, self._moving_s = True, self.connected_s
             self.clears += 1
         self._board_id = board_id
@@ -233,7 +229,7 @@ class RobotConnection:
         return obeyed
 
     def _command(self, twist: Twist, born_s: float) -> Twist:
-        if not self._active:
+        if not self.active:
             raise CommandIgnored(Ignored.INACTIVE)
         if self.estopped:
             raise CommandIgnored(Ignored.ESTOPPED)
@@ -277,7 +273,7 @@ class RobotConnection:
 
     def clear_fault(self) -> None:
         """Clear the latched faults; raises `WheelwireError` while their cause is present."""
-        # The e-stop and the parameters first: a robot without its faults may be driven again.
+        # The e-stop and the parameters first: a robot without its faults may drive again.
         self.follow()
         self.robot.clear_fault()
         self.clears += 1
@@ -320,16 +316,16 @@ class RobotConnection:
         self.robot.stop()
 
     def note_standstill(self) -> None:
-        """Note that the robot stopped, whatever stopped it: the next command starts from rest."""
+        """Note that the robot stopped, for whatever reason: the next command starts from rest."""
         self._limiter.rest()
 
     def estop(self) -> None:
         """Stop and latch.
 
         Raises:
-            WheelwireError: The robot cannot be reached; it is stopped as soon as it can be.
+            WheelwireError: The robot cannot be reached; `follow` stops it as soon as it can be.
         """
-        # Both before it is sent: a clear that is under way notices it, and no new command is sent.
+        # Both before the e-stop goes out: a running clear notices it, and no new command goes out.
         self._estops += 1
         self.estopped = True
         self._limiter.rest()
@@ -343,7 +339,7 @@ class RobotConnection:
         if estops == self._estops:
             self.estopped = False
             self._limiter.rest()
-        else:  # set again meanwhile, and it is not known which of the two arrived first
+        else:  # set again meanwhile, and nobody knows which of the two arrived first
             self._send_estop()
 
     def _send_estop(self) -> None:

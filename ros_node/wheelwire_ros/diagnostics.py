@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -27,24 +27,6 @@ STALE = DiagnosticStatus.STALE
 
 NORMAL_STATES = ("IDLE", "DRIVING", "TIMED_OUT")
 """TIMED_OUT as well: every drive by hand ends so, and the robot stays so until the next command."""
-
-
-@dataclass(frozen=True)
-class Report:
-    """The data for the statuses of an open robot."""
-
-    connection: RobotConnection
-    sample: WheelSample | None
-    """The newest sample."""
-    silence: WheelwireError | None
-    """Why no sample has come recently; None if one has."""
-    state: RobotState
-    link_values: dict[str, Any]
-    """The node's own counters for the status of the link."""
-    ignored_types: list[str]
-    """Message types that others publish on cmd_vel but this node does not subscribe to."""
-    waiting_for_clock: bool = False
-    """Whether motion cannot be stamped, because use_sim_time is set and /clock is silent."""
 
 
 class TwinWatch:
@@ -76,22 +58,49 @@ def twin_status(name: str) -> DiagnosticStatus:
     return _status(f"{name}: name", ERROR, TWIN, "", {})
 
 
-def open_statuses(name: str, driver_type: str, report: Report) -> list[DiagnosticStatus]:
-    """The statuses of link, robot and commands of an open robot."""
-    identity = identity_of(report.connection.robot)
+def clock_status(name: str) -> DiagnosticStatus:
+    """That the node cannot stamp motion, because use_sim_time is set and /clock is silent."""
+    return _status(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {})
+
+
+def open_statuses(
+    name: str,
+    driver_type: str,
+    connection: RobotConnection,
+    sample: WheelSample | None,
+    silence: WheelwireError | None,
+    state: RobotState,
+    link_values: dict[str, Any],
+    ignored_types: list[str],
+) -> list[DiagnosticStatus]:
+    """The statuses of link, robot and commands of an open robot.
+
+    Args:
+        name: The node's.
+        driver_type: The driver's name.
+        connection: The connection to the robot.
+        sample: The newest sample.
+        silence: Why no sample has come recently; None if one has.
+        state: The robot's.
+        link_values: The node's own counters for the status of the link.
+        ignored_types: Message types that others publish on cmd_vel but the node does not hear.
+    """
+    identity = identity_of(connection.robot)
+    # The silence first: it may be the reason why a session cannot be prepared.
+    problem = silence or connection.problem
+    link = (OK, "connected") if problem is None else (ERROR, str(problem))
+    values = {"driver": driver_type, **identity, **asdict(connection.robot.statistics)}
+    if sample is not None:
+        values["sample_time_error_s"] = sample.stamp_error_s
     parts = {
-        "link": _link(driver_type, report, identity),
-        "robot": _robot(report),
-        "commands": _commands(report),
+        "link": (*link, values | link_values),
+        "robot": _robot(connection, sample, silence, state),
+        "commands": _commands(connection, ignored_types),
     }
-    hardware = identity.get("board_id", "")
-    statuses = [
-        _status(f"{name}: {part}", level, message, hardware, values)
+    return [
+        _status(f"{name}: {part}", level, message, identity.get("board_id", ""), values)
         for part, (level, message, values) in parts.items()
     ]
-    if report.waiting_for_clock:
-        statuses.append(_status(f"{name}: clock", WARN, WAITING_FOR_CLOCK, "", {}))
-    return statuses
 
 
 def identity_of(robot: BaseDriver) -> dict[str, str]:
@@ -127,18 +136,12 @@ Part = tuple[bytes, str, dict[str, Any]]
 """Level, message and values of a status."""
 
 
-def _link(driver_type: str, report: Report, identity: dict[str, str]) -> Part:
-    # The silence first: it may be the reason why a session cannot be prepared.
-    problem = report.silence or report.connection.problem
-    values = {"driver": driver_type, **identity, **asdict(report.connection.robot.statistics)}
-    if report.sample is not None:
-        values["sample_time_error_s"] = report.sample.stamp_error_s
-    level, message = (OK, "connected") if problem is None else (ERROR, str(problem))
-    return level, message, values | report.link_values
-
-
-def _robot(report: Report) -> Part:
-    sample, state, robot = report.sample, report.state, report.connection.robot
+def _robot(
+    connection: RobotConnection,
+    sample: WheelSample | None,
+    silence: WheelwireError | None,
+    state: RobotState,
+) -> Part:
     if sample is None:
         return WARN, "no sample yet", {}
     values = {
@@ -148,31 +151,34 @@ def _robot(report: Report) -> Part:
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
         "resets_unacknowledged": state.resets,
-        **_control_counters(robot),
+        **_control_counters(connection.robot),
     }
     if sample.battery_v is not None:
         values["battery_v"] = sample.battery_v
-    return *_robots_level(report, sample), values
-
-
-def _robots_level(report: Report, sample: WheelSample) -> tuple[bytes, str]:
-    robot, state = report.connection.robot, report.state
+    warnings = _warnings(connection.robot, state)
     # Before the silence: this node's e-stop acts even if the robot is not heard.
-    if report.connection.estopped or state.state == "ESTOPPED":
-        return ERROR, "the e-stop is set"
-    if report.silence is not None:
-        return STALE, "the last known state; the robot is silent"
-    if state.faults:
-        return ERROR, " ".join(fault.doc for fault in state.faults)
-    warnings = [*warnings_of(robot)]
+    if connection.estopped or state.state == "ESTOPPED":
+        level, message = ERROR, "the e-stop is set"
+    elif silence is not None:
+        level, message = STALE, "the last known state; the robot is silent"
+    elif state.faults:
+        level, message = ERROR, " ".join(fault.doc for fault in state.faults)
+    elif warnings:
+        level, message = WARN, " ".join(warnings)
+    else:
+        level, message = OK if state.state in NORMAL_STATES else WARN, sample.state.doc
+    return level, message, values
+
+
+def _warnings(robot: BaseDriver, state: RobotState) -> list[str]:
+    warnings = list(warnings_of(robot))
     rolling_mps = getattr(robot, "rolling_mps", None)
     if rolling_mps is not None:
-        warnings.insert(0, f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it.")
+        text = f"The robot rolls at {rolling_mps:.2f} m/s although nothing drives it."
+        warnings.insert(0, text)
     if state.reset:
         warnings.append(f"{state.reset[0].upper()}{state.reset[1:]}.")
-    if warnings:
-        return WARN, " ".join(warnings)
-    return OK if state.state in NORMAL_STATES else WARN, sample.state.doc
+    return warnings
 
 
 def _control_counters(robot: BaseDriver) -> dict[str, Any]:
@@ -191,16 +197,16 @@ def _control_counters(robot: BaseDriver) -> dict[str, Any]:
     }
 
 
-def _commands(report: Report) -> Part:
-    obeyed, reasons = report.connection.obeyed, report.connection.ignored
-    ignored = sum(reasons.values())
+def _commands(connection: RobotConnection, ignored_types: list[str]) -> Part:
+    obeyed, ignored = connection.obeyed, sum(connection.ignored.values())
     values = {"obeyed": obeyed, "ignored": ignored}
     # Sorted by text, since the members of an Enum have no order.
-    values |= {f"ignored_{r.name.lower()}": n for r, n in sorted(reasons.items(), key=str)}
-    if not report.ignored_types:
+    for reason, count in sorted(connection.ignored.items(), key=str):
+        values[f"ignored_{reason.name.lower()}"] = count
+    if not ignored_types:
         return OK, f"{obeyed} obeyed, {ignored} ignored", values
     message = (
-        f"the node ignores commands of type {', '.join(report.ignored_types)}: "
+        f"the node ignores commands of type {', '.join(ignored_types)}: "
         "have all publishers publish one type, or set cmd_vel_type"
     )
     return WARN, message, values

@@ -151,7 +151,7 @@ class MotionEstimator:
             self._odometry.reset(pose)
             self._covariance.matrix = covariance
 
-    def record(self, board_id: str, *, is_final: bool = False) -> PoseRecord | None:
+    def record(self, board_id: str) -> PoseRecord | None:
         """The pose at the last sample, to resume from; None before the first one."""
         with self._lock:
             last, pose = self._last, self._odometry.pose
@@ -167,7 +167,6 @@ class MotionEstimator:
                 right_total=self._right_ticks,
                 pose=(pose.x_m, pose.y_m, pose.heading_rad),
                 covariance=tuple(self._covariance.matrix.ravel().tolist()),
-                is_final=is_final,
             )
 
     def resume(self, record: PoseRecord, first: WheelSample) -> OdometryUpdate:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import closing
 from inspect import signature
 from itertools import pairwise
 from typing import Any
@@ -126,7 +127,8 @@ def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted; however it ends, the wheels stop first."""
     problem = _init(args)
     try:
-        _run(problem)
+        with closing(HardwareRobot(problem)) as node:
+            node.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         return
     except ParameterException as error:
@@ -166,14 +168,6 @@ def _without_files(args: list[str]) -> list[str]:
         for before, argument in pairwise(["", *args])
         if FILE_OPTION not in (before, argument)
     ]
-
-
-def _run(problem: str) -> None:
-    node = HardwareRobot(problem)
-    try:
-        node.spin()
-    finally:
-        node.close()
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from .parameter_bridge import ParameterBridge
 from .parameters import Setting, is_set
 from .pose import PoseMemory
 from .robot_state import NOT_CONFIGURED, RobotState, StateReporter
-from .services import STOPPED_BY_DEADLINE, RobotServices
+from .services import STOPPED_BY_DEADLINE, create_services
 from .threads import NodeThreads, steady_clock
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -60,9 +60,9 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Whether the e-stop was set while, or before, no robot was open; opening sets it again."""
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._state = StateReporter(
-            self, self._present_state, self._hardware_id, lambda: threads.call_soon(self.report)
+            self, self._present_state, lambda: threads.call_soon(self.report)
         )
-        RobotServices(self, threads)
+        create_services(self, threads)
         defer_transitions(self, threads)
         self.bridge.defer_requests(threads)
         # By the node's own clock it would wait for /clock when use_sim_time is set.
@@ -204,7 +204,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         """Stop the wheels and ignore commands."""
         if self._open is not None:
             # First, so that no command follows the stop: this waits for one that is being sent.
-            self._open.connection.active = False
+            self._open.connection.deactivate()
             try:
                 self._open.connection.stop()
             except WheelwireError as error:
@@ -256,10 +256,6 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         if open_robot is None:
             return RobotState("closed", self._closed_reason)
         return open_robot.state()
-
-    def _hardware_id(self) -> str:
-        open_robot = self._open
-        return "" if open_robot is None else open_robot.hardware_id()
 
     def _statuses(self, open_robot: OpenRobot | None) -> list[Any]:
         name = self.get_fully_qualified_name().lstrip("/")

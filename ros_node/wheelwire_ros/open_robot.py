@@ -59,7 +59,7 @@ class OpenRobot:
         """Stop the wheels, then release everything, in reverse order."""
         # From here on the threads report errors of the closing, which are no failures.
         self._closing = True
-        self.connection.active = False
+        self.connection.deactivate()
         self.connection.robot.shutdown()  # it stops first
         self._resources.close()
 
@@ -76,11 +76,6 @@ class OpenRobot:
         """Apply the parameters that can change while the robot is open."""
         self.connection.tuning = parameters.tuning(self._node.setting)
         self.estimator.drive = self.connection.drive
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """The names of the latched faults, as of the newest sample."""
-        return tuple(str(fault.name) for fault in self.state().faults)
 
     def clear_fault(self) -> None:
         """Clear the latched faults, and acknowledge resets of the device.
@@ -108,15 +103,13 @@ class OpenRobot:
             estopped=self._estopped_by_us,
         )
 
-    def hardware_id(self) -> str:
-        """The board's, for `~/state`."""
-        return diagnostics.identity_of(self.connection.robot).get("board_id", "")
-
     def statuses(self, name: str, driver_type: str) -> list[Any]:
         """The statuses for /diagnostics."""
         self._time_base.measure()
         self._log_warnings()
-        report = diagnostics.Report(
+        statuses = diagnostics.open_statuses(
+            name,
+            driver_type,
             self.connection,
             self._newest,
             self._reader.silence,
@@ -128,9 +121,8 @@ class OpenRobot:
                 "samples_dropped": self._reader.dropped,
             },
             self._commands.ignored_types,
-            waiting_for_clock=not self._time_base.runs,
         )
-        return diagnostics.open_statuses(name, driver_type, report)
+        return statuses if self._time_base.runs else [*statuses, diagnostics.clock_status(name)]
 
     def _log_warnings(self) -> None:
         """Log each warning once per session; diagnostics have them as long as they last."""
@@ -159,7 +151,7 @@ class OpenRobot:
         first = robot.read()
         self._remember_pose(first, resources)
         topics = parameters.topics(get, has_battery=first.battery_v is not None)
-        pose.PoseSetter(node, threads, resources, self.estimator, topics.frames.odom)
+        pose.subscribe_set_pose(node, threads, resources, self.estimator, topics.frames.odom)
         self._publisher = MotionPublisher(node, threads, resources, topics)
         self._commands = CommandSubscriber(
             node,

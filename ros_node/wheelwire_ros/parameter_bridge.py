@@ -21,8 +21,8 @@ from .threads import NodeThreads
 class ParameterBridge:
     """Passes changes of a node's parameters to its robot, and the robot's values to the node.
 
-    A value that is refused at the start leaves its parameter at its default; the node says so and
-    stays unconfigured until the parameter is set. If it ended, launch would restart it for ever.
+    After a refused value at the start the parameter has its default; the node says so and stays
+    unconfigured until somebody sets the parameter. If it ended, launch would restart it for ever.
 
     Args:
         node: An rclpy node; its parameters are declared here.
@@ -57,7 +57,7 @@ class ParameterBridge:
         node.add_post_set_parameters_callback(self._use)
 
     def defer_requests(self, threads: NodeThreads) -> None:
-        """Serve in a lane what asks the robot, so that other parameters are answered meanwhile."""
+        """Have a worker serve requests that ask the robot, so that they delay no others."""
         for service in self._node.services:
             if service.srv_type in (SetParameters, SetParametersAtomically):
                 threads.defer(service, threads.requests, self._asks_robot)
@@ -120,22 +120,10 @@ class ParameterBridge:
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
         """Send the robot its parameters; refuse what it refuses, and what can no longer change."""
-        if self._mirroring:
-            return SetParametersResult(successful=True)
-        reason = self._reason_against(changes)
-        if reason is not None:
-            return SetParametersResult(successful=False, reason=reason)
-        of_robot = _of_robot(changes)
-        if self.connection is not None:
-            try:
-                self.connection.set_parameters(of_robot)
-            except WheelwireError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-        # Without a robot, too: it is given them when it is opened.
-        self.given.update(of_robot)
-        return SetParametersResult(successful=True)
+        reason = None if self._mirroring else self._refusal_of(changes)
+        return SetParametersResult(successful=reason is None, reason=reason or "")
 
-    def _reason_against(self, changes: list[Parameter]) -> str | None:
+    def _refusal_of(self, changes: list[Parameter]) -> str | None:
         for change in changes:
             wrong = self._wrong(change)
             if wrong is not None:
@@ -145,35 +133,42 @@ class ParameterBridge:
             # One between other parameters must not keep these from being set.
             if not new.keys().isdisjoint(found.names):
                 return f"{', '.join(found.names)}: {found.reason}"
+        of_robot = _of_robot(changes)
         if self.connection is not None:
             late = ", ".join(name for name, value in new.items() if self._is_late(name, value))
             if late:
                 return f"{late}: read when the node is configured; clean up the node first"
+            try:
+                self.connection.set_parameters(of_robot)
+            except WheelwireError as error:
+                return str(error)
+        # Without a robot, too: the next one gets them when it is opened.
+        self.given.update(of_robot)
         return None
 
     def _wrong(self, parameter: Parameter) -> str | None:
         """Why a value of the right type is refused, apart from its range."""
         setting = self._settings.get(parameter.name)
         if setting is None or not parameters.has_type_of(setting, parameter):
-            return None  # of the robot, or refused by its type
+            return None  # the robot's parameter, or one whose type rclpy refuses
         return setting.check(parameter.value)
 
     def _is_late(self, name: str, value: Any) -> bool:
         setting = self._settings.get(name)
-        # A value that is in force is not late: a whole file may be loaded once more.
+        # The present value is not late: somebody may load a whole file once more.
         return setting is not None and not setting.live and not same(value, self._value_of(name))
 
     def _value_of(self, name: str) -> Any:
         if name in parameters.ROBOT_PARAMETERS and self.connection is None:
-            # What the node still shows is of the robot that was open last; the next one may have
-            # another value.
+            # The node still shows the value of the robot that was open last; the next one may have
+            # another.
             return self.given.get(name)
-        return self._node.get_parameter_or(name).value  # not known of a driver without parameters
+        return self._node.get_parameter_or(name).value  # None for a driver without parameters
 
     def _use(self, changes: list[Parameter]) -> None:
         if self._mirroring:
             return
-        # Each of them was accepted: what was refused at the start is corrected.
+        # Each of them was accepted, which corrects a value that was refused at the start.
         for change in changes:
             self._refused.pop(change.name, None)
         self._on_change()

@@ -113,22 +113,12 @@ def one_of(*choices: str) -> Check:
 
 def same(a: Any, b: Any) -> bool:
     """Whether two values are equal as the robot stores them, in 32 bits; NaN equals NaN."""
-    if _is_number(a) and _is_number(b):
+    if isinstance(a, int | float) and isinstance(b, int | float):
         # A 32-bit float is off by up to 6e-8 of its value.
         return (math.isnan(a) and math.isnan(b)) or math.isclose(a, b, rel_tol=1e-6)
     if _is_list(a) and _is_list(b):
         return len(a) == len(b) and all(map(same, a, b))
     return bool(a == b)
-
-
-def exceeds(value: float, limit: float) -> bool:
-    """Whether a value is above a limit as the robot stores it."""
-    return value > limit and not same(value, limit)
-
-
-def _is_number(value: Any) -> bool:
-    # To Python a bool is an int, to ROS it is another type.
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _is_list(value: Any) -> bool:
@@ -158,11 +148,11 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
         yield Disagreement(battery, "one is given without the other: give both, or .NAN for both")
     elif empty_v >= full_v:
         yield Disagreement(battery, f"empty at {empty_v:g} V, full at {full_v:g} V: swap them")
-    longest_s = get("ttl_max_s")
-    if longest_s is not None and exceeds(get("cmd_vel_timeout"), longest_s):
+    timeout_s, longest_s = get("cmd_vel_timeout"), get("ttl_max_s")
+    if longest_s is not None and timeout_s > longest_s and not same(timeout_s, longest_s):
         yield Disagreement(
             ("cmd_vel_timeout", "ttl_max_s"),
-            f"a command of {get('cmd_vel_timeout'):g} s lives longer than the robot lets one, "
+            f"a command of {timeout_s:g} s lives longer than the robot lets one, "
             f"{longest_s:g} s: lower cmd_vel_timeout, or raise ttl_max_s",
         )
     if get("wheels_per_side") not in {0, len(left)}:

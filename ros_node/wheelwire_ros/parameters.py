@@ -14,7 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter as RosParameter
 
-from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind, Parameter
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
 from . import parameter_values as checks
 from .commands import AUTO, STAMPED, TYPES
@@ -150,7 +150,7 @@ SETTINGS: tuple[Setting, ...] = (
 )
 # fmt: on
 
-_KIND_TYPES = {
+_TYPES = {
     Kind.REAL: RosParameter.Type.DOUBLE,
     Kind.WHOLE: RosParameter.Type.INTEGER,
     Kind.SWITCH: RosParameter.Type.BOOL,
@@ -160,20 +160,24 @@ _KIND_TYPES = {
 def declare(node: Any, settings: Iterable[Setting]) -> None:
     """Declare the parameters: the node's own with their defaults, the robot's without a value.
 
-    What the user gave is not looked at: see `StartValues`.
+    This ignores what the user gave: see `start_values`.
     """
     for setting in settings:
-        node.declare_parameter(
-            setting.name, setting.default, _describe(setting), ignore_override=True
-        )
+        descriptor = _describe(setting.doc, _type_of(setting.default), setting.low, setting.high)
+        if not setting.live:
+            descriptor.additional_constraints = "Read when the node is configured."
+        node.declare_parameter(setting.name, setting.default, descriptor, ignore_override=True)
     for parameter in ROBOT_PARAMETERS.values():
-        # With a type in place of a default: what the robot has is not known before it is open.
-        node.declare_parameter(
-            parameter.name,
-            _KIND_TYPES[parameter.kind],
-            describe_robot(parameter),
-            ignore_override=True,
+        doc, type_ = (
+            f"{parameter.doc} [{parameter.unit.value or 'no unit'}]",
+            _TYPES[parameter.kind],
         )
+        descriptor = _describe(doc, type_, parameter.minimum, parameter.maximum)
+        descriptor.additional_constraints = (
+            "Stored on the robot: if not given, the robot's own value applies."
+        )
+        # With a type in place of a default: before the robot is open nobody knows its value.
+        node.declare_parameter(parameter.name, type_, descriptor, ignore_override=True)
 
 
 def has_type_of(setting: Setting, parameter: RosParameter) -> bool:
@@ -194,32 +198,16 @@ def from_robot(name: str, value: float) -> RosParameter:
     return RosParameter(name, value=native)
 
 
-def describe_robot(parameter: Parameter) -> ParameterDescriptor:
-    """The descriptor of one of the robot's parameters."""
-    descriptor = ParameterDescriptor(
-        description=f"{parameter.doc} [{parameter.unit.value or 'no unit'}]",
-        additional_constraints="Stored on the robot: if not given, the robot's own value applies.",
-    )
-    _limit(descriptor, _KIND_TYPES[parameter.kind], parameter.minimum, parameter.maximum)
-    return descriptor
-
-
-def _describe(setting: Setting) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=setting.doc)
-    if not setting.live:
-        descriptor.additional_constraints = "Read when the node is configured."
-    if not math.isnan(setting.low):
-        _limit(descriptor, _type_of(setting.default), setting.low, setting.high)
-    return descriptor
-
-
-def _limit(descriptor: ParameterDescriptor, type_: Any, low: float, high: float) -> None:
-    if type_ is RosParameter.Type.DOUBLE:
+def _describe(doc: str, type_: Any, low: float, high: float) -> ParameterDescriptor:
+    """A descriptor; a range for a NaN, or for another type than a number, is none."""
+    descriptor = ParameterDescriptor(description=doc)
+    if not math.isnan(low) and type_ is RosParameter.Type.DOUBLE:
         limits = FloatingPointRange(from_value=float(low), to_value=float(high))
         descriptor.floating_point_range = [limits]
-    elif type_ is RosParameter.Type.INTEGER:
+    elif not math.isnan(low) and type_ is RosParameter.Type.INTEGER:
         whole = IntegerRange(from_value=int(low), to_value=int(high), step=1)
         descriptor.integer_range = [whole]
+    return descriptor
 
 
 def _type_of(value: Value) -> Any:

@@ -1,7 +1,7 @@
 """The robot's pose across restarts, in `pose_file`, and `~/set_pose`.
 
 `PoseMemory` resumes the odometry when a robot is opened, from the file or from the last record of
-this process. `PoseSaver` writes the file in a thread of its own.
+this process, and writes the file. `subscribe_set_pose` serves the topic.
 """
 
 from __future__ import annotations
@@ -113,63 +113,11 @@ def _record(found: Any) -> PoseRecord:
     return one
 
 
-class PoseSaver:
-    """Saves the pose at most once a second, and only after a change, until `close`.
-
-    In a thread of its own: a memory card may take longer for a file than a sample may wait.
-
-    Args:
-        path: The file.
-        present: Returns the present pose; None before the first sample.
-        on_problem: Called with the reason when the file cannot be written, once in a row.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        present: Callable[[], PoseRecord | None],
-        on_problem: Callable[[str], None],
-    ) -> None:
-        self._path = path
-        self._present = present
-        self._on_problem = on_problem
-        self._saved: PoseRecord | None = None
-        self._has_failed = False
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="wheelwire pose", daemon=True)
-        self._thread.start()
-
-    def close(self, last: PoseRecord | None) -> None:
-        """End the thread, and save the last pose."""
-        self._closing.set()
-        self._thread.join(JOIN_S)
-        if last is not None:
-            self._save(last)
-
-    def _run(self) -> None:
-        while True:
-            record, saved = self._present(), self._saved
-            # For a robot that stands there is nothing to write, though its clock advances.
-            if record is not None and (saved is None or replace(saved, t_us=record.t_us) != record):
-                self._save(record)
-            if self._closing.wait(PERIOD_S):
-                return
-
-    def _save(self, record: PoseRecord) -> None:
-        try:
-            write(self._path, replace(record, saved_s=time.time()))
-        except PoseFileError as error:
-            if not self._has_failed:
-                self._on_problem(str(error))
-            self._has_failed = True
-        else:
-            self._saved, self._has_failed = record, False
-
-
 class PoseMemory:
     """Remembers the pose of each board from one opening of the robot to the next.
 
-    In this process, and in a file for the next process.
+    In this process, and in a file for the next process. A thread writes the file at most once a
+    second, and only after a change: a memory card may take longer than a sample may wait.
 
     Args:
         logger: The node's.
@@ -178,9 +126,6 @@ class PoseMemory:
     def __init__(self, logger: Any) -> None:
         self._logger = logger
         self._closed: dict[str, PoseRecord] = {}
-        self._saver: PoseSaver | None = None
-        self._board_id = ""
-        self._present: Callable[[bool], PoseRecord | None] = lambda _is_final: None
 
     def open(
         self,
@@ -200,35 +145,59 @@ class PoseMemory:
             estimator: Before its first update.
             longest_drive_s: How long a robot drives on at most after its node has died.
         """
-        self._board_id = board_id()
-        self._present = lambda is_final: (
-            estimator.record(self._board_id, is_final=is_final)
-            if board_id() == self._board_id
-            else None
+        own = self._board_id = board_id()
+        self._present: Callable[[], PoseRecord | None] = lambda: (
+            estimator.record(own) if board_id() == own else None
         )
-        record = self._find(path)
+        self._path = path
+        self._saved: PoseRecord | None = None
+        self._has_failed = False
+        record = self._find()
         if record is not None:
             self._resume(record, first, estimator, longest_drive_s)
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="wheelwire pose", daemon=True)
         if path is not None:
-            self._saver = PoseSaver(path, lambda: self._present(False), self._warn)
+            self._thread.start()
 
     def close(self) -> None:
         """Save the last pose; the wheels have stopped."""
-        record = self._present(True)
+        record = self._present()
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(JOIN_S)
         if record is not None:
-            self._closed[self._board_id] = record
-        saver, self._saver = self._saver, None
-        if saver is not None:
-            saver.close(record)
+            final = self._closed[self._board_id] = replace(record, is_final=True)
+            self._save(final)
 
-    def _find(self, path: Path | None) -> PoseRecord | None:
+    def _run(self) -> None:
+        while True:
+            record, saved = self._present(), self._saved
+            # For a robot that stands there is nothing to write, though its clock advances.
+            if record is not None and (saved is None or replace(saved, t_us=record.t_us) != record):
+                self._save(record)
+            if self._closing.wait(PERIOD_S):
+                return
+
+    def _save(self, record: PoseRecord) -> None:
         try:
-            found = None if path is None else read(path)
+            if self._path is not None:
+                write(self._path, replace(record, saved_s=time.time()))
+        except PoseFileError as error:
+            if not self._has_failed:
+                self._warn(str(error))
+            self._has_failed = True
+        else:
+            self._saved, self._has_failed = record, False
+
+    def _find(self) -> PoseRecord | None:
+        found = None
+        try:
+            found = read(self._path) if self._path is not None else None
         except PoseFileError as error:
             self._warn(str(error))
-            found = None
         if found is not None and found.board_id != self._board_id:
-            self._warn(f"{path}: it is another board's")
+            self._warn(f"{self._path}: it is another board's")
             found = None
         return found or self._closed.get(self._board_id)
 
@@ -281,49 +250,43 @@ def how_far_off(
     return max(off_m, MOVED_M), min(max(turn_rad, MOVED_RAD), math.pi)
 
 
-class PoseSetter:
-    """Sets the pose of the odometry to that of each message on `~/set_pose`, with its covariance.
+def subscribe_set_pose(
+    node: Any,
+    threads: NodeThreads,
+    resources: ExitStack,
+    estimator: MotionEstimator,
+    odom_frame: str,
+) -> None:
+    """Set the pose of the odometry to that of each message on `~/set_pose`, with its covariance.
 
     Args:
         node: An rclpy node.
         threads: The node's.
         resources: Removes the topic when it closes.
         estimator: The odometry.
-        frame: The odometry's frame; the node refuses a pose in another one.
+        odom_frame: The odometry's frame; the node refuses a pose in another one.
     """
+    logger = node.get_logger()
 
-    def __init__(
-        self,
-        node: Any,
-        threads: NodeThreads,
-        resources: ExitStack,
-        estimator: MotionEstimator,
-        frame: str,
-    ) -> None:
-        self._logger = node.get_logger()
-        self._estimator = estimator
-        self._frame = frame
-        threads.entity(
-            resources,
-            lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, self._on_pose, 1),
-            node.destroy_subscription,
-        )
-
-    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+    def on_pose(message: PoseWithCovarianceStamped) -> None:
         frame = message.header.frame_id
-        if frame not in {"", self._frame}:
-            self._logger.warning(
-                f"{TOPIC} ignored: the pose is in {frame}; give it in {self._frame}"
-            )
+        if frame not in {"", odom_frame}:
+            logger.warning(f"{TOPIC} ignored: the pose is in {frame}; give it in {odom_frame}")
             return
         try:
             pose = planar_pose(message.pose.pose)
             covariance = planar_covariance(message.pose.covariance)
         except ValueError as error:
-            self._logger.warning(f"{TOPIC} ignored: {error}")
+            logger.warning(f"{TOPIC} ignored: {error}")
             return
-        self._estimator.set_pose(pose, covariance)
-        self._logger.info(f"the pose was set to {words(pose)}")
+        estimator.set_pose(pose, covariance)
+        logger.info(f"the pose was set to {words(pose)}")
+
+    threads.entity(
+        resources,
+        lambda: node.create_subscription(PoseWithCovarianceStamped, TOPIC, on_pose, 1),
+        node.destroy_subscription,
+    )
 
 
 def planar_pose(pose: Any) -> Pose:

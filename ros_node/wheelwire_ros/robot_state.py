@@ -40,6 +40,8 @@ class RobotState(NamedTuple):
     """Why the device last started, by name, until then."""
     resets: int = 0
     """How often the device was reset, until then."""
+    board_id: str = ""
+    """Of the device; empty where the driver does not report it."""
 
     @property
     def level(self) -> Any:
@@ -60,7 +62,7 @@ class RobotState(NamedTuple):
         """The names of the latched faults."""
         return " ".join(str(fault.name) for fault in self.faults)
 
-    def message(self, name: str, hardware_id: str) -> DiagnosticStatus:
+    def message(self, name: str) -> DiagnosticStatus:
         """The message on `~/state`."""
         values = {
             "state": self.state,
@@ -76,7 +78,7 @@ class RobotState(NamedTuple):
             level=self.level,
             name=name,
             message=self.words,
-            hardware_id=hardware_id,
+            hardware_id=self.board_id,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
 
@@ -168,6 +170,7 @@ def of_robot(
         reset=resets.text,
         reset_reason=resets.reason,
         resets=resets.count,
+        board_id=resets.board_id,
     )
     if sample is None:
         return state
@@ -187,7 +190,6 @@ class StateReporter:
     Args:
         node: An rclpy node.
         state: Returns the present state.
-        hardware_id: Returns the identity of the robot's board.
         on_change: Called after each change.
     """
 
@@ -195,12 +197,10 @@ class StateReporter:
         self,
         node: Any,
         state: Callable[[], RobotState],
-        hardware_id: Callable[[], str],
         on_change: Callable[[], None],
     ) -> None:
         self._node = node
         self._state = state
-        self._hardware_id = hardware_id
         self._on_change = on_change
         self._publisher = node.create_publisher(DiagnosticStatus, "~/state", LATCHED)
         self._reported: RobotState | None = None
@@ -216,7 +216,7 @@ class StateReporter:
                 return
             self._reported = state
             name = self._node.get_fully_qualified_name().lstrip("/")
-            self._publisher.publish(state.message(name, self._hardware_id()))
+            self._publisher.publish(state.message(name))
             self._log(state, before)
         self._on_change()
 

@@ -17,42 +17,41 @@ SEEN_WHEN_DRIVEN = ("NOT_COUNTING", "REVERSED", "IMPLAUSIBLE")
 STOPPED_BY_DEADLINE = "the last command ends at its deadline"
 
 
-class RobotServices:
-    """The services, named below the node's name.
+def create_services(node: Any, threads: NodeThreads) -> None:
+    """Create the services, named below the node's name.
 
     Args:
         node: A `BaseRobotNode`.
         threads: The node's.
     """
 
-    def __init__(self, node: Any, threads: NodeThreads) -> None:
-        self._node = node
-        threads.urgent_service(node, SetBool, "~/estop", self._estop)
-        threads.urgent_service(node, Trigger, "~/stop", self._trigger(_stop))
-        waiting = {"clear_fault": _clear_fault, "save_parameters": _save_parameters}
-        for name, action in waiting.items():
-            service = node.create_service(Trigger, f"~/{name}", self._trigger(action))
-            threads.defer(service, threads.requests)
-        # In the general thread, since it does not ask the robot.
-        node.create_service(Trigger, "~/reset_odometry", self._trigger(_reset_odometry))
-
-    def _estop(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def estop(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         def act() -> str:
             if request.data:
-                self._node.set_estop()
+                node.set_estop()
                 return "e-stopped"
-            return str(self._node.clear_estop())
+            return str(node.clear_estop())
 
         answer = _answer(act, response)
         # After a failure as well: the node remembers the e-stop of a robot out of reach.
-        self._node.update_state()
+        node.update_state()
         return answer
 
-    def _trigger(self, action: Callable[[OpenRobot], str]) -> Callable[[Any, Any], Any]:
-        def serve(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            return _answer(lambda: action(self._node.open_robot()), response)
+    def trigger(action: Callable[[OpenRobot], str]) -> Callable[[Any, Any], Any]:
+        return lambda _request, response: _answer(lambda: action(node.open_robot()), response)
 
-        return serve
+    urgent, stops, requests = threads.urgent, threads.stops, threads.requests
+    for type_, name, serve, group, worker in (
+        (SetBool, "estop", estop, urgent, stops),
+        (Trigger, "stop", trigger(_stop), urgent, stops),
+        (Trigger, "clear_fault", trigger(_clear_fault), None, requests),
+        (Trigger, "save_parameters", trigger(_save_parameters), None, requests),
+        # In the general thread, since it does not ask the robot.
+        (Trigger, "reset_odometry", trigger(_reset_odometry), None, None),
+    ):
+        service = node.create_service(type_, f"~/{name}", serve, callback_group=group)
+        if worker is not None:
+            threads.defer(service, worker)
 
 
 def _stop(robot: OpenRobot) -> str:
@@ -65,7 +64,7 @@ def _stop(robot: OpenRobot) -> str:
 
 def _clear_fault(robot: OpenRobot) -> str:
     # Read first: a cleared fault leaves no trace.
-    faults = robot.faults
+    faults = robot.state().fault_names.split()
     robot.clear_fault()
     again = [fault for fault in faults if fault.endswith(SEEN_WHEN_DRIVEN)]
     if not again:

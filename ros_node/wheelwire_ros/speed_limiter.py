@@ -1,7 +1,7 @@
 """Limits of the body's velocity, acceleration and jerk, as diff_drive_controller has them.
 
 Pure: the time is an argument. Limits act from one command to the next: nothing here repeats a
-command. A command of zero is a stop and is never limited.
+command. A command of zero is a stop, which has no limit.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class AxisLimits:
         """
         # 0 is always allowed: that is the acceleration that ends at once.
         least = min(0.0, last.acceleration - _bound(self.min_jerk, self.max_jerk) * dt_s)
-        most = max(0.0, last.acceleration + _bound(self.max_jerk, _NAN) * dt_s)
+        most = max(0.0, last.acceleration + _bound(self.max_jerk) * dt_s)
         low, high = last.velocity + least * dt_s, last.velocity + most * dt_s
         return self._accelerate(last.velocity, min(max(target, low), high), dt_s)
 
@@ -77,7 +77,7 @@ class AxisLimits:
                 return start - math.copysign(slowing, start)
             if goal == target:
                 return target
-            # It stands before the step is over: the rest of the step is for the other direction.
+            # The robot stands before the step is over, and uses the rest for the other direction.
             dt_s *= 1 - abs(start) / slowing
             start = 0.0
         gain = self._acceleration(target) * dt_s
@@ -86,18 +86,16 @@ class AxisLimits:
         return start + math.copysign(gain, target - start)
 
     def _velocity_bound(self, velocity: float) -> float:
-        if velocity < 0:
-            return _bound(self.min_velocity, self.max_velocity)
-        return _bound(self.max_velocity, _NAN)
+        reverse = (self.min_velocity,) if velocity < 0 else ()
+        return _bound(*reverse, self.max_velocity)
 
     def _acceleration(self, velocity: float) -> float:
-        if velocity < 0:
-            return _bound(self.max_acceleration_reverse, self.max_acceleration)
-        return _bound(self.max_acceleration, _NAN)
+        reverse = (self.max_acceleration_reverse,) if velocity < 0 else ()
+        return _bound(*reverse, self.max_acceleration)
 
     def _deceleration(self, velocity: float) -> float:
-        forward = _bound(self.max_deceleration, self.max_acceleration)
-        return _bound(self.max_deceleration_reverse, forward) if velocity < 0 else forward
+        reverse = (self.max_deceleration_reverse,) if velocity < 0 else ()
+        return _bound(*reverse, self.max_deceleration, self.max_acceleration)
 
 
 class Limits(NamedTuple):
@@ -145,8 +143,8 @@ class SpeedLimiter:
         """The velocity to command now; a value that is not finite stays so.
 
         Args:
-            twist: The velocity that was asked for.
-            limits: Those in force now.
+            twist: The requested velocity.
+            limits: The present limits.
             now_s: On a monotonic clock.
         """
         if twist == (0.0, 0.0) or not all(map(math.isfinite, twist)):
@@ -164,7 +162,7 @@ class SpeedLimiter:
         )
 
     def obeyed(self, twist: Twist, now_s: float, ttl_s: float) -> None:
-        """Note a velocity that the robot was told; the next command starts from it."""
+        """Note a velocity that was sent to the robot; the next command starts from it."""
         last = self._last_at(now_s)
         dt_s = last.step_s(now_s)
         self._last = _Last(
@@ -175,7 +173,7 @@ class SpeedLimiter:
         )
 
     def rest(self) -> None:
-        """Start from zero: the robot was stopped."""
+        """Start from zero: the robot stopped."""
         self._last = _Last()
 
     def _last_at(self, now_s: float) -> _Last:
@@ -190,9 +188,6 @@ def _step(last: Motion, velocity: float, dt_s: float) -> Motion:
     return Motion(velocity, (velocity - last.velocity) / dt_s)
 
 
-def _bound(given: float, otherwise: float) -> float:
-    """A bound's magnitude; infinity if neither is given."""
-    for value in (given, otherwise):
-        if not math.isnan(value):
-            return abs(value)
-    return math.inf
+def _bound(*candidates: float) -> float:
+    """The magnitude of the first bound that is given; infinity if none is."""
+    return next((abs(value) for value in candidates if not math.isnan(value)), math.inf)

@@ -195,14 +195,6 @@ class NodeThreads:
         # An executor raises what its tasks raise, out of `spin`.
         self.call_soon(raise_it)
 
-    def urgent_service(self, node: Any, type_: Any, name: str, action: Serve) -> None:
-        """Create a service that waits for no other callback; `action` may wait for the robot."""
-
-        async def serve(request: Any, response: Any) -> Any:
-            return await self._done(self._urgent, self.stops.submit(action, request, response))
-
-        node.create_service(type_, name, serve, callback_group=self.urgent)
-
     def defer(
         self,
         service: Any,
@@ -214,18 +206,21 @@ class NodeThreads:
         Args:
             service: A service of the node; this replaces its callback.
             worker: Where that callback runs from now on.
-            waits: Whether a request waits for the robot; the general thread serves the others.
+            waits: Whether a request waits for the robot; the service's thread serves the others.
         """
         serve_now: Serve = service.callback
+        is_urgent = service.callback_group is self.urgent
+        executor = self._urgent if is_urgent else self._general
 
         async def serve(request: Any, response: Any) -> Any:
             if not waits(request):
                 return serve_now(request, response)
-            return await self._done(self._general, worker.submit(serve_now, request, response))
+            return await self._done(executor, worker.submit(serve_now, request, response))
 
         service.callback = serve
-        # A coroutine occupies its group until it ends.
-        service.callback_group = ReentrantCallbackGroup()
+        if not is_urgent:
+            # A coroutine occupies its group until it ends, and the default one has other callbacks.
+            service.callback_group = ReentrantCallbackGroup()
 
     @staticmethod
     async def _done(executor: SingleThreadedExecutor, called: Future[Result]) -> Result:

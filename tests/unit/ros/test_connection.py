@@ -243,7 +243,7 @@ def test_no_command_is_sent_after_the_deactivation(
     threads = []
 
     def deactivate() -> None:
-        connection.active = False
+        connection.deactivate()
         connection.stop()
 
     def interrupted(*velocity: float, stamp: float) -> None:

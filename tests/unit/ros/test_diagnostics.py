@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, cast
 
 import pytest
@@ -18,7 +17,7 @@ from wheelwire_protocol.codes import Fault, SupervisorState
 from wheelwire_protocol.types import ControlCounters
 from wheelwire_ros import diagnostics
 from wheelwire_ros.connection import Ignored, RobotConnection, Tuning
-from wheelwire_ros.diagnostics import FORGOTTEN_S, Report, TwinWatch
+from wheelwire_ros.diagnostics import FORGOTTEN_S, TwinWatch
 from wheelwire_ros.robot_state import ResetWatch, of_robot
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
@@ -38,20 +37,28 @@ class CountingRobot(Robot):
         return ControlCounters(7, 7, 1, 2, 3, 4, 5)
 
 
-def report(
+def statuses(
     robot: Robot | None = None,
     newest: WheelSample | None = None,
     silence: LinkLost | None = None,
-    **changes: Any,
-) -> Report:
+    ignored: Ignored | None = None,
+    ignored_types: tuple[str, ...] = (),
+) -> dict[str, Any]:
     connection = RobotConnection(cast("BaseDriver", robot or Robot()), {}, Tuning(), lambda: None)
+    if ignored is not None:
+        connection.ignored[ignored] += 1
     newest = newest or sample()
     state = of_robot(newest, silence, None, 1, ResetWatch(), prepared=True, estopped=False)
-    return replace(Report(connection, newest, silence, state, {}, []), **changes)
-
-
-def statuses(report: Report) -> dict[str, Any]:
-    found = diagnostics.open_statuses("robot1/hardware_robot", "mock", report)
+    found = diagnostics.open_statuses(
+        "robot1/hardware_robot",
+        "mock",
+        connection,
+        newest,
+        silence,
+        state,
+        {},
+        list(ignored_types),
+    )
     return {status.name.removeprefix("robot1/hardware_robot: "): status for status in found}
 
 
@@ -66,7 +73,7 @@ def test_without_a_robot_there_is_the_reason() -> None:
 
 
 def test_what_is_in_order() -> None:
-    found = statuses(report(newest=sample(state=SupervisorState.DRIVING)))
+    found = statuses(newest=sample(state=SupervisorState.DRIVING))
     assert [status.level for status in found.values()] == [OK, OK, OK]
     link = values(found["link"])
     assert (link["driver"], link["sessions"], link["round_trip_p50_us"]) == ("mock", "2", "812.5")
@@ -75,21 +82,21 @@ def test_what_is_in_order() -> None:
 
 
 def test_what_the_control_loop_lost_is_told_as_of_the_last_time() -> None:
-    assert "latest_step_us" not in values(statuses(report())["robot"])
-    told = values(statuses(report(CountingRobot()))["robot"])
+    assert "latest_step_us" not in values(statuses()["robot"])
+    told = values(statuses(CountingRobot())["robot"])
     assert (told["late_steps"], told["latest_step_us"], told["saturated_steps"]) == ("1", "2", "3")
     assert (told["left_illegal_transitions"], told["right_illegal_transitions"]) == ("4", "5")
 
 
 def test_a_silence_is_the_links_and_makes_the_rest_stale() -> None:
-    found = statuses(report(silence=LinkLost("unplugged")))
+    found = statuses(silence=LinkLost("unplugged"))
     assert (found["link"].level, found["link"].message) == (ERROR, "unplugged")
     assert found["robot"].level == STALE
 
 
 def test_faults_by_name_and_meaning() -> None:
     fault = Fault.LEFT_NOT_COUNTING
-    status = statuses(report(newest=sample(faults=fault)))["robot"]
+    status = statuses(newest=sample(faults=fault))["robot"]
     assert (status.level, values(status)["faults"]) == (ERROR, "LEFT_NOT_COUNTING")
     assert status.message == fault.doc
 
@@ -111,25 +118,23 @@ class LostRobot(Robot):
 
 def test_what_the_board_and_rolling_warn_of_is_told_as_long_as_it_lasts() -> None:
     robot = WarningRobot()
-    status = statuses(report(robot))["robot"]
+    status = statuses(robot)["robot"]
     assert status.level == WARN
     assert status.message == (
         "The robot rolls at 0.50 m/s although nothing drives it. Nobody has confirmed it."
     )
     robot.rolling_mps = None
-    assert statuses(report(robot))["robot"].message == "Nobody has confirmed it."
-    assert statuses(report(LostRobot()))["robot"].level == OK  # the link's status tells
+    assert statuses(robot)["robot"].message == "Nobody has confirmed it."
+    assert statuses(LostRobot())["robot"].level == OK  # the link's status tells
 
 
 def test_what_was_ignored_by_reason() -> None:
-    one = report()
-    one.connection.ignored[Ignored.STALE] += 1
-    status = statuses(one)["commands"]
+    status = statuses(ignored=Ignored.STALE)["commands"]
     assert values(status) == {"obeyed": "0", "ignored": "1", "ignored_stale": "1"}
 
 
 def test_commands_that_nobody_hears() -> None:
-    status = statuses(report(ignored_types=["geometry_msgs/msg/Twist"]))["commands"]
+    status = statuses(ignored_types=("geometry_msgs/msg/Twist",))["commands"]
     assert status.level == WARN
     assert "cmd_vel_type" in status.message
 
