@@ -181,7 +181,7 @@ def test_a_file_that_is_none(tmp_path: Path) -> None:
         load_parameter_file(tmp_path / "missing.yaml")
     with pytest.raises(errors.ConfigurationError, match="directory"):
         load_parameter_file(tmp_path)
-    with pytest.raises(errors.ConfigurationError, match="ROBOT first, then FILE"):
+    with pytest.raises(errors.InvalidArgument, match="ROBOT first, then FILE"):
         load_parameter_file("/dev/null")
 
 

@@ -56,14 +56,13 @@ from .address import (
 )
 from .output import (
     JsonFlag,
-    UsageError,
     check_writable,
     console,
     print_json,
     print_table,
     show_help_alone,
 )
-from .parameters import RobotCommand
+from .parameters import RobotCommand, split
 from .prompts import ask, ask_yes_or_no
 
 app = typer.Typer()
@@ -197,22 +196,6 @@ def _refuse_port(given: str) -> None:
         )
 
 
-def _robot_and_board(context: typer.Context, given: list[str]) -> tuple[str | None, str]:
-    """Split into ROBOT, if given, and the board. Nothing is opened."""
-    if not given or (len(given) == 1 and is_port(given[0])):
-        after = f": give the board after {given[0]}" if given else ""
-        raise UsageError(f"Missing argument 'FILE'{after}", context)
-    if len(given) > 2:
-        raise UsageError(f"Unexpected argument '{given[2]}'", context)
-    robot = given[0] if len(given) > 1 else None
-    if is_port(given[-1]):
-        raise InvalidArgument(
-            f"{given[-1]} is a ROBOT, not a board: give ROBOT first, as in "
-            f"`wheelwire board write {given[-1]} {robot}`"
-        )
-    return robot, given[-1]
-
-
 def _complete_robot_or_board(incomplete: str) -> Iterator[tuple[str, str]]:
     yield from complete_robot(incomplete)
     yield from _complete(incomplete)
@@ -238,7 +221,12 @@ def write(
     Until then it is on trial: nothing drives, and the previous board returns after 10 s.
     """
     # One list: Click cannot leave out the first of two arguments.
-    robot, name = _robot_and_board(context, list(arguments or ()))
+    robot, (name,) = split(context, arguments or (), "FILE")
+    if is_port(name):
+        raise InvalidArgument(
+            f"{name} is a ROBOT, not a board: give ROBOT first, as in "
+            f"`wheelwire board write {name} {robot or 'FILE'}`"
+        )
     # Before the robot is opened, which stops it: a board that cannot be used costs nothing.
     wanted = checked_board(name)
     # Bare: a robot's file may name this board, on which the device is not yet.

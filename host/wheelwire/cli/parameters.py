@@ -64,16 +64,17 @@ def _arguments(names: str) -> Any:
     )
 
 
-def _split(
+def split(
     context: typer.Context, arguments: Sequence[str], *names: str
 ) -> tuple[str | None, list[str]]:
-    """Split into ROBOT, if given, and the values of all `names`."""
+    """Split into ROBOT, if given, and the values of all `names`. Nothing is opened."""
     for argument in arguments:
         if argument.startswith("--"):
             raise UsageError(f"No such option: {argument}", context)
     missing = len(names) - len(arguments)
-    if missing == 0 and looks_like_address(arguments[0]):
-        missing = 1  # it is ROBOT, and the last argument is missing
+    # A file may have any name. A parameter's name is no address: then the last argument is missing.
+    if missing == 0 and names != ("FILE",) and looks_like_address(arguments[0]):
+        missing = 1
     if missing > 0:
         raise UsageError(f"Missing argument '{names[-missing]}'", context)
     # One argument more than names is ROBOT.
@@ -128,7 +129,7 @@ def get(
     as_json: JsonFlag = False,
 ) -> None:
     """Show one value."""
-    robot, (name,) = _split(context, arguments or (), "NAME")
+    robot, (name,) = split(context, arguments or (), "NAME")
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         value = driver.parameters[name]
     if as_json:
@@ -137,7 +138,7 @@ def get(
         console.print(f"{value:g}")
 
 
-# Unknown options are ignored, so that a negative VALUE is not mistaken for one; `_split` rejects
+# Unknown options are ignored, so that a negative VALUE is not mistaken for one; `split` rejects
 # what really is an option.
 @app.command("set", cls=RobotCommand, context_settings={"ignore_unknown_options": True})
 def set_value(
@@ -148,7 +149,7 @@ def set_value(
     as_json: JsonFlag = False,
 ) -> None:
     """Change one value until the next reset; with --save also after it. Saves no other value."""
-    robot, (name, value) = _split(context, arguments or (), "NAME", "VALUE")
+    robot, (name, value) = split(context, arguments or (), "NAME", "VALUE")
     address = resolve(robot, as_json=as_json)
     address.check_parameters([name], save=save)
     with address.open(baud_rate) as driver:
@@ -305,7 +306,7 @@ def import_file(
     The file may be from another board.
     """
     # The file first: opening the robot stops it, which a wrong file should not do.
-    robot, file = _split_file(context, arguments or ())
+    robot, (file,) = split(context, arguments or (), "FILE")
     wanted = load_parameter_file(file)
     address = resolve(robot, as_json=as_json)
     # Whether anything can be saved is known before the robot is opened. Which values would change,
@@ -368,7 +369,7 @@ def diff(
 
     Only the parameters in the file are compared.
     """
-    robot, file = _split_file(context, arguments or ())
+    robot, (file,) = split(context, arguments or (), "FILE")
     wanted = load_parameter_file(file)
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         parameters, device = driver.parameters.list(), _device(driver)
@@ -400,15 +401,6 @@ def _print_differences(
         console.print(f"all {len(wanted.values)} values are equal")
     if absent:
         console.print(f"not in the file, not compared: {', '.join(absent)}", soft_wrap=True)
-
-
-def _split_file(context: typer.Context, arguments: Sequence[str]) -> tuple[str | None, str]:
-    """Split into ROBOT, if given, and FILE."""
-    if not arguments:
-        raise UsageError("Missing argument 'FILE'", context)
-    if len(arguments) > 2:
-        raise UsageError(f"Unexpected argument '{arguments[2]}'", context)
-    return (arguments[0] if len(arguments) > 1 else None), arguments[-1]
 
 
 def _device(driver: BaseDriver) -> DeviceInfo | None:

@@ -69,6 +69,7 @@ def load_parameter_file(file: str | Path) -> ParameterFile:
     """Read and check a file.
 
     Raises:
+        InvalidArgument: It is a device.
         ConfigurationError: The message has the file, the key, the value and what is allowed.
     """
     with reading(Path(file), "parameters") as content:

@@ -65,6 +65,7 @@ def reading(source: Path, kind: str) -> Iterator[object]:
             another kind is refused, and the error says where it belongs.
 
     Raises:
+        InvalidArgument: It is a device.
         ConfigurationError: It cannot be read, is not YAML, is of another kind, or the block says
             what is wrong, beginning with the key: `section.name = value: what to do`.
     """
@@ -216,7 +217,7 @@ def _refuse_other_kinds(content: object, own: str) -> None:
 def _text_of(source: Path) -> str:
     # Reading a port would block, or take bytes from the robot.
     if source.exists() and not source.is_file() and not source.is_dir():
-        raise ConfigurationError(
+        raise InvalidArgument(
             f"{source} is a device, not a file: give a YAML file; where a command takes both, give "
             "ROBOT first, then FILE"
         )

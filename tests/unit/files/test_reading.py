@@ -10,7 +10,7 @@ import pytest
 
 from wheelwire.commissioning.questions import AnswersFile
 from wheelwire.config import load_config
-from wheelwire.errors import ConfigurationError
+from wheelwire.errors import ConfigurationError, InvalidArgument
 from wheelwire.files.bad_line import load_profile
 from wheelwire.files.board import load_board
 from wheelwire.files.parameters import load_parameter_file
@@ -67,7 +67,8 @@ def test_what_is_no_file_of_ours_is_refused(kind: str, tmp_path: Path) -> None:
     os.mkfifo(pipe)
     large.write_bytes(b"#" * (LARGEST_BYTES + 1))
     latin.write_bytes(b"title: M\xfcll\n")
-    assert "pipe.yaml is a device, not a file" in refusal(kind, pipe)
+    with pytest.raises(InvalidArgument, match=r"pipe\.yaml is a device, not a file"):
+        LOADERS[kind](pipe)
     assert "large.yaml: it is larger than 1000 kB" in refusal(kind, large)
     assert "latin.yaml, line 1: this is not UTF-8 text" in refusal(kind, latin)
 
