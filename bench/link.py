@@ -19,7 +19,7 @@ from support.benchmark import Target, cpu_seconds, output_folder, ratio, table, 
 from support.captures import capture
 from support.load import Load, frames_lost, load_while, read_for
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.reconnect import REST_US
+from wheelwire.link.port_policy import REST_US
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol import Decoder, Encoder
 from wheelwire_protocol.types import SetWheelVelocity

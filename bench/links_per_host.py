@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import output_folder, table
 from support.load import Load, cpu_s, frames_lost, load_while, read_for
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.reconnect import REST_US
+from wheelwire.link.port_policy import REST_US
 from wheelwire.simulation.simulator import Simulator
 
 if TYPE_CHECKING:

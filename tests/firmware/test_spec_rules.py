@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from support.raw import NONCE, RawDevice, RawHost
-from wheelwire.link.reconnect import USUAL_RATES
+from wheelwire.link.port_policy import USUAL_RATES
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import RefusalCode, SupervisorState

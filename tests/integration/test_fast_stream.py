@@ -10,7 +10,7 @@ import pytest
 
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.reconnect import REST_US
+from wheelwire.link.port_policy import REST_US
 from wheelwire.link.transports import SerialTransport
 from wheelwire.simulation.simulator import Simulator
 

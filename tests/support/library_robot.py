@@ -53,7 +53,7 @@ class LibraryRobot:
 
     def step(self) -> Outputs:
         self.session.advance(self.now_us)
-        self.core.feed(self.session.take_output())
+        self._feed()
         self.now_us += self.outputs.period_us
         self.outputs = self.core.step(
             self.now_us,
@@ -66,6 +66,9 @@ class LibraryRobot:
         self.samples += received(self.session, self.core.take(), self.now_us)
         return self.outputs
 
+    def _feed(self, setpoint: bytes = b"") -> None:
+        self.core.feed(self.session.take_output() + setpoint)
+
     def run_until(self, condition: Callable[[], bool]) -> None:
         end_us = self.now_us + TIMEOUT_US
         while not condition():
@@ -73,10 +76,12 @@ class LibraryRobot:
             self.step()
 
     def set_velocity(self, left_mps: float, right_mps: float, ttl_us: int = 200_000) -> None:
-        self.session.drive_velocity(left_mps, right_mps, self.now_us + ttl_us, self.now_us)
+        make = self.session.setpoints.velocity_frame
+        self._feed(make(left_mps, right_mps, self.now_us + ttl_us, self.now_us))
 
     def set_duty(self, left: float, right: float, ttl_us: int = 200_000) -> None:
-        self.session.drive_duty(left, right, self.now_us + ttl_us, self.now_us)
+        make = self.session.setpoints.duty_frame
+        self._feed(make(left, right, self.now_us + ttl_us, self.now_us))
 
     def request(self, message: RequestMessage) -> Answer:
         results: list[Answer | WheelwireError] = []

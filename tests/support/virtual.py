@@ -70,7 +70,7 @@ class VirtualRobot:
     def step(self) -> None:
         """Advance one millisecond: the host first, then the device."""
         self.session.advance(self.now_us)
-        self.sim.write(self.session.take_output())
+        self._write()
         self.sim.advance_us(STEP_US)
         self.now_us += STEP_US
         self.samples += received(self.session, self.sim.read(), self.now_us)
@@ -78,12 +78,14 @@ class VirtualRobot:
     def set_velocity(self, left_mps: float, right_mps: float, ttl_s: float = 0.5) -> None:
         """Send one setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
-        self.session.drive_velocity(left_mps, right_mps, expiry_us, self.now_us)
+        self._write(
+            self.session.setpoints.velocity_frame(left_mps, right_mps, expiry_us, self.now_us)
+        )
 
     def set_duty(self, left: float, right: float, ttl_s: float = 0.5) -> None:
         """Send one open-loop setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
-        self.session.drive_duty(left, right, expiry_us, self.now_us)
+        self._write(self.session.setpoints.duty_frame(left, right, expiry_us, self.now_us))
 
     def drive(self, left_mps: float, right_mps: float, seconds: float) -> None:
         """Command 50 times a second for `seconds`."""
@@ -128,6 +130,9 @@ class VirtualRobot:
         answer = self.request(ParameterSet(0, 0, PARAMETER_BY_NAME[name].id, value))
         assert isinstance(answer, ParameterValue)
         return answer.value
+
+    def _write(self, setpoint: bytes = b"") -> None:
+        self.sim.write(self.session.take_output() + setpoint)
 
     def _wait(self, results: list[Answer | WheelwireError]) -> Answer:
         self.run_until(lambda: bool(results))

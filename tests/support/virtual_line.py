@@ -68,10 +68,10 @@ class VirtualLine:
             self.session.advance(now)
         self.flush()
 
-    def flush(self) -> None:
-        """Put the output of both sides on the line."""
+    def flush(self, setpoint: bytes = b"") -> None:
+        """Put the output of both sides on the line, and a setpoint behind it."""
         self.to_host.send(self.device.take_output(), self.now_us)
-        output = self.session.take_output()
+        output = self.session.take_output() + setpoint
         self.sent += self._tap.feed(output)
         self.to_device.send(output, self.now_us)
 
@@ -101,7 +101,7 @@ class VirtualLine:
     def drive(self, left: float = 0.1, right: float = 0.1, ttl_s: float = 0.5) -> None:
         """One velocity setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
-        self.session.drive_velocity(left, right, expiry_us, self.now_us)
+        self.flush(self.session.setpoints.velocity_frame(left, right, expiry_us, self.now_us))
 
     def request(self, message: RequestMessage) -> Answer | WheelwireError:
         """One request and its outcome."""

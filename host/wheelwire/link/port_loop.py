@@ -25,7 +25,7 @@ from .clock import SuspendWatch, host_clock_us
 from .forking import abandon_in_child
 from .latest_sample import LatestSample
 from .news import Happening, Listener
-from .reconnect import Coalescing, LastStop, PortPolicy
+from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
@@ -365,8 +365,7 @@ class PortLoop:
         if data:
             session, latest = self._session, self._latest_sample
             # Asked at each read: iterators come and go.
-            session.every_state = latest.is_iterated
-            for measurement in session.receive(data, now_us):
+            for measurement in session.receive(data, now_us, every_state=latest.is_iterated):
                 latest.put(measurement)
                 self._has_news = True
             self._coalescing.note_read(session.frames_received, now_us)

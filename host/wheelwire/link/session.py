@@ -145,8 +145,6 @@ class Session:
         frames_received: Good frames of known messages, since the start.
         setpoints: Makes the frames of setpoints, for any thread.
         news: What has happened, in order; whoever serves the session takes it out.
-        every_state: Whether each state frame counts, or only the newest of those that arrive
-            together.
     """
 
     def __init__(
@@ -171,7 +169,6 @@ class Session:
         self.watched_values: Mapping[int, float] | None = None
         self.bytes_received = 0
         self.frames_received = 0
-        self.every_state = False
         self.news: deque[News] = deque()
 
         self._draw_nonce = nonce
@@ -286,8 +283,11 @@ class Session:
         # The rest was meant for this device; another may be behind the next port.
         self._output.clear()
 
-    def receive(self, data: bytes, now_us: int) -> list[Measurement]:
-        """Process bytes, whatever they are; returns what was measured anew, see `every_state`."""
+    def receive(self, data: bytes, now_us: int, *, every_state: bool = False) -> list[Measurement]:
+        """Process bytes, whatever they are; returns what was measured anew.
+
+        That is the newest of the state frames that arrive together, or with `every_state` each.
+        """
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         if now_us >= self._recent.due_us:
@@ -305,7 +305,7 @@ class Session:
                     # A fast stream brings several in one read, and all but the newest are out of
                     # date: they are collected, and one of them becomes a measurement.
                     states.append(message)
-                    if self.every_state:
+                    if every_state:
                         self._take_states(states, found, now_us)
                 continue
             if states:  # before the message that came after them: it may end the session
@@ -384,16 +384,6 @@ class Session:
         if self.phase is not Phase.OPEN:
             # It is raised again and again for hours: tracebacks must not pile up.
             raise self.error.with_traceback(None)
-
-    def drive_velocity(
-        self, left_mps: float, right_mps: float, expiry_us: int, now_us: int
-    ) -> None:
-        """As `SetpointSender.velocity_frame`, which goes out with `take_output`."""
-        self._output += self.setpoints.velocity_frame(left_mps, right_mps, expiry_us, now_us)
-
-    def drive_duty(self, left: float, right: float, expiry_us: int, now_us: int) -> None:
-        """As `SetpointSender.duty_frame`, which goes out with `take_output`."""
-        self._output += self.setpoints.duty_frame(left, right, expiry_us, now_us)
 
     def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
         """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""

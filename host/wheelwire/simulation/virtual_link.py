@@ -146,12 +146,13 @@ class VirtualLink:
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
         self.check()
-        self._session.drive_velocity(left_mps, right_mps, expiry_us, self.now_us)
+        make = self._session.setpoints.velocity_frame
+        self._flush(make(left_mps, right_mps, expiry_us, self.now_us))
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         """Send one duty setpoint that expires at `expiry_us`."""
         self.check()
-        self._session.drive_duty(left, right, expiry_us, self.now_us)
+        self._flush(self._session.setpoints.duty_frame(left, right, expiry_us, self.now_us))
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer."""
@@ -210,9 +211,7 @@ class VirtualLink:
         """Advance one millisecond: the host first, then the device."""
         self._check_open()
         self._session.advance(self.now_us)
-        output = self._session.take_output()
-        if self._plugged:
-            self._sim.write(output)
+        self._flush()
         self._sim.advance_us(STEP_US)
         self.now_us += STEP_US
         # Taken while the cable is unplugged, too: what the device sends then is lost.
@@ -225,6 +224,12 @@ class VirtualLink:
             self._latest_sample.notify_all()
         # Last: what is called may let time pass, or close the link.
         self._tell_listener()
+
+    def _flush(self, setpoint: bytes = b"") -> None:
+        """Write what waits, and a setpoint behind it."""
+        output = self._session.take_output()
+        if self._plugged:
+            self._sim.write(output + setpoint)
 
     def _tell_listener(self) -> None:
         news = self._session.news

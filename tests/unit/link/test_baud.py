@@ -1,4 +1,4 @@
-from wheelwire.link.reconnect import FIRST_US, NEXT_US, ROUND_US, USUAL_RATES, BaudSearch
+from wheelwire.link.port_policy import FIRST_US, NEXT_US, ROUND_US, USUAL_RATES, BaudSearch
 
 
 def test_every_usual_rate_is_tried_in_turn_and_then_the_port_is_to_be_opened_anew() -> None:

@@ -1,4 +1,4 @@
-from wheelwire.link.reconnect import REST_US, Coalescing
+from wheelwire.link.port_policy import REST_US, Coalescing
 
 
 def test_each_frame_of_a_slow_stream_is_read_when_it_comes() -> None:

@@ -14,7 +14,7 @@ from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeo
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
 from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
-from wheelwire.link.reconnect import FIRST_PAUSE_S
+from wheelwire.link.port_policy import FIRST_PAUSE_S
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier

@@ -15,7 +15,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import transports as transport
-from wheelwire.link.reconnect import USUAL_RATES
+from wheelwire.link.port_policy import USUAL_RATES
 from wheelwire.link.transports import SerialTransport
 from wheelwire.simulation.simulator import Simulator
 

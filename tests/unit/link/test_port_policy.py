@@ -4,7 +4,7 @@ import pytest
 
 from support.fake_device import FakeDevice
 from wheelwire.errors import DriverUnavailable, LinkLost, PortUnavailable, WrongBoard
-from wheelwire.link.reconnect import (
+from wheelwire.link.port_policy import (
     CHECK_US,
     FIRST_PAUSE_S,
     FIRST_US,

@@ -1,7 +1,6 @@
 """The policy of a port: baud rates, giving up and reopening, resting, the last stop. Sans-IO.
 
-Whoever serves a port, a thread or an asyncio loop, asks at the times given here and does what the
-answer says.
+The thread that serves a port asks at the times given here, and does what the answer says.
 """
 
 from __future__ import annotations
