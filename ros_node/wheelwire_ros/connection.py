@@ -8,7 +8,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from wheelwire import (
@@ -286,25 +285,16 @@ class RobotConnection:
         self.robot.parameters.save()
 
     def set_parameters(self, values: dict[str, float]) -> None:
-        """Set all values or, unless the robot becomes unreachable meanwhile, none.
+        """Set all values or none, in one trial: values that agree only together are accepted.
 
         Raises:
             WheelwireError: A value was refused, or the robot cannot be reached.
         """
-        if values and not self.is_prepared:
+        if not values:
+            return
+        if not self.is_prepared:
             raise LinkLost("a new session is being prepared; try again in a second")
-        # The robot has no transaction: after a refusal the values set so far are set back.
-        before: dict[str, float] = {}
-        try:
-            for name, value in values.items():
-                before[name] = self.robot.parameters[name]
-                self.robot.parameters.set(name, value)
-        except WheelwireError:
-            with suppress(WheelwireError):
-                # The failed one too: perhaps only its answer was lost.
-                for name, value in before.items():
-                    self.robot.parameters.set(name, value)
-            raise
+        self.robot.parameters.set_all(values)
 
     def stop(self) -> None:
         """Stop, until the next command.
