@@ -162,7 +162,7 @@ class SpeedLimiter:
         )
 
     def obeyed(self, twist: Twist, now_s: float, ttl_s: float) -> None:
-        """Note a velocity that was sent to the robot; the next command starts from it."""
+        """Record a velocity that was sent to the robot; the next command starts from it."""
         last = self._last_at(now_s)
         dt_s = last.step_s(now_s)
         self._last = _Last(

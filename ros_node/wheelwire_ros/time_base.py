@@ -30,7 +30,7 @@ class TimeBase:
     Args:
         ros_ns: Reads the ROS clock. [ns]
         is_simulated: Whether that is /clock.
-        log: The node's logger; it is told if the clock does not run yet, and when it begins to.
+        log: The node's logger, for a clock that does not run yet, and for when it begins to.
         monotonic_ns: Reads the clock of the samples' stamps. [ns]
     """
 

@@ -360,7 +360,7 @@ def test_another_board_than_the_wired_one_is_noticed(tmp_path: Path, name: str, 
             followed.append(abs(robot.sample.left_mps - speed) < 0.04)
     robot.stop()
     robot.run(0.005)
-    # It does not follow both ways, or does not brake when it is told to.
+    # It does not follow both ways, or does not brake when it should.
     brakes = robot.sim.get("left.shorted") == 1.0
     as_told = followed == [True, True] and brakes and not robot.sample.faults
     assert as_told == ((name, wired) in INTERCHANGEABLE)

@@ -1,4 +1,4 @@
-"""Trials of parameters in virtual time: unless one is kept, the former values come back."""
+"""Trials of parameters in virtual time: without `keep` the previous values come back."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_unplugged_it_says_so_and_goes_on_when_plugged_in(rig: Rig) -> None:
     rig.simulator.plug()
     link = rig.diagnostics.wait("link", lambda status, _: status.level == OK)
     assert int(link["reconnects"]) == 1
-    assert rig.simulator.get("true.left_ticks") == rest  # nothing was kept for later
+    assert rig.simulator.get("true.left_ticks") == rest  # nothing was stored for later
     with rig.driving_stamped():
         rig.truth(lambda state: state.drive_on)
     end = rig.truth(stopped)

@@ -1,4 +1,4 @@
-"""What is told at each change of the robot's state, and what answers while the robot does not."""
+"""What each change of the robot's state reports, and what answers while the robot does not."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 class State:
-    """What ~/state told last."""
+    """What ~/state reported last."""
 
     def __init__(self, graph: Graph) -> None:
         self.told: list[Any] = []

@@ -19,7 +19,7 @@ BATTERIES_V = (6.5, 7.4, 9.0)
 """Of a robot for 7.4 V: another one's is changed in the same proportion."""
 NOMINAL_V = 7.4
 OWN = ("counts_per_revolution", "wheel_radius", "wheel_separation")
-"""Parameters that a robot has been told before its motors are identified."""
+"""Parameters that a robot has before its motors are identified."""
 
 
 def plant_robot(
@@ -117,7 +117,7 @@ def true_rms_mps(robot: MockDriver, values: Mapping[str, float], top_mps: float 
     robot.advance(1.0)
     errors = []
     for step in range(round(course.seconds * 1000)):
-        if step % 10 == 0:  # in force from about 1 ms later, for 10 ms
+        if step % 10 == 0:  # active from about 1 ms later, for 10 ms
             robot.set_wheel_velocity(*course.at(step * 1e-3 + 0.006), 0.3)
         robot.advance(0.001)
         goal = course.at((step + 1) * 1e-3)

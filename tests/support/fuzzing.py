@@ -59,7 +59,7 @@ def read_case(path: Path) -> bytes:
 
 
 def fuzz(target: str, seconds: float) -> subprocess.CompletedProcess[str]:
-    """Fuzz one target for a time. New inputs are kept for the next run.
+    """Fuzz one target for a time. New inputs stay for the next run.
 
     A failing input is written to `build/fuzz`, and its name to stderr.
     """

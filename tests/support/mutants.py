@@ -2,7 +2,7 @@
 
 A group is a file tests/mutants/*.toml: which tests run, what is built for them, and the mutations,
 each a text that occurs once in its file and what it is replaced by. It is tried in a private copy
-of the checkout, whose build folder is kept.
+of the checkout, whose build folder stays.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ REPORTS = (
 def again_after_a_stall(test: Test) -> Test:
     """Run a test again when it ended with one of these reports, which are then the right answer.
 
-    The wheels have stopped, and the program was told so; what the test is about was not reached. A
+    The wheels have stopped, and the program knows; what the test is about was not reached. A
     robot that never answers, or refuses every setpoint, fails in each run.
     """
 

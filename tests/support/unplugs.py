@@ -104,11 +104,11 @@ class Heard:
         robot.on_opened = lambda _: self.calls.append("opened")
 
     def waits(self, unplugs: int, begin_s: float) -> bool:
-        """Whether the last return is still to be told of."""
+        """Whether the last return is still to be reported."""
         return len(self.calls) < 2 * unplugs and time.monotonic() < begin_s + BOUND_S
 
     def judge(self, unplugs: int, outcome: Outcome) -> None:
-        """Of each unplug a loss and a return has to be told."""
+        """Each unplug has to be reported as a loss and a return."""
         if self.calls != ["lost", "opened"] * unplugs:
             outcome.unheard.append(f"{unplugs} unplugs: {Counter(self.calls)}")
 

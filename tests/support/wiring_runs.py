@@ -213,7 +213,7 @@ def check(case: Case) -> list[str]:
 
 
 def check_wiring(case: Case) -> list[str]:
-    """The same of the wiring alone: what is said of its motors is not judged.
+    """The same of the wiring alone: what setup says about its motors is not judged.
 
     Where no gentle pulse turns a wheel, its question may come twice.
     """

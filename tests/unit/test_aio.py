@@ -508,7 +508,7 @@ def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
                 await clearing
             sent = place.count(ClearEstop)
             place.device.mute = False
-            await robot.parameters.refresh()  # waits for its turn, not for ever
+            await robot.parameters.refresh()  # waits behind another, not for ever
             assert place.count(ClearEstop) == sent
             assert place.state() is SupervisorState.ESTOPPED
 

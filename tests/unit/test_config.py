@@ -1,4 +1,4 @@
-"""A robot's file: what is taken, and how what is wrong is told."""
+"""A robot's file: what it accepts, and how it reports what is wrong."""
 
 import logging
 import math

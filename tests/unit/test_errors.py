@@ -105,7 +105,7 @@ def calls_a_robot(body: list[ast.stmt]) -> bool:
 
 
 def test_no_call_of_a_robot_is_where_an_oserror_is_handled() -> None:
-    """Three of our errors are OSErrors: they would be taken for one of a file."""
+    """Three of our errors are OSErrors: they would be mistaken for one of a file."""
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in SOURCES

@@ -1,4 +1,4 @@
-"""`python -m support.gpio_chip SOCKET WIRING [PWM_DIRECTORY]`: told what to do on its input.
+"""`python -m support.gpio_chip SOCKET WIRING [PWM_DIRECTORY]`: its input says what to do.
 
 Each line is a command, each answer a line of JSON; the end of the input is the end of the chip.
 """

@@ -10,7 +10,7 @@ from wheelwire.cli.output import TimeLeft
 
 
 class Clock:
-    """A clock that goes on when it is told to."""
+    """A clock that goes on when a test says so."""
 
     def __init__(self) -> None:
         self.s = 100.0

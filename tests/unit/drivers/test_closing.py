@@ -1,4 +1,4 @@
-"""A driver that is closed says so if its robot drives and could not be told to stop."""
+"""A driver that is closed says so if its robot drives and could not be stopped."""
 
 from __future__ import annotations
 

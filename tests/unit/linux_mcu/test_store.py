@@ -1,4 +1,4 @@
-"""The parameters that a computer's robot keeps in a file, and those that former releases kept."""
+"""The parameters that a computer's robot keeps in a file, and those of previous releases."""
 
 import json
 from pathlib import Path

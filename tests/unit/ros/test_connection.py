@@ -1,4 +1,4 @@
-"""Sessions as the node sees them, with a robot that writes down what it is told."""
+"""Sessions as the node sees them, with a robot that writes down what it receives."""
 
 from __future__ import annotations
 

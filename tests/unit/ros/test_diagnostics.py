@@ -145,5 +145,5 @@ def test_a_node_that_was_killed_is_no_twin() -> None:
     assert not twins.look(1, FORGOTTEN_S)
     assert not twins.look(2, FORGOTTEN_S + 1)
     assert twins.look(2, 2 * FORGOTTEN_S + 1)
-    assert not twins.look(2, 2 * FORGOTTEN_S + 2)  # it is said once
+    assert not twins.look(2, 2 * FORGOTTEN_S + 2)  # reported once
     assert twins.has_twin

@@ -86,7 +86,7 @@ def test_two_keys_of_one_direction_are_one() -> None:
 def test_the_newest_of_two_opposite_directions_counts(action: Action) -> None:
     result = presses((0.0, "w", action), (0.1, DOWN, action))
     assert way(result, 0.1) == (-1, 0)
-    assert result.motion(0.81) == STILL  # the former one does not come back
+    assert result.motion(0.81) == STILL  # the previous one does not come back
 
 
 def test_where_releases_are_reported_the_newest_keys_repeats_speak_for_all() -> None:
