@@ -38,10 +38,10 @@ from wheelwire_protocol.types import (
 from .arguments import timeout_s
 from .config import driver_at, named
 from .drivers.base import FIRST_SAMPLE_S
+from .drivers.device_board import BoardOperations, BoardSteps
 from .drivers.device_parameters import (
     REVERT,
     ParameterOperations,
-    Steps,
     checked_timeout,
     contradiction_error,
     run,
@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
+    from wheelwire_protocol.board import BoardState
+
     from .board import BoardDescription
     from .drivers.mock import MockDriver as _SyncMockDriver
     from .drivers.pins import PinDriver as _SyncPinDriver
@@ -79,6 +81,7 @@ if TYPE_CHECKING:
     from .simulation.virtual_link import VirtualLink
 
 __all__ = [
+    "Board",
     "Driver",
     "MockDriver",
     "Parameters",
@@ -236,14 +239,18 @@ class _LoopLink:
         """Send a request and wait for its answer."""
         return await self.call(partial(self.link.post, message))
 
-    async def run(self, steps: Steps[Result]) -> Result:
+    async def run(self, steps: BoardSteps[Result]) -> Result:
         """Do an operation by requests that are awaited, one after the other."""
         try:
             # A request's error ends the operation where it is: its generator has nothing to clean
             # up.
-            message = next(steps)
+            step = next(steps)
             while True:
-                message = steps.send(await self._answer(message))
+                if isinstance(step, float):
+                    await asyncio.sleep(step)
+                    step = next(steps)
+                else:
+                    step = steps.send(await self._answer(step))
         except StopIteration as end:
             # The operation is over, and this is what its generator returned.
             return cast("Result", end.value)
@@ -426,6 +433,11 @@ class Driver(LinkedRobot):
     def parameters(self) -> Parameters:
         """The device's parameters, by name: a mapping of their values in this session."""
         return self._parameters
+
+    @property
+    def board(self) -> Board:
+        """The board that the device has stored."""
+        return Board(self._on_loop)
 
     async def device_counters(self) -> LinkCounters:
         """What the device has counted at its end of the link since its reset."""
@@ -661,6 +673,38 @@ class Trial(AbstractAsyncContextManager["Trial"]):
         with suppress(WheelwireError):
             self._on_loop.link.post(REVERT, lambda _: None)
         self._on_loop.link.release_trial()
+
+
+class Board:
+    """The board of one device, as `wheelwire.drivers.device_board.DeviceBoard`."""
+
+    def __init__(self, on_loop: _LoopLink) -> None:
+        self._operations = BoardOperations(on_loop.link)
+        self._run = on_loop.run
+
+    async def read(self) -> tuple[BoardState, BoardDescription | None]:
+        """Whether the active board was confirmed, and the board; None if there is none."""
+        return await self._run(self._operations.read())
+
+    async def write(self, board: BoardDescription) -> None:
+        """Store a board, to be tried at the next restart."""
+        await self._run(self._operations.write(board))
+
+    async def confirm(self, board: BoardDescription) -> None:
+        """Save the board that is on trial, or the firmware's own, and let it drive."""
+        await self._run(self._operations.confirm(board))
+
+    async def accept(self, board: BoardDescription) -> None:
+        """Confirm the active board, and wait until the device drives on it."""
+        await self._run(self._operations.accept(board))
+
+    async def take_up(self, board: BoardDescription) -> None:
+        """Write a board, restart the device, and confirm the board if it comes back on it."""
+        await self._run(self._operations.take_up(board))
+
+    async def restart(self) -> None:
+        """Restart the device, and wait until it is back."""
+        await self._run(self._operations.restart())
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, run, run_json
-from wheelwire import errors, open_driver
+from wheelwire import aio, errors, open_driver
 from wheelwire.commissioning.board_choice import choose_board
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.drivers import device_board
@@ -266,3 +267,20 @@ def test_a_set_up_confirms_the_board_that_the_robot_is_on(answer: str) -> None:
         assert offer(fresh, Chooser(answer)) == ["L298N, ESP32-DevKitC: confirmed"]
         assert run_json("board", "read", fresh.port)["state"] == "STORED"
         assert offer(fresh, Chooser(answer)) == ["board: L298N, ESP32-DevKitC"]
+
+
+def test_the_same_on_asyncio(simulator: Simulator) -> None:
+    async def use() -> None:
+        async with aio.open_driver("serial", port=simulator.port) as robot:
+            with pytest.raises(errors.BoardNotKept):
+                await robot.board.accept(load_board("tb6612"))
+            await robot.board.take_up(load_board("tb6612"))
+            state, board = await robot.board.read()
+            assert (state, board) == (BoardState.STORED, load_board("tb6612"))
+            await robot.board.write(load_board("drv8833"))
+            await robot.board.restart()
+            assert (await robot.board.read())[0] is BoardState.TRIAL
+            await robot.board.confirm(load_board("drv8833"))
+            assert (await robot.board.read())[0] is BoardState.STORED
+
+    asyncio.run(use())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol, cast
+from collections.abc import Generator
+from typing import Any, Protocol, TypeAlias, TypeVar, cast
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE, schema_hash
@@ -28,38 +29,40 @@ RESTART_TIMEOUT_S = 8.0
 _POLL_S = 0.02
 _FIELDS = len(BOARD_LAYOUT)
 
+Result = TypeVar("Result")
+BoardSteps: TypeAlias = Generator[RequestMessage | float, Any, Result]
+"""Yields requests, and is sent their answers; and pauses, in seconds."""
 
-class RequestingLink(Protocol):
-    """A link that waits for the answer to a request."""
+
+class SessionLink(Protocol):
+    """A link of which one can tell that its device came back."""
 
     @property
     def sessions(self) -> int:
         """Number of sessions since the link was opened."""
 
-    def request(self, message: RequestMessage) -> Answer:
-        """Send a request and wait for its answer."""
-
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
 
 
-class DeviceBoard:
-    """The board of one device, over its link."""
+class RequestingLink(SessionLink, Protocol):
+    """A link that waits for the answer to a request."""
 
-    def __init__(self, link: RequestingLink) -> None:
+    def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer."""
+
+
+class BoardOperations:
+    """What is done with a device's board, as the requests and pauses that it takes. Sans-IO."""
+
+    def __init__(self, link: SessionLink) -> None:
         self._link = link
 
-    def read(self) -> tuple[BoardState, BoardDescription | None]:
-        """Whether the active board was confirmed, and the board; None if there is none.
-
-        Raises:
-            GroupUnavailable: The device has no messages about boards, or of another release.
-            ConfigurationError: The board has codes that are unknown here.
-            LinkLost, RequestTimeout: The device was not reached.
-        """
+    def read(self) -> BoardSteps[tuple[BoardState, BoardDescription | None]]:
+        """As `DeviceBoard.read`."""
         # First: a device of another release may mean something else by these messages.
-        check_group(self._link, Group.BOARD)
-        value = cast("BoardValue", self._link.request(BoardGet(0, 0)))
+        yield from _check_group()
+        value = cast("BoardValue", (yield BoardGet(0, 0)))
         state = BoardState(value.state)
         if state is BoardState.NONE:
             return state, None
@@ -67,47 +70,23 @@ class DeviceBoard:
         body = BY_TYPE[BoardValue].pack_body(*value)
         return state, unpacked(body[-_packed_size() :])
 
-    def write(self, board: BoardDescription) -> None:
-        """Store a board, to be tried at the next restart.
-
-        Raises:
-            DeviceRefused: The robot drives, the board breaks a rule of this device, or another
-                one is on trial.
-            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
-        """
-        check_group(self._link, Group.BOARD)
+    def write(self, board: BoardDescription) -> BoardSteps[None]:
+        """As `DeviceBoard.write`."""
+        yield from _check_group()
         # A message of zeros around the packed board, unpacked, gives the message's fields.
         unpack = BY_TYPE[BoardWrite].unpack
         head = bytes(HEADER_SIZE + _size_of_ids())
         fields = unpack(head + board.packed() + bytes(CRC_SIZE))
-        self._link.request(BoardWrite(0, 0, *fields[-_FIELDS:]))
+        yield BoardWrite(0, 0, *fields[-_FIELDS:])
 
-    def confirm(self, board: BoardDescription) -> None:
-        """Save the board that is on trial, or the firmware's own, and let it drive.
+    def confirm(self, board: BoardDescription) -> BoardSteps[None]:
+        """As `DeviceBoard.confirm`."""
+        yield from _check_group()
+        yield BoardConfirm(0, 0, board.fingerprint())
 
-        The firmware's own drives after a restart, which the device begins by itself.
-
-        Args:
-            board: What the device is believed to be on, as `read` reported it.
-
-        Raises:
-            DeviceRefused: The device has another board, or none that waits for a confirmation.
-            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
-        """
-        check_group(self._link, Group.BOARD)
-        self._link.request(BoardConfirm(0, 0, board.fingerprint()))
-
-    def accept(self, board: BoardDescription) -> None:
-        """Confirm the active board, and wait until the device drives on it.
-
-        Args:
-            board: What the device is on, as `read` reported it.
-
-        Raises:
-            BoardNotKept: The device is on another board by now, or came back without this one.
-            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
-        """
-        state, found = self.read()
+    def accept(self, board: BoardDescription) -> BoardSteps[None]:
+        """As `DeviceBoard.accept`."""
+        state, found = yield from self.read()
         # A trial may have ended while somebody compared the board.
         if found is None or found.packed() != board.packed():
             raise BoardNotKept(
@@ -115,23 +94,18 @@ class DeviceBoard:
                 f"{board.name}: nothing was confirmed; write the board again"
             )
         before = self._link.sessions
-        self.confirm(board)
+        yield from self.confirm(board)
         if state is BoardState.BUILT_IN:
-            self._await_session(before)
-        state, found = self.read()
+            yield from self._await_session(before)
+        state, found = yield from self.read()
         if state is not BoardState.STORED or found is None or found.packed() != board.packed():
             raise BoardNotKept(f"{board.name} was not confirmed; try again")
 
-    def take_up(self, board: BoardDescription) -> None:
-        """Write a board, restart the device, and confirm the board if the device comes back on it.
-
-        Raises:
-            BoardNotKept: The device is back with the previous board.
-            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
-        """
-        self.write(board)
-        self.restart()
-        state, found = self.read()
+    def take_up(self, board: BoardDescription) -> BoardSteps[None]:
+        """As `DeviceBoard.take_up`."""
+        yield from self.write(board)
+        yield from self.restart()
+        state, found = yield from self.read()
         # The packed forms are what was written and saved: there a number may have been rounded.
         same = found is not None and found.packed() == board.packed()
         if state is not BoardState.TRIAL or not same:
@@ -140,26 +114,21 @@ class DeviceBoard:
                 f"({found.name if found else 'none'}): try again"
             )
         # The device was reached on it, so its line to the host is right at least.
-        self.confirm(board)
+        yield from self.confirm(board)
 
-    def restart(self) -> None:
-        """Restart the device, and wait until it is back.
-
-        Raises:
-            DeviceRefused: The robot drives, or cannot restart by itself.
-            LinkLost: It did not come back.
-        """
+    def restart(self) -> BoardSteps[None]:
+        """As `DeviceBoard.restart`."""
         # Before the request: the device may be back before its answer is handed out.
         before = self._link.sessions
-        self._link.request(Restart(0, 0))
-        self._await_session(before)
+        yield Restart(0, 0)
+        yield from self._await_session(before)
 
-    def _await_session(self, before: int) -> None:
+    def _await_session(self, before: int) -> BoardSteps[None]:
         """Wait until another session is open than the `before`-th."""
         end = time.monotonic() + RESTART_TIMEOUT_S
         error: WheelwireError | None = None
         while time.monotonic() < end:
-            time.sleep(_POLL_S)
+            yield _POLL_S
             if self._link.sessions == before:
                 continue
             # A session counts from its beginning: it need not be open yet.
@@ -177,9 +146,95 @@ class DeviceBoard:
         )
 
 
-def check_group(link: RequestingLink, group: Group) -> None:
-    """Raise `GroupUnavailable` unless both sides have the same messages of a group."""
-    info = cast("GroupInfo", link.request(GroupGet(0, 0, group)))
+class DeviceBoard:
+    """The board of one device, over its link."""
+
+    def __init__(self, link: RequestingLink) -> None:
+        self._operations = BoardOperations(link)
+        self._link = link
+
+    def read(self) -> tuple[BoardState, BoardDescription | None]:
+        """Whether the active board was confirmed, and the board; None if there is none.
+
+        Raises:
+            GroupUnavailable: The device has no messages about boards, or of another release.
+            ConfigurationError: The board has codes that are unknown here.
+            LinkLost, RequestTimeout: The device was not reached.
+        """
+        return self._run(self._operations.read())
+
+    def write(self, board: BoardDescription) -> None:
+        """Store a board, to be tried at the next restart.
+
+        Raises:
+            DeviceRefused: The robot drives, the board breaks a rule of this device, or another
+                one is on trial.
+            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
+        """
+        self._run(self._operations.write(board))
+
+    def confirm(self, board: BoardDescription) -> None:
+        """Save the board that is on trial, or the firmware's own, and let it drive.
+
+        The firmware's own drives after a restart, which the device begins by itself.
+
+        Args:
+            board: What the device is believed to be on, as `read` reported it.
+
+        Raises:
+            DeviceRefused: The device has another board, or none that waits for a confirmation.
+            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
+        """
+        self._run(self._operations.confirm(board))
+
+    def accept(self, board: BoardDescription) -> None:
+        """Confirm the active board, and wait until the device drives on it.
+
+        Args:
+            board: What the device is on, as `read` reported it.
+
+        Raises:
+            BoardNotKept: The device is on another board by now, or came back without this one.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
+        """
+        self._run(self._operations.accept(board))
+
+    def take_up(self, board: BoardDescription) -> None:
+        """Write a board, restart the device, and confirm the board if the device comes back on it.
+
+        Raises:
+            BoardNotKept: The device is back with the previous board.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
+        """
+        self._run(self._operations.take_up(board))
+
+    def restart(self) -> None:
+        """Restart the device, and wait until it is back.
+
+        Raises:
+            DeviceRefused: The robot drives, or cannot restart by itself.
+            LinkLost: It did not come back.
+        """
+        self._run(self._operations.restart())
+
+    def _run(self, steps: BoardSteps[Result]) -> Result:
+        try:
+            step = next(steps)
+            while True:
+                if isinstance(step, float):
+                    time.sleep(step)
+                    step = next(steps)
+                else:
+                    step = steps.send(self._link.request(step))
+        except StopIteration as end:
+            # The operation is over, and this is what its generator returned.
+            return cast("Result", end.value)
+
+
+def _check_group() -> BoardSteps[None]:
+    """Raise `GroupUnavailable` unless both sides have the same messages about boards."""
+    group = Group.BOARD
+    info = cast("GroupInfo", (yield GroupGet(0, 0, group)))
     if info.hash != schema_hash(group):
         raise GroupUnavailable(group.name.lower(), schema_hash(group), info.hash)
 
