@@ -1,4 +1,4 @@
-"""Keeps the parameters of the node and those of the robot consistent."""
+"""Makes the parameters of the node and those of the robot agree."""
 
 from __future__ import annotations
 
@@ -149,9 +149,11 @@ class ParameterBridge:
     def _wrong(self, parameter: Parameter) -> str | None:
         """Why a value of the right type is refused, apart from its range."""
         setting = self._settings.get(parameter.name)
-        if setting is None or not parameters.has_type_of(setting, parameter):
-            return None  # the robot's parameter, or one whose type rclpy refuses
-        return setting.check(parameter.value)
+        if setting is None or setting.check is None:
+            return None
+        # rclpy itself refuses a wrong type.
+        is_right_type = parameters.has_type_of(setting, parameter)
+        return setting.check(parameter.value) if is_right_type else None
 
     def _is_late(self, name: str, value: Any) -> bool:
         setting = self._settings.get(name)
