@@ -331,7 +331,8 @@ class _SetUp:
             self.say(f"  {name}: {former} -> {new} {unit}".rstrip() + same)
         self.findings = replace(self.findings, is_complete=True)
         if self.options.keep is not None:
-            _write(self.options.keep, _file_of(self.robot, values))
+            device = self.robot.info.device if isinstance(self.robot, DeviceDriver) else None
+            _write(self.options.keep, ParameterFile.of_device(values, device))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
             # The device saves nothing while values are on trial.
@@ -402,13 +403,6 @@ def _was_brownout(robot: BaseDriver) -> bool:
     return (
         isinstance(robot, DeviceDriver) and robot.info.device.reset_reason is ResetReason.BROWNOUT
     )
-
-
-def _file_of(robot: BaseDriver, values: dict[str, float]) -> ParameterFile:
-    if not isinstance(robot, DeviceDriver):
-        return ParameterFile(values)
-    device = robot.info.device
-    return ParameterFile(values, device.board.name, device.board_id, device.release.release)
 
 
 def _write(path: Path, file: ParameterFile) -> None:
