@@ -56,9 +56,9 @@ _BREAKAWAY_ROUNDS = 2
 _MOST_BREAKAWAY = 0.44
 
 _USUAL_BREAKAWAY_S = 10.0
-"""Of all rounds."""
+"""How long all rounds usually take."""
 _STEPS_S = 4.2
-"""Of the step response in both directions."""
+"""How long the step response takes, in both directions."""
 _EDGE_S = 0.6
 """Each duty of the step response."""
 _SETTLED = 5.5
@@ -67,15 +67,15 @@ _MEASURED_S = 0.6
 _LONGEST_TURN_S = 2.0
 """A turn that takes longer is not waited for."""
 _LONGEST_WAY_M = 0.75
-"""Of one run on the floor."""
+"""The longest distance of one run on the floor."""
 _FEWEST_STAIRS = 4
 _FEWEST_TICKS = 4
-"""With less than that at a duty, a wheel stands."""
+"""A wheel that counts fewer ticks than this at a duty stands."""
 
 _BENT = 0.05
 """A line further off than this fraction of the greatest speed does not describe the curve."""
 _HEADROOM = 0.9
-"""Of full duty: the rest is for the loop."""
+"""The share of full duty that `max_velocity_mps` may need: the loop corrects with the rest."""
 _FEWEST_GAPS = 2
 """Duties at which an encoder's counts have gaps: once may be an obstacle."""
 _UNEQUAL = 0.15
@@ -126,12 +126,12 @@ class Identification:
 
     @property
     def static_feedforward(self) -> float:
-        """Of both wheels, which share the parameter."""
+        """The mean of both wheels, which share the parameter."""
         return mean((self.left.static_feedforward, self.right.static_feedforward))
 
     @property
     def velocity_feedforward(self) -> float:
-        """Of both wheels, which share the parameter, in duty per m/s."""
+        """The mean of both wheels, which share the parameter, in duty per m/s."""
         return mean((self.left.velocity_feedforward, self.right.velocity_feedforward))
 
     @property

@@ -14,11 +14,11 @@ from ..parameters import definition_of
 from ..samples import WheelSample
 
 TTL_S = 0.3
-"""Of each setpoint: a program that hangs or is killed drives no longer."""
+"""How long each setpoint lives: a program that hangs or is killed drives no longer than this."""
 LAPSE_S = 0.25
 """Between two samples: a setpoint that was sent at the first may have run out."""
 ATTEMPTS = 4
-"""At a motion during which a setpoint ran out."""
+"""How often to try a motion during which a setpoint ran out."""
 STANDSTILL_S = 0.15
 """Without a tick."""
 LONGEST_ROLL_S = 5.0
@@ -28,7 +28,7 @@ RESTING_TICKS = 1
 _LONGEST_ARMING_S = 3.0
 """On a bad line."""
 _REOPENED_S = 3.0
-"""For a board to start, and a new session with it to open."""
+"""How long a board may take to start and to open a new session."""
 
 SIDES = ("left", "right")
 
@@ -101,7 +101,7 @@ class Record:
         return travel.left, travel.right
 
     def times_s(self) -> list[float]:
-        """Of each sample, from the first one."""
+        """The time of each sample, counted from the first one."""
         return [sample.since(self.samples[0]).dt_s for sample in self.samples]
 
     def travel(self, wheel: int) -> list[int]:

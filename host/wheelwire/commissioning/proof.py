@@ -35,15 +35,15 @@ from .motion import (
 )
 
 TOP_MPS = 0.35
-"""Of the fastest part of the drive, on a robot that can."""
+"""The speed of the fastest part of the drive, if the robot can reach it."""
 RAMP_MPS2 = 1.0
-"""Of the steepest ramp, on a robot that may."""
+"""The acceleration of the steepest ramp, if the robot's limit allows it."""
 
 _LONGEST_WAY_M = 0.75
 _DUTY_AT_TOP = 0.7
-"""Of the robot's limit, at constant speed."""
+"""The share of the robot's duty limit that constant speed may need."""
 _DUTY_OF_RAMP = 0.3
-"""Of the robot's limit, for the acceleration."""
+"""The share of the robot's duty limit that the acceleration may need."""
 _MEASUREMENT_LAG = 0.65
 """Lag of the measured velocity, in `velocity_window_us`; the firmware assumes the same."""
 _SHORTEST_HOLD_S = 0.4

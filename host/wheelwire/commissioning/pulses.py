@@ -22,7 +22,7 @@ _HARDER_S = 0.15
 _LOWEST_DUTY = 0.1
 _RISE = 1.25
 _HIGHEST_DUTY = 0.6
-"""Of a wheel whose counter does nothing: it may turn, and nothing tells how far."""
+"""The highest duty while a wheel does not count: it may turn, and nothing shows how far."""
 _HARDEST_DUTY = 0.98
 """Less than the highest `reversal_duty`, so that then no pulse trips REVERSED."""
 _SHOW_S = 0.25
@@ -47,7 +47,7 @@ class Run:
 
     @property
     def ticks(self) -> tuple[int, int]:
-        """Of each counter, from the first sample to the last one."""
+        """How far each counter moved, from the first sample to the last one."""
         travel = self.samples[-1].since(self.samples[0])
         return travel.left, travel.right
 
@@ -59,13 +59,13 @@ class Run:
 
     @property
     def faults(self) -> Fault:
-        """That ended the drive, if any did."""
+        """The faults that ended the drive, if any did."""
         last = self.samples[-1]
         return last.faults if last.state is SupervisorState.FAULT else NO_FAULT
 
     @property
     def lowest_v(self) -> float | None:
-        """Of the supply; None if it is not measured."""
+        """The supply's lowest voltage; None if the board does not measure it."""
         measured = [s.battery_v for s in self.samples if s.battery_v is not None]
         return min(measured, default=None)
 

@@ -40,7 +40,7 @@ ANSWER_KEYS = (
 _SEEN_TURNS = 0.005
 """Less than that a person does not see."""
 _HAND_LIMIT_S = 1.5
-"""Of a wheel that does not give way."""
+"""How long to turn a wheel that does not give way."""
 
 
 class HandTurn(NamedTuple):

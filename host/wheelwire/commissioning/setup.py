@@ -49,9 +49,9 @@ CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
 
 _CHECK_S = 3.5
-"""Of both wheels, forward."""
+"""How long both wheels turn forward for the check."""
 _DRIVES_S = 23.0
-"""Of both test drives, if nothing limits them."""
+"""How long both test drives take, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
     "Setup assumes that both wheels are equal in size: each counts its own turns, so setup cannot "

@@ -86,7 +86,7 @@ class Seen:
 
 
 def find_problems(first: Seen, second: Seen) -> list[Problem]:
-    """What keeps the wiring from being deduced; not what keeps a wheel from turning."""
+    """Problems that make the wiring ambiguous."""
     # A defect that concerns both wheels is returned alone: it explains what else was seen.
     seen = (first, second)
     if any(one.answer == BOTH for one in seen):

@@ -21,7 +21,7 @@ SPEEDS = 10
 DEFAULT_SPEED = 4
 PERIOD_S = 0.05
 TTL_S = 0.3
-"""Of a setpoint, if the press lives as long: a program that hangs or is killed drives no longer."""
+"""How long a setpoint lives at most: a program that hangs or is killed drives no longer."""
 STALE_S = 0.25
 """Keys that waited about this long, because the program did not run, drive no more."""
 SHOW_PERIOD_S = 0.1

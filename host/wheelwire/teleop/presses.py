@@ -14,7 +14,7 @@ from typing import NamedTuple
 from .keys import DOWN, LEFT, RIGHT, UP, Action, KeyEvent
 
 FIRST_LIFE_S = 0.7
-"""Of a press: longer than the keyboard's delay before it repeats a held key."""
+"""How long a press lives: longer than the keyboard's delay before it repeats a held key."""
 REPEAT_LIFE_S = 0.2
 """After a repeat."""
 
@@ -29,7 +29,7 @@ DIRECTIONS = {
     RIGHT: _TO_RIGHT,
     "d": _TO_RIGHT,
 }
-"""Of each key: forward and to the left, each 1 or -1."""
+"""What each key asks for: forward and to the left, each 1 or -1."""
 
 
 class Motion(NamedTuple):

@@ -12,14 +12,14 @@ from ..samples import WheelSample
 REPEAT_S = 0.05
 TTL_S = 0.5
 TIMEOUT_S = 30.0
-"""In the robot's time. Much longer than anything takes: a busy machine must not fail a test."""
+"""A limit in the robot's time, longer than anything takes: a busy machine must not fail a test."""
 
 SPEED_MPS = 0.2
 """The default speed of the tests."""
 CLOSE = 0.1
 """Relative tolerance."""
 ATTEMPTS = 10
-"""For measurements that another program can spoil by taking the processor for a while."""
+"""How often to repeat a measurement that another program can spoil by using the processor."""
 
 Result = TypeVar("Result")
 Condition = Callable[[WheelSample], bool]
