@@ -50,6 +50,14 @@ class RecordingRobot:
         self.values[name] = value
         return value
 
+    def set_all(self, values: dict[str, float]) -> None:
+        """As the library's: a wrong value changes nothing."""
+        for name, value in values.items():
+            if value < 0:
+                raise ParameterOutOfRange(name, value, "at least 0")
+        for name, value in values.items():
+            self.set(name, value)
+
     def set_wheel_velocity(self, left: float, right: float, ttl: float, *, stamp: float) -> None:
         if time.monotonic() >= stamp + ttl:
             raise Expired("the time to live has run out")
