@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from wheelwire.commissioning.inspection import clear
-from wheelwire.commissioning.motion import arm
+from wheelwire.commissioning.driving import arm
+from wheelwire.commissioning.wiring import clear
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.motion.kinematics import WheelVelocities

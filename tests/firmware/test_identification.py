@@ -24,9 +24,9 @@ from support.commissioning import (
     true_line,
     true_time_constant_s,
 )
+from wheelwire.commissioning.driving import TTL_S, BoardReset
 from wheelwire.commissioning.gains import FLOOR_INERTIA, tuned
 from wheelwire.commissioning.identification import Identification, WheelIdentification, identify
-from wheelwire.commissioning.motion import TTL_S, BoardReset
 from wheelwire.commissioning.proof import Proof, prove
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed

@@ -25,14 +25,11 @@ from support.wiring_runs import (
     set_up_raised,
 )
 from wheelwire.commissioning import problems, proof, setup
+from wheelwire.commissioning.driving import Pair, pulse
 from wheelwire.commissioning.identification import identify
-from wheelwire.commissioning.inspection import check_wheels
-from wheelwire.commissioning.motion import Pair
-from wheelwire.commissioning.progress import Progress
-from wheelwire.commissioning.pulses import pulse
 from wheelwire.commissioning.questions import Question, SimulatedPerson
-from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, set_up
-from wheelwire.commissioning.wiring import Wiring
+from wheelwire.commissioning.setup import CHANGED, TUNED, Findings, Options, Progress, set_up
+from wheelwire.commissioning.wiring import Wiring, check_wheels
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed, DeviceRefused, LinkLost, WheelwireError
 from wheelwire.files.parameters import load_parameter_file

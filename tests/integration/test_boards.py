@@ -12,8 +12,8 @@ import pytest
 
 from support.command import check_error, run, run_json
 from wheelwire import aio, errors, open_driver
-from wheelwire.commissioning.board_choice import choose_board
 from wheelwire.commissioning.questions import KEEP, Question
+from wheelwire.commissioning.setup import choose_board
 from wheelwire.drivers import device_board
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver

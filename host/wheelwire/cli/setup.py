@@ -112,10 +112,9 @@ def setup(
     robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
-    from wheelwire.commissioning.progress import Progress
     from wheelwire.commissioning.proof import check_picture
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
-    from wheelwire.commissioning.setup import Options
+    from wheelwire.commissioning.setup import Options, Progress
 
     if not simulated and (plant, seed, settings) != (None, None, None):
         raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")

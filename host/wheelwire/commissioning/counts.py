@@ -6,16 +6,14 @@ from typing import NamedTuple
 
 from ..drivers.base import BaseDriver
 from ..files.plant import load_plant, shipped_plants
-from .inspection import Say, Unfit
-from .motion import SIDES, fresh
-from .problems import WRONG_WHEEL, Problem
-from .pulses import COUNTED_TICKS, ticks_since
-from .questions import HAND, SKIP, TURNED, HandTurn, Person, Question
+from .driving import COUNTED_TICKS, SIDES, fresh
+from .problems import WRONG_WHEEL, Problem, Unfit
+from .questions import HAND, SKIP, TURNED, HandTurn, Person, Question, Say
 
 COUNTS = "counts_per_revolution"
 TURNS = 10
 _ATTEMPTS = 3
-"""How often to ask for a wheel by hand: Enter may come too early, or the other wheel may turn."""
+"""At turning a wheel: Enter may have been pressed too early, or the other wheel turned."""
 
 _USUAL = (360, 1440)
 """Beside the motors that are known: an encoder of 360 lines read on one edge, or on all four."""
@@ -36,8 +34,12 @@ class Counted(NamedTuple):
 
 
 def known_motors() -> dict[str, int]:
-    """Counts per wheel turn of the motors that are known by name."""
-    return {name: round(load_plant(name).values[COUNTS].value) for name in shipped_plants()}
+    """Counts per wheel turn of the motors that are known by name; none without PyYAML."""
+    try:
+        plants = {name: load_plant(name) for name in shipped_plants()}
+    except ImportError:
+        return {}
+    return {name: round(plant.values[COUNTS].value) for name, plant in plants.items()}
 
 
 def ask_counts(robot: BaseDriver, person: Person, say: Say) -> Counted:
@@ -112,7 +114,7 @@ def _by_hand(robot: BaseDriver, person: Person, say: Say, wheel: int) -> int | N
         before = fresh(robot)
         if person.answer(question) != TURNED:
             return None
-        ticks = ticks_since(fresh(robot), before)
+        ticks = fresh(robot).since(before)[:2]
         own, other = ticks[wheel], ticks[1 - wheel]
         # The other wheel may move a little while somebody turns this one.
         if own >= COUNTED_TICKS * TURNS and abs(other) <= own / TURNS:

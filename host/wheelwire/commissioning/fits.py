@@ -13,7 +13,7 @@ Values = npt.NDArray[np.float64]
 
 _DELAYS_S = (0.0, 0.08)
 _LOGS = (math.log(0.003), math.log(1.0))
-"""Bounds of the time constants [s]: the search runs on a logarithmic scale."""
+"""Of the time constants [s], which are searched on a logarithmic scale."""
 _GRID = 13
 _ZOOMS = 5
 

@@ -26,22 +26,23 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..drivers.base import BaseDriver
 from ..errors import CommissioningFailed
 from ..samples import WheelSample
-from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
-from .gaps import has_gap
-from .motion import (
+from .driving import (
     SIDES,
     STANDSTILL_S,
     Left,
     Pair,
     Record,
     come_to_rest,
+    duty_of,
     follow_duty,
+    has_gap,
     hold_duty,
     one_session,
     require_ready,
     uninterrupted,
     untold,
 )
+from .fits import Edge, FirstOrder, Line, fit_first_order, fit_line
 from .problems import MAGNET_MISSING, Problem
 
 STAIRS = (0.15, 0.60)
@@ -56,9 +57,9 @@ _BREAKAWAY_ROUNDS = 2
 _MOST_BREAKAWAY = 0.44
 
 _USUAL_BREAKAWAY_S = 10.0
-"""How long all rounds usually take."""
+"""Of all rounds."""
 _STEPS_S = 4.2
-"""How long the step response takes, in both directions."""
+"""Of the step response in both directions."""
 _EDGE_S = 0.6
 """Each duty of the step response."""
 _SETTLED = 5.5
@@ -67,15 +68,15 @@ _MEASURED_S = 0.6
 _LONGEST_TURN_S = 2.0
 """A turn that takes longer is not waited for."""
 _LONGEST_WAY_M = 0.75
-"""The longest distance of one run on the floor."""
+"""Of one run on the floor."""
 _FEWEST_STAIRS = 4
 _FEWEST_TICKS = 4
-"""A wheel that counts fewer ticks than this at a duty stands."""
+"""With less than that at a duty, a wheel stands."""
 
 _BENT = 0.05
 """A line further off than this fraction of the greatest speed does not describe the curve."""
 _HEADROOM = 0.9
-"""The share of full duty that `max_velocity_mps` may need: the loop corrects with the rest."""
+"""Of full duty: the rest is for the loop."""
 _FEWEST_GAPS = 2
 """Duties at which an encoder's counts have gaps: once may be an obstacle."""
 _UNEQUAL = 0.15
@@ -126,12 +127,12 @@ class Identification:
 
     @property
     def static_feedforward(self) -> float:
-        """The mean of both wheels, which share the parameter."""
+        """Of both wheels, which share the parameter."""
         return mean((self.left.static_feedforward, self.right.static_feedforward))
 
     @property
     def velocity_feedforward(self) -> float:
-        """The mean of both wheels, which share the parameter, in duty per m/s."""
+        """Of both wheels, which share the parameter, in duty per m/s."""
         return mean((self.left.velocity_feedforward, self.right.velocity_feedforward))
 
     @property
@@ -337,7 +338,7 @@ class _Bench:
     def _edges(self, record: Record, wheel: int, low: float, high: float) -> list[Edge]:
         """The parts of the record around the two changes of duty."""
         times = record.times_s()
-        duties = [_duty(sample, wheel) for sample in record.samples]
+        duties = [duty_of(sample, wheel) for sample in record.samples]
         speeds = [_speed(sample, wheel) for sample in record.samples]
         found = []
         for number, (start, end) in enumerate(((low, high), (high, low)), 1):
@@ -644,10 +645,6 @@ def _both(
     combine: Callable[[tuple[float, float]], float], left: float | None, right: float | None
 ) -> float | None:
     return None if left is None or right is None else combine((left, right))
-
-
-def _duty(sample: WheelSample, wheel: int) -> float:
-    return (sample.left_duty, sample.right_duty)[wheel]
 
 
 def _speed(sample: WheelSample, wheel: int) -> float:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wheelwire_protocol.codes import Fault
+
+from ..errors import CommissioningFailed
 
 
 @dataclass(frozen=True)
@@ -176,3 +179,15 @@ class Problem:
         side = "" if self.side is None else ("left", "right")[self.side]
         text = f"{self.defect.name}: {self.defect.remedy}"
         return text.format(side=side, detail=self.detail)
+
+
+class Unfit(CommissioningFailed):
+    """The robot has defects that no parameter mends.
+
+    Args:
+        problems: What was found.
+    """
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        super().__init__("; ".join(map(str, problems)))
+        self.problems = tuple(problems)

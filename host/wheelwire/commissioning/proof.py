@@ -16,11 +16,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.codes import Fault
 
 from ..drivers.base import BaseDriver
 from ..errors import DeviceRefused, InvalidArgument
-from .motion import (
+from .driving import (
     SIDES,
     Left,
     Pair,
@@ -35,15 +35,15 @@ from .motion import (
 )
 
 TOP_MPS = 0.35
-"""The speed of the fastest part of the drive, if the robot can reach it."""
+"""Of the fastest part of the drive, on a robot that can."""
 RAMP_MPS2 = 1.0
-"""The acceleration of the steepest ramp, if the robot's limit allows it."""
+"""Of the steepest ramp, on a robot that may."""
 
 _LONGEST_WAY_M = 0.75
 _DUTY_AT_TOP = 0.7
-"""The share of the robot's duty limit that constant speed may need."""
+"""Of the robot's limit, at constant speed."""
 _DUTY_OF_RAMP = 0.3
-"""The share of the robot's duty limit that the acceleration may need."""
+"""Of the robot's limit, for the acceleration."""
 _MEASUREMENT_LAG = 0.65
 """Lag of the measured velocity, in `velocity_window_us`; the firmware assumes the same."""
 _SHORTEST_HOLD_S = 0.4
@@ -344,15 +344,15 @@ def prove(
     with one_session(robot):
         try:
             left(2 * course.seconds)
-            first = _drive_with(robot, before, course)
+            first, fault_before = _drive_with(robot, before, course)
             left(course.seconds)
-            second = _drive_with(robot, after, course)
+            second, fault_after = _drive_with(robot, after, course)
         finally:
             # The stop first: while the robot drives, some of the previous values would be refused.
             robot.stop()
             _set(robot, before)
             left(0.0)
-    traces = first.trace, second.trace
+    traces = first, second
     rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
     return Proof(
         left=_wheel_proof(traces, course, 0),
@@ -360,7 +360,7 @@ def prove(
         rms_before_mps=rms[0],
         rms_after_mps=rms[1],
         traces=traces,
-        faults=(first.faults, second.faults),
+        faults=(fault_before, fault_after),
     )
 
 
@@ -385,37 +385,24 @@ def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
     return Course(top_mps, ramp_mps2)
 
 
-class _Drive(NamedTuple):
-    trace: Trace | None
-    faults: Fault
-    """That ended it, if there is no trace."""
-
-
-def _drive_with(robot: BaseDriver, values: Mapping[str, float], course: Course) -> _Drive:
-    """A fault that ends the drive is cleared."""
+def _drive_with(
+    robot: BaseDriver, values: Mapping[str, float], course: Course
+) -> tuple[Trace | None, Fault]:
+    """A fault that ends the drive is cleared; there is no trace then."""
     # The setpoint of the drive before may still be active, and some parameters change only while
     # the robot stands.
     robot.stop()
     _set(robot, values)
-    try:
-        return _Drive(uninterrupted(partial(_drive, robot, course)), Fault(0))
-    except _Faulted as ended:
+    trace, faults = uninterrupted(partial(_drive, robot, course))
+    if faults:
         come_to_rest(robot)
         robot.clear_fault()
         arm(robot)
-        return _Drive(None, ended.faults)
+    return trace, faults
 
 
-class _Faulted(Exception):  # noqa: N818
-    """A fault ended the drive."""
-
-    def __init__(self, faults: Fault) -> None:
-        super().__init__(faults)
-        self.faults = faults
-
-
-def _drive(robot: BaseDriver, course: Course) -> Trace | None:
-    """None if a setpoint ran out meanwhile."""
+def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | None:
+    """A trace, or the fault that ended the drive; None if a setpoint ran out meanwhile."""
     resting = come_to_rest(robot)
     # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
     # round trip later, and is active until the next one: its middle has to be on the course.
@@ -430,22 +417,23 @@ def _drive(robot: BaseDriver, course: Course) -> Trace | None:
             robot.set_wheel_velocity(left, right, life_s(robot))
         except DeviceRefused as error:
             if error.faults:
-                raise _Faulted(error.faults) from error
+                return None, error.faults
             raise
         record.add(robot.read())
         # A fault may show in a sample before a setpoint is refused because of it.
-        if record.samples[-1].state is SupervisorState.FAULT:
-            raise _Faulted(record.samples[-1].faults)
+        if record.faults:
+            return None, record.faults
     if record.lapsed:
         return None
     lag_s = _MEASUREMENT_LAG * robot.parameters["velocity_window_us"] / 1e6
     times_s = record.times_s()
-    return Trace(
+    trace = Trace(
         tuple(times_s),
         tuple(course.at(time - lag_s) for time in times_s),
         tuple(Pair(sample.left_mps, sample.right_mps) for sample in record.samples),
         lag_s,
     )
+    return trace, Fault(0)
 
 
 def _wheel_proof(

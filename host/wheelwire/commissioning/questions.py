@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -14,7 +14,10 @@ from ..files.answers import load_answers
 from ..files.board import shipped_boards
 from ..files.plant import shipped_plants
 from ..parameters import checked_value
-from .motion import SIDES
+from .driving import SIDES
+
+Say = Callable[[str], None]
+"""Called with a line on what is done and found."""
 
 YES, NO = "yes", "no"
 AGAIN = "again"
@@ -40,7 +43,7 @@ ANSWER_KEYS = (
 _SEEN_TURNS = 0.005
 """Less than that a person does not see."""
 _HAND_LIMIT_S = 1.5
-"""How long to turn a wheel that does not give way."""
+"""Of a wheel that does not give way."""
 
 
 class HandTurn(NamedTuple):

@@ -1,25 +1,33 @@
-"""The set-up of a robot, from its wiring to its gains."""
+"""The set-up of a robot, from its board and wiring to its gains."""
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from wheelwire_protocol.codes import Fault, ResetReason
+from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codes import Board, Contradiction, Fault, ResetReason
 
+from ..board import BoardDescription, chip_of_pins
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import CommissioningFailed, DeviceRefused, OutputFailed
+from ..errors import CommissioningFailed, DeviceRefused, GroupUnavailable, OutputFailed
+from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
 from ..parameters import Trial, definition_of, number_text
-from .board_choice import choose_board, tell_contradictions
 from .counts import COUNTS, ask_counts
+from .driving import BoardReset, Left, not_watching, untold
 from .gains import tuned
 from .identification import identify
-from .inspection import (
-    Say,
-    Unfit,
+from .problems import FAULTED, SAGS, VOIDING, Problem, Unfit
+from .problems import named as fault_names
+from .proof import Proof, prove
+from .questions import KEEP, NO, YES, Person, Question, Say
+from .wiring import (
+    Wiring,
     check_floor,
     check_ready,
     check_supply,
@@ -28,13 +36,6 @@ from .inspection import (
     find_low_battery,
     find_wiring,
 )
-from .motion import BoardReset, Left, not_watching, untold
-from .problems import FAULTED, SAGS, VOIDING, Problem
-from .problems import named as fault_names
-from .progress import Progress
-from .proof import Proof, prove
-from .questions import NO, YES, Person, Question
-from .wiring import Wiring
 
 SIZES = ("wheel_radius", "wheel_separation")
 TUNED = (
@@ -49,9 +50,9 @@ CHANGED = (*Wiring().corrections, COUNTS, *SIZES, *TUNED)
 """The parameters that a set-up may change."""
 
 _CHECK_S = 3.5
-"""How long both wheels turn forward for the check."""
+"""Of both wheels, forward."""
 _DRIVES_S = 23.0
-"""How long both test drives take, if nothing limits them."""
+"""Of both test drives, if nothing limits them."""
 
 UNEQUAL_WHEELS = (
     "Setup assumes that both wheels are equal in size: each counts its own turns, so setup cannot "
@@ -64,6 +65,49 @@ TUNE = Question(
     (YES, NO),
     YES,
 )
+
+
+class Progress:
+    """The values found so far, of one robot.
+
+    The robot itself has its previous values again after an interruption.
+
+    Args:
+        board_id: Of the robot.
+        folder: Of the files; by default where programs of this user keep their state.
+    """
+
+    def __init__(self, board_id: str, folder: Path | None = None) -> None:
+        state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+        self._file = (folder or Path(state) / "wheelwire") / f"setup-{board_id}.json"
+
+    def load(self) -> dict[str, dict[str, float]]:
+        """Values of parameters by step; none if there is no unfinished set-up."""
+        try:
+            content = json.loads(self._file.read_text("utf-8"))
+        except (OSError, ValueError):
+            # A damaged file is not worth an error: the set-up only begins anew.
+            return {}
+        return content if _is_valid(content) else {}
+
+    def save(self, found: Mapping[str, Mapping[str, float]]) -> None:
+        """Keep what was found.
+
+        Raises:
+            OutputFailed: It cannot be written.
+        """
+        # Replaced as a whole: if this is interrupted, the previous file is still there.
+        new = self._file.with_suffix(".new")
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            new.write_text(json.dumps(found), "utf-8")
+            new.replace(self._file)
+        except OSError as error:
+            raise OutputFailed(f"cannot write {self._file}: {error.strerror}") from error
+
+    def forget(self) -> None:
+        """It is finished."""
+        self._file.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
@@ -331,8 +375,7 @@ class _SetUp:
             self.say(f"  {name}: {former} -> {new} {unit}".rstrip() + same)
         self.findings = replace(self.findings, is_complete=True)
         if self.options.keep is not None:
-            device = self.robot.info.device if isinstance(self.robot, DeviceDriver) else None
-            _write(self.options.keep, ParameterFile.of_device(values, device))
+            _write(self.options.keep, _file_of(self.robot, values))
             self.say(f"written to {self.options.keep}; the robot has its previous values again")
         elif self.person.answer(Question("save", "Save them on the robot?", (YES, NO), NO)) == YES:
             # The device saves nothing while values are on trial.
@@ -405,8 +448,95 @@ def _was_brownout(robot: BaseDriver) -> bool:
     )
 
 
+def _file_of(robot: BaseDriver, values: dict[str, float]) -> ParameterFile:
+    if not isinstance(robot, DeviceDriver):
+        return ParameterFile(values)
+    device = robot.info.device
+    return ParameterFile(values, device.board.name, device.board_id, device.release.release)
+
+
 def _write(path: Path, file: ParameterFile) -> None:
     try:
         path.write_text(file.text(), "utf-8")
     except OSError as error:
         raise OutputFailed(f"cannot write {path}: {error.strerror}") from error
+
+
+def _is_valid(content: object) -> bool:
+    return isinstance(content, dict) and all(
+        isinstance(values, dict)
+        and all(isinstance(value, (int, float)) for value in values.values())
+        for values in content.values()
+    )
+
+
+def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
+    """Ask which board the robot has, and store it there, unless the robot has one confirmed.
+
+    Args:
+        robot: A robot without a device that stores boards is left as it is.
+        person: Answers `board` with a built-in board's name, or with `keep`, which confirms the
+            board that the device believes to be on.
+        say: Called with a line on what is done.
+
+    Raises:
+        BoardNotKept, DeviceRefused, LinkLost, RequestTimeout: As `DeviceBoard.take_up`.
+    """
+    if not isinstance(robot, DeviceDriver):
+        return
+    try:
+        state, present = robot.board.read()
+    except GroupUnavailable:
+        return  # the device has its pins otherwise
+    if state is BoardState.STORED and present is not None:
+        say(f"board: {present.name}")
+        return
+    offered = _boards_for(robot.info.device.board)
+    picture = next((name for name, board in offered.items() if board == present), None)
+    pictures = pictures_directory()
+    as_it_is = f"{KEEP}: none, nothing drives"
+    if present is not None:
+        shown = f", {pictures / picture}.svg" if picture else ""
+        as_it_is = f"{KEEP}: it is {present.name}{shown}, as the firmware believes"
+    answer = person.answer(
+        Question(
+            "board",
+            f"Which board is it? {pictures}/NAME.svg shows each; {as_it_is}.",
+            (*offered, KEEP),
+            KEEP,
+        )
+    )
+    chosen = present if answer == KEEP else offered[answer]
+    if chosen is None:
+        return
+    if chosen == present:
+        robot.board.accept(chosen)
+        say(f"{chosen.name}: confirmed")
+    else:
+        robot.board.take_up(chosen)
+        say(f"{chosen.name}: written, tried and confirmed")
+
+
+def tell_contradictions(robot: BaseDriver, say: Say) -> None:
+    """Name the parameters that contradict each other, or the board.
+
+    Raises:
+        CommissioningFailed: There are some: nothing would drive.
+    """
+    if not isinstance(robot, DeviceDriver):
+        return
+    active = robot.contradictions()
+    for flag in Contradiction:
+        if flag in active:
+            say(f"contradiction: {flag.doc}")
+    if active:
+        raise CommissioningFailed(
+            "parameters contradict each other, and nothing drives: correct them with "
+            "`wheelwire params set`, then begin again"
+        )
+
+
+def _boards_for(chip: Board) -> dict[str, BoardDescription]:
+    """The built-in boards for a device's chip, by name."""
+    boards = {name: load_board(name) for name in shipped_boards()}
+    return {n: board for n, board in boards.items() if board.chip is chip_of_pins(chip)}

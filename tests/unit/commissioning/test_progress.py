@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.commissioning.progress import Progress
+from wheelwire.commissioning.setup import Progress
 from wheelwire.errors import OutputFailed
 
 

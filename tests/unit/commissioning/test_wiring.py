@@ -6,6 +6,7 @@ from itertools import product
 
 import pytest
 
+from wheelwire.commissioning.driving import Pulsed
 from wheelwire.commissioning.problems import (
     BOTH_TURNED,
     CHANNEL_DEAD,
@@ -16,7 +17,6 @@ from wheelwire.commissioning.problems import (
     UNSEEN,
     Problem,
 )
-from wheelwire.commissioning.pulses import Pulsed
 from wheelwire.commissioning.wiring import Seen, Wiring, deduce, find_problems
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
