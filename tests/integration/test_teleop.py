@@ -18,7 +18,7 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire.teleop.drive import STALE_S
-from wheelwire.teleop.presses import FIRST_LIFE_S
+from wheelwire.teleop.keys import FIRST_LIFE_S
 from wheelwire_protocol.codes import SupervisorState
 
 PERIOD_US = 1000

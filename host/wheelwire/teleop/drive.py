@@ -11,9 +11,17 @@ from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from ..drivers.base import BaseDriver
 from ..errors import DeviceRefused, RequestTimeout, WheelwireError
 from ..motion.kinematics import Twist
-from ..samples import WheelSample
-from .keys import INTERRUPT, SPACE, Action, KeyboardFlags, KeyDecoder, KeyEvent
-from .presses import DIRECTIONS, STILL, Motion, Presses
+from .keys import (
+    DIRECTIONS,
+    INTERRUPT,
+    SPACE,
+    STILL,
+    Action,
+    KeyboardFlags,
+    KeyDecoder,
+    KeyEvent,
+    Presses,
+)
 from .terminal import Terminal
 
 SPEEDS = 10
@@ -21,7 +29,7 @@ SPEEDS = 10
 DEFAULT_SPEED = 4
 PERIOD_S = 0.05
 TTL_S = 0.3
-"""How long a setpoint lives at most: a program that hangs or is killed drives no longer."""
+"""Of a setpoint, if the press lives as long: a program that hangs or is killed drives no longer."""
 STALE_S = 0.25
 """Keys that waited about this long, because the program did not run, drive no more."""
 SHOW_PERIOD_S = 0.1
@@ -108,17 +116,14 @@ class Teleop:
         if motion is STILL or life_s < PERIOD_S:
             return
         try:
-            self._send(motion, min(longest_s, life_s), now)
+            linear, angular = self.velocity
+            asked = motion.forward * linear, motion.left * angular
+            self._robot.set_velocity(*asked, min(longest_s, life_s), stamp=now)
         except WheelwireError as error:
             self._complain(error)
         else:
             self._complaint = ""
             self._sent = sent
-
-    def _send(self, motion: Motion, ttl_s: float, now: float) -> None:
-        linear, angular = self.velocity
-        asked = motion.forward * linear, motion.left * angular
-        self._robot.set_velocity(*asked, ttl_s, stamp=now)
 
     @property
     def _longest_s(self) -> float:
@@ -208,8 +213,7 @@ def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> 
     """
     teleop = Teleop(robot, terminal.say, speed)
     decoder = KeyDecoder()
-    display = _Display(terminal, teleop)
-    seen = time.monotonic()
+    seen, show_from = time.monotonic(), 0.0
     while not teleop.done:
         data = terminal.read(teleop.wait_s(time.monotonic()))
         if data is None:
@@ -224,32 +228,23 @@ def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> 
                 # The time anew: a key before this one may have waited for the robot's answer.
                 teleop.take(event, time.monotonic(), stale=stale)
         teleop.command(time.monotonic())
-        display.update(robot, now)
+        if now >= show_from:
+            show_from = now + SHOW_PERIOD_S
+            if text := _text(robot, teleop):
+                terminal.show(text)
 
 
-class _Display:
-    """The line with the robot's state and speed."""
-
-    def __init__(self, terminal: Terminal, teleop: Teleop) -> None:
-        self._terminal = terminal
-        self._teleop = teleop
-        self._next = 0.0
-
-    def update(self, robot: BaseDriver, now: float) -> None:
-        if now < self._next:
-            return
-        self._next = now + SHOW_PERIOD_S
-        try:
-            self._terminal.show(self._text(robot.read(0)))
-        except RequestTimeout:
-            pass  # no new sample: the line stays
-        except WheelwireError as error:
-            self._terminal.show(str(error))
-
-    def _text(self, sample: WheelSample) -> str:
-        velocity, speed = self._teleop.velocity, self._teleop.speed
-        return (
-            f"{sample.state.name:9}  left {sample.left_mps:+.2f}  right {sample.right_mps:+.2f} m/s"
-            f"  speed {speed}: {velocity.linear_mps:.2f} m/s, "
-            f"{velocity.angular_radps:.1f} rad/s"
-        )
+def _text(robot: BaseDriver, teleop: Teleop) -> str | None:
+    """The line with the robot's state and speed; None without a new sample."""
+    try:
+        sample = robot.read(0)
+    except RequestTimeout:
+        return None
+    except WheelwireError as error:
+        return str(error)
+    velocity = teleop.velocity
+    return (
+        f"{sample.state.name:9}  left {sample.left_mps:+.2f}  right {sample.right_mps:+.2f} m/s"
+        f"  speed {teleop.speed}: {velocity.linear_mps:.2f} m/s, "
+        f"{velocity.angular_radps:.1f} rad/s"
+    )

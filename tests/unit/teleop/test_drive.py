@@ -12,8 +12,7 @@ from support.hand import LETTING_GO, REPEAT_S, Hand, stop_after
 from wheelwire import errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.teleop.drive import DEFAULT_SPEED, PERIOD_S, RELEASE_FIRST, SPEEDS, TTL_S
-from wheelwire.teleop.keys import INTERRUPT, SPACE, Action
-from wheelwire.teleop.presses import FIRST_LIFE_S
+from wheelwire.teleop.keys import FIRST_LIFE_S, INTERRUPT, SPACE, Action
 from wheelwire_protocol.codes import SupervisorState
 
 TYPED, PRESSED, REPEATED, RELEASED = (

@@ -8,12 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wheelwire.teleop.keys import DOWN, UP, Action, KeyEvent
-from wheelwire.teleop.presses import (
+from wheelwire.teleop.keys import (
     DIRECTIONS,
+    DOWN,
     FIRST_LIFE_S,
     REPEAT_LIFE_S,
     STILL,
+    UP,
+    Action,
+    KeyEvent,
     Presses,
 )
 
