@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from wheelwire.demo.scenario import run
+from wheelwire.demo import run
 from wheelwire.motion.odometry import Pose
 
 PICTURE = Path(__file__).parents[1] / "docs" / "demo.svg"

@@ -1,4 +1,10 @@
-"""The demonstration: drives a simulated robot through the public API and measures it."""
+"""The demonstration: drives a simulated robot through the public API and measures it.
 
-from .report import Report as Report
+`scenario` opens simulator and driver, drives, hangs on purpose, and reports what was measured.
+`figure` says which velocity to command when. `display` shows the run live and plots it at the end.
+Data flow: figure -> setpoints -> driver -> simulated robot; its samples go through the odometry to
+the display, and the simulator's true states go beside them into the `Report`.
+"""
+
+from .scenario import Report as Report
 from .scenario import run as run

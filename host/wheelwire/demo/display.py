@@ -1,11 +1,12 @@
-"""The display of the demonstration: a live table, or plain lines without a terminal."""
+"""What a run looks like: a live table, or plain lines without a terminal; at its end a plot."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple, Protocol
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 from rich.console import Console
 from rich.live import Live
@@ -30,24 +31,21 @@ class View(NamedTuple):
     statistics: LinkStatistics
 
 
-class Display(Protocol):
-    """Shows views; may skip one that follows another too soon."""
-
-    def show(self, view: View) -> None:
-        """Show `view`."""
+Show: TypeAlias = Callable[[View], None]
+"""Shows a view; may skip one that follows another too soon."""
 
 
 @contextmanager
-def open_display(console: Console) -> Iterator[Display]:
+def open_display(console: Console) -> Iterator[Show]:
     """Open a live table on a terminal, else print plain lines."""
     if not console.is_terminal:
-        yield _LineDisplay(console)
+        yield _Lines(console).show
         return
     with Live(console=console, refresh_per_second=LIVE_REFRESH_HZ) as area:
-        yield _TableDisplay(area)
+        yield lambda view: area.update(_table(view))
 
 
-class _LineDisplay:
+class _Lines:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._next_s = 0.0
@@ -67,34 +65,30 @@ class _LineDisplay:
         )
 
 
-class _TableDisplay:
-    def __init__(self, area: Live) -> None:
-        self._area = area
-
-    def show(self, view: View) -> None:
-        sample, pose, link = view.sample, view.pose, view.statistics
-        title = f"{view.phase}  {view.seconds:4.1f} s"
-        table = Table(title=title, title_justify="left", show_header=False)
-        table.add_column("", style="cyan", no_wrap=True)
-        table.add_column("", width=58, no_wrap=True)
-        table.add_row("state", sample.state.name)
-        table.add_row(
-            "pose",
-            f"x {pose.x_m:+.3f} m   y {pose.y_m:+.3f} m   "
-            f"heading {math.degrees(pose.heading_rad):+.1f} deg",
-        )
-        table.add_row("left wheel", _bar(sample.left_mps, sample.left_duty))
-        table.add_row("right wheel", _bar(sample.right_mps, sample.right_duty))
-        table.add_row(
-            "link",
-            f"{link.frames_received} frames, {link.frames_lost} lost, {link.bad} damaged",
-        )
-        table.add_row(
-            "timing",
-            f"round trip {link.round_trip_p50_us / 1000:.2f} ms, "
-            f"clock within {link.clock_error_us / 1000:.2f} ms",
-        )
-        self._area.update(table)
+def _table(view: View) -> Table:
+    sample, pose, link = view.sample, view.pose, view.statistics
+    title = f"{view.phase}  {view.seconds:4.1f} s"
+    table = Table(title=title, title_justify="left", show_header=False)
+    table.add_column("", style="cyan", no_wrap=True)
+    table.add_column("", width=58, no_wrap=True)
+    table.add_row("state", sample.state.name)
+    table.add_row(
+        "pose",
+        f"x {pose.x_m:+.3f} m   y {pose.y_m:+.3f} m   "
+        f"heading {math.degrees(pose.heading_rad):+.1f} deg",
+    )
+    table.add_row("left wheel", _bar(sample.left_mps, sample.left_duty))
+    table.add_row("right wheel", _bar(sample.right_mps, sample.right_duty))
+    table.add_row(
+        "link",
+        f"{link.frames_received} frames, {link.frames_lost} lost, {link.bad} damaged",
+    )
+    table.add_row(
+        "timing",
+        f"round trip {link.round_trip_p50_us / 1000:.2f} ms, "
+        f"clock within {link.clock_error_us / 1000:.2f} ms",
+    )
+    return table
 
 
 def _bar(speed_mps: float, duty: float) -> str:
@@ -105,3 +99,31 @@ def _bar(speed_mps: float, duty: float) -> str:
     for index in range(min(0, filled), max(0, filled) + 1):
         cells[middle + index] = "█"
     return f"{speed_mps:+.3f} m/s   duty {duty:+.2f} {''.join(cells)}"
+
+
+def save_trajectory(
+    file: Path, commanded: Sequence[Pose], odometry: Sequence[Pose], true: Sequence[Pose]
+) -> None:
+    """Write a PNG of the three paths, in metres.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+        OSError: The file cannot be written.
+    """
+    from matplotlib.figure import Figure  # not pyplot, which needs a display
+
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    axes = figure.subplots()
+    # From the widest to the narrowest, so that each line shows below the next one.
+    styles: dict[str, dict[str, Any]] = {
+        "commanded": {"color": "#bbbbbb", "linewidth": 5},
+        "true (plant)": {"color": "#1b7837", "linewidth": 2},
+        "odometry": {"color": "#762a83", "linewidth": 1.2, "linestyle": "--"},
+    }
+    for (label, style), poses in zip(styles.items(), (commanded, true, odometry), strict=True):
+        axes.plot([p.x_m for p in poses], [p.y_m for p in poses], label=label, **style)
+    axes.plot(true[-1].x_m, true[-1].y_m, "o", color="#1b7837", label="standstill")
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="Figure eight, then a hang")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best")
+    figure.savefig(file, dpi=120)

@@ -1,10 +1,11 @@
-"""The scenario: a figure eight, then a program that hangs."""
+"""The scenario: a figure eight, then a program that hangs; and what is measured meanwhile."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TypeAlias
@@ -16,10 +17,8 @@ from wheelwire.errors import OutputFailed, WheelwireError
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.simulation.simulator import Simulator, TrueState
 
-from .display import Display, View, open_display
+from .display import Show, View, open_display, save_trajectory
 from .figure import DURATION_S, commanded_path, twist_at
-from .plot import save_trajectory
-from .report import Report
 
 COMMAND_PERIOD_S = 0.02
 TTL_S = 0.3
@@ -30,6 +29,62 @@ PLOT_FILE = "trajectory.png"
 
 
 Save: TypeAlias = Callable[[Path, Sequence[Pose], Sequence[Pose], Sequence[Pose]], None]
+
+
+@dataclass(frozen=True)
+class Report:
+    """The results of one run. Distances are the plant's, not those of the odometry."""
+
+    distance_m: float
+    position_error_m: float
+    """Distance between the odometry and the true pose at standstill."""
+    heading_error_rad: float
+    frames_sent: int
+    frames_received: int
+    frames_lost: int
+    crc_errors: int
+    setpoints_expired: int
+    """Setpoints that came too late: the wheels stopped meanwhile, for this computer was busy."""
+    round_trip_p50_us: float
+    round_trip_p99_us: float
+    command_age_us: int
+    """Age of the last setpoint when the drive was removed, on the device's clock."""
+    drive_removed_after_deadline_us: int
+    standstill_after_deadline_us: int
+    stopping_distance_m: float
+    """Distance between the removal of the drive and standstill."""
+    picture: str | None
+    """Path of the plot."""
+    picture_error: str | None
+    """Why there is no plot."""
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Pairs of name and value, for a table."""
+        return [
+            ("distance driven", f"{self.distance_m:.3f} m"),
+            (
+                "final pose error (odometry against the plant)",
+                f"{self.position_error_m * 1000:.1f} mm, "
+                f"{abs(math.degrees(self.heading_error_rad)):.2f} deg",
+            ),
+            ("frames sent", str(self.frames_sent)),
+            ("frames received", str(self.frames_received)),
+            ("frames lost", str(self.frames_lost)),
+            ("CRC errors", str(self.crc_errors)),
+            (
+                "round trip p50 / p99",
+                f"{self.round_trip_p50_us / 1000:.2f} / {self.round_trip_p99_us / 1000:.2f} ms",
+            ),
+            ("stop: drive removed after the deadline", _ms(self.drive_removed_after_deadline_us)),
+            ("stop: and after the last setpoint", _ms(self.command_age_us)),
+            ("stop: standstill after the deadline", _ms(self.standstill_after_deadline_us)),
+            ("stop: rolled out", f"{self.stopping_distance_m * 1000:.0f} mm"),
+            ("picture", self.picture or f"none: {self.picture_error}"),
+        ]
+
+
+def _ms(microseconds: float) -> str:
+    return f"{microseconds / 1000:.1f} ms"
 
 
 def run(folder: Path, console: Console, save: Save = save_trajectory) -> Report:
@@ -49,18 +104,16 @@ def run(folder: Path, console: Console, save: Save = save_trajectory) -> Report:
     with (
         Simulator(truth_hz=50) as simulator,
         SerialDriver(simulator.port) as robot,
-        open_display(console) as display,
+        open_display(console) as show,
     ):
-        return _Demonstration(simulator, robot, display, save).run(folder)
+        return _Demonstration(simulator, robot, show, save).run(folder)
 
 
 class _Demonstration:
-    def __init__(
-        self, simulator: Simulator, robot: SerialDriver, display: Display, save: Save
-    ) -> None:
+    def __init__(self, simulator: Simulator, robot: SerialDriver, show: Show, save: Save) -> None:
         self._simulator = simulator
         self._robot = robot
-        self._display = display
+        self._show = show
         self._save_picture = save
         self._odometry = Odometry(robot.geometry)
         self._odometry.update(robot.read())
@@ -101,7 +154,7 @@ class _Demonstration:
         self._path.append(pose)
         self._true += self._simulator.take_states()
         seconds = time.monotonic() - self._began_s
-        self._display.show(View(phase, seconds, pose, sample, self._robot.statistics))
+        self._show(View(phase, seconds, pose, sample, self._robot.statistics))
 
     def _report(self, folder: Path) -> Report:
         picture = folder / PLOT_FILE
