@@ -1,25 +1,65 @@
-"""Tests a driver by its samples, so that a test works the same in real and in virtual time."""
+"""A driver and the robot behind it, as the conformance tests use them; times are of its samples."""
 
 from __future__ import annotations
 
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Literal, TypeVar
+
+import pytest
 
 from ..drivers.base import BaseDriver
 from ..errors import LinkLost, RequestTimeout
 from ..samples import WheelSample
 
+
+class Bench(ABC):
+    """A robot that the tests may drive at up to 0.4 m/s, each way and turning on the spot.
+
+    Only `open` is mandatory. A test that needs one of the other methods is skipped if the bench
+    does not have it.
+    """
+
+    @abstractmethod
+    def open(self) -> BaseDriver:
+        """Open the driver under test; the tests shut it down."""
+
+    def pass_time(self, seconds: float) -> None:
+        """Let the robot's time pass without calling the driver."""
+        time.sleep(seconds)
+
+    def true_ticks(self) -> tuple[int, int]:
+        """The ticks (left, right) that perfect encoders would have counted."""
+        pytest.skip("this bench cannot count the true ticks")
+
+    def is_driven(self) -> bool:
+        """Whether a motor is driven; braking is not driving."""
+        pytest.skip("this bench does not see the bridge")
+
+    def lose_link(self) -> None:
+        """Cut the link between the driver and the robot."""
+        pytest.skip("this bench cannot cut the link")
+
+    def restore_link(self) -> None:  # noqa: B027 - called after lose_link only
+        """Restore the link."""
+
+    def block_left_encoder(self) -> None:
+        """Make the left encoder stop counting."""
+        pytest.skip("this bench cannot break an encoder")
+
+
 REPEAT_S = 0.05
 TTL_S = 0.5
 TIMEOUT_S = 30.0
-"""A limit in the robot's time, longer than anything takes: a busy machine must not fail a test."""
+"""In the robot's time. Much longer than anything takes: a busy machine must not fail a test."""
 
 SPEED_MPS = 0.2
 """The default speed of the tests."""
 CLOSE = 0.1
 """Relative tolerance."""
 ATTEMPTS = 10
-"""How often to repeat a measurement that another program can spoil by using the processor."""
+"""For measurements that another program can spoil by taking the processor for a while."""
 
 Result = TypeVar("Result")
 Condition = Callable[[WheelSample], bool]
@@ -98,7 +138,7 @@ class DriveHarness:
     def rest(self) -> WheelSample:
         """Stop, and wait until the wheels are at rest."""
         self.driver.stop()
-        return self.wait(lambda s: s.left_mps == 0 and s.right_mps == 0)
+        return self.wait(standing)
 
     def recovers(self) -> bool:
         """Whether the driver reads a sample in time, though its link may have been lost."""

@@ -24,7 +24,7 @@ from wheelwire import errors
 from wheelwire.drivers.linked import TTL_MAX
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
-from wheelwire.testing.refusing import commands_with
+from wheelwire.testing.conformance import commands_with
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
