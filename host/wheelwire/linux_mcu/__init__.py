@@ -4,4 +4,9 @@ It is two processes: the *core* steps the firmware's core and moves the pins; it
 *guard*, pulls the bridge's EN low if the core process dies or hangs. The application talks to the
 core over a socket, with the protocol that an ESP32 speaks. No code here makes a decision about the
 robot: it sets pins, counts edges and passes bytes on.
+
+`launch` starts both from the application; `__main__` is where they begin, with `McuSettings` in
+JSON. `core` has the loop, `line` its socket, `gpio` and `encoder` the pins, `store` and `latches`
+the files; `guard` watches. Data flow: socket -> `line` -> the firmware's core -> outputs -> `gpio`;
+edges -> `encoder` -> ticks -> the core -> `line`.
 """

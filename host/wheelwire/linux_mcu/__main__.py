@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import ConfigurationError, LinkLost, WheelwireError
-from .heartbeat import Heartbeat, Phase
+from . import guard
+from .guard import Heartbeat, Phase
 from .settings import McuSettings
 
 GUARD_START_S = 10.0
@@ -49,7 +50,6 @@ def main() -> int:
 
 
 def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> int:
-    from . import guard, realtime
     from .gpio import prepare_enable_low
 
     endings = [signal.SIGTERM, signal.SIGHUP]
@@ -62,7 +62,7 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
         # Only the core may hold the socket: the application must see it close when the core ends.
         os.close(settings.socket)
     # What is refused is the core's to report: it asks for the same.
-    realtime.request_realtime(realtime.GUARD_PRIORITY)
+    guard.request_realtime(guard.GUARD_PRIORITY)
     prepare = partial(prepare_enable_low, settings)
     return guard.watch(core_pid, heartbeat, settings.core_timeout_ms / 1000, prepare)
 
@@ -71,15 +71,14 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     """Run the core. However it ends, the wheels coast and the pins are released."""
     from wheelwire_protocol.native import NativeMissingError
 
-    from . import realtime
     from .core import McuLoop, active_parameters, make_core
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
 
     # First: from here on a signal ends the loop, with the wheels stopped, and not the process.
     end_signal = _open_end_signal()
-    limit = realtime.request_realtime(
-        realtime.CORE_PRIORITY
+    limit = guard.request_realtime(
+        guard.CORE_PRIORITY
     )  # before the pin library starts threads, which inherit it
     try:
         gpio = open_gpio(settings, active_parameters(settings))

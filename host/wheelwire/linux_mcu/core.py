@@ -16,7 +16,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..errors import ConfigurationError
 from .gpio.base import Gpio
-from .heartbeat import Heartbeat
+from .guard import Heartbeat
 from .latches import latch_file
 from .line import Line
 from .settings import McuSettings
@@ -99,8 +99,8 @@ class McuLoop:
             ready = self._wait()
             if any(ending in ready for ending in self._endings):
                 self._end()
-            if self._line.receive(ready):
-                self._service(self._line.data)
+            if data := self._line.receive(ready):
+                self._service(data)
             # After what the host sent last, which may be a stop. Its setpoint ends here, not at its
             # deadline: that it is gone is known.
             if self._line.hung_up:

@@ -1,19 +1,112 @@
-"""Watches the core's process and pulls EN low if it dies or hangs while it holds the pins.
+"""The guard: pulls EN low if the core's process dies or hangs while it holds the pins.
 
 A killed process leaves its outputs as they were: with EN high the wheels would not stop turning.
+Core and guard share a heartbeat, and both ask for real-time scheduling.
 """
 
 from __future__ import annotations
 
+import ctypes
+import enum
+import gc
+import mmap
 import os
 import select
 import signal
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from ..errors import WheelwireError
-from .heartbeat import Heartbeat, Phase
 
 CHECK_S = 0.01
+CORE_PRIORITY = 40
+GUARD_PRIORITY = 41
+"""Above the core's: the guard must run even if the core hogs the processor."""
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+
+
+class Phase(enum.IntEnum):
+    """What the core is doing."""
+
+    OPENING = 0
+    """It is opening its pins."""
+    RUNNING = 1
+    """It may drive."""
+    CLOSED = 2
+    """It has pulled EN low and released its pins."""
+    SAVING = 3
+    """It writes a file, which takes seconds on a slow card. Never while driving."""
+
+
+class Heartbeat:
+    """Created before the fork. Each word is written by one side only."""
+
+    def __init__(self) -> None:
+        # Anonymous and shared: a fork keeps it. An aligned 64-bit store is atomic, so no lock.
+        self._words = memoryview(mmap.mmap(-1, mmap.PAGESIZE)).cast("q")
+
+    def beat(self) -> None:
+        """Note that the core is alive."""
+        self._words[0] = time.monotonic_ns()
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last beat."""
+        # The monotonic clock is the same for both processes.
+        return (time.monotonic_ns() - self._words[0]) / 1e9
+
+    @property
+    def phase(self) -> Phase:
+        """The phase of the core."""
+        return Phase(self._words[1])
+
+    @phase.setter
+    def phase(self, phase: Phase) -> None:
+        self.beat()  # first: a new phase must not be judged by an old beat
+        self._words[1] = phase
+
+    @contextmanager
+    def saving(self) -> Iterator[None]:
+        """A block in which silence does not mean a hang."""
+        before, self.phase = self.phase, Phase.SAVING
+        try:
+            yield
+        finally:
+            self.phase = before
+
+    @property
+    def guarded(self) -> bool:
+        """Whether the guard is ready to act."""
+        return bool(self._words[2])
+
+    def guard_is_ready(self) -> None:
+        """Let the core drive from now on."""
+        self._words[2] = 1
+
+
+def request_realtime(priority: int) -> str | None:
+    """Request real-time priority and locked memory for this process.
+
+    Returns:
+        What was not permitted, in a sentence; None if nothing was refused.
+    """
+    # Collected first, or the garbage of the start would stay for ever.
+    gc.collect()
+    gc.freeze()  # garbage collection need not scan the objects of the start again
+    refused = []
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        refused.append("real-time priority (LimitRTPRIO)")
+    # A page that has to be read back would hold up a step. Python itself has no mlockall.
+    if ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
+        refused.append("locked memory (LimitMEMLOCK)")
+    if not refused:
+        return None
+    return (
+        f"not permitted: {' and '.join(refused)}; on a busy computer the control loop will run late"
+    )
 
 
 def watch(

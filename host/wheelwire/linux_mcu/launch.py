@@ -24,17 +24,21 @@ EXIT_TIMEOUT_S = 7.0
 TERMINATE_TIMEOUT_S = 1.0
 
 
-class ChildTransport(SocketTransport):
-    """A socket to a child process, which ends with the transport.
+class McuTransport(SocketTransport):
+    """A socket to the process that moves this computer's pins, which ends with the transport.
 
     Args:
         connection: This end of the socket.
         process: The child at the other end.
+
+    Attributes:
+        limits: What this wiring cannot do, in sentences.
     """
 
     gone = "the process that moves the pins has ended; it is being restarted"
     # Longer than for a port: each attempt starts a process.
     longest_pause_s = 1.0
+    limits: tuple[str, ...] = ()
 
     def __init__(self, connection: socket.socket, process: subprocess.Popen[bytes]) -> None:
         super().__init__(connection)
@@ -46,16 +50,6 @@ class ChildTransport(SocketTransport):
             self._socket.shutdown(socket.SHUT_RDWR)  # closes it even if a fork holds a copy
         super().close()
         end(self._process)
-
-
-class McuTransport(ChildTransport):
-    """The transport to the process that moves this computer's pins.
-
-    Attributes:
-        limits: What this wiring cannot do, in sentences.
-    """
-
-    limits: tuple[str, ...] = ()
 
 
 def launch(settings: McuSettings) -> McuTransport:

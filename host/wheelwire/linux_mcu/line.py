@@ -19,8 +19,6 @@ class Line(ABC):
     """Bytes to and from the application, if one is connected. No method blocks."""
 
     def __init__(self) -> None:
-        self.data = b""
-        """The bytes that the last `receive` read."""
         self.hung_up = False
         """The application has gone, and `next_host` has not been called since."""
         self._host: socket.socket | None = None
@@ -33,12 +31,21 @@ class Line(ABC):
         fd = self._host.fileno()
         return [fd], [fd] if self._output else []
 
-    def receive(self, ready: list[int]) -> bool:
-        """Read what has arrived; returns whether there was anything."""
-        self.data = b""
-        if self._host is not None and self._host.fileno() in ready:
-            self._read(self._host)
-        return bool(self.data)
+    def receive(self, ready: list[int]) -> bytes:
+        """What has arrived; empty if nothing has."""
+        if self._host is None or self._host.fileno() not in ready:
+            return b""
+        data = b""
+        try:
+            data = self._host.recv(READ_SIZE)
+        except BlockingIOError:
+            # Nothing has come, but that is no end.
+            return b""
+        except OSError:
+            pass  # an end like any other
+        # Nothing to read at a socket that was readable: the host has closed it.
+        self.hung_up = not data
+        return data
 
     def send(self, core: Core) -> None:
         """Send the core's output as far as there is room; the rest stays in the core."""
@@ -69,17 +76,6 @@ class Line(ABC):
         self.hung_up = False
         if host is not None:
             host.close()
-
-    def _read(self, host: socket.socket) -> None:
-        try:
-            self.data = host.recv(READ_SIZE)
-        except BlockingIOError:
-            # Nothing has come, but that is no end.
-            return
-        except OSError:
-            self.data = b""
-        # Nothing to read at a socket that was readable: the host has closed it.
-        self.hung_up = not self.data
 
     def _adopt_host(self, host: socket.socket) -> None:
         host.setblocking(False)
@@ -124,7 +120,7 @@ class ListeningLine(Line):
         readable, writable = super().wait_set()
         return [*self._listening, *readable], writable
 
-    def receive(self, ready: list[int]) -> bool:
+    def receive(self, ready: list[int]) -> bytes:
         """Also accepts a new application."""
         if self._server is not None and self._server.fileno() in ready:
             self._accept(self._server)

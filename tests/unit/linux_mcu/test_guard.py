@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from wheelwire.linux_mcu import guard
-from wheelwire.linux_mcu.heartbeat import Heartbeat, Phase
+from wheelwire.linux_mcu.guard import Heartbeat, Phase
 
 CORE_TIMEOUT_S = 0.1
 

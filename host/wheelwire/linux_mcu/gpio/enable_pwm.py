@@ -17,7 +17,7 @@ CHANNELS_BY_COUNT = {2: PWM_CHANNEL, 4: {12: 0, 13: 1, 18: 2, 19: 3}}
 EXPORT_TIMEOUT_S = 2.0
 """udev sets the permissions of a new channel shortly after it appears."""
 SOFTWARE_PWM_HZ = 1000
-"""The frequency of PWM timed by a thread: the longer the period, the less a late edge matters."""
+"""For PWM timed by a thread: a late edge changes the duty, the less so the longer the period."""
 
 
 class KernelChannel:

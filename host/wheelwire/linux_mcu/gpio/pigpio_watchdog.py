@@ -19,7 +19,7 @@ CHECKS = 11
 last refresh."""
 REFRESH_US = 20_000
 SCRIPT_MARK = 0x57574C01
-"""The last parameter of our scripts, which identifies them."""
+"""In the script's last parameter, to recognise our scripts by."""
 MAX_SCRIPTS = 32
 FIRST_START_S = 1.0
 
