@@ -7,7 +7,6 @@ Introduction to Autonomous Mobile Robots, section 5.2.4.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -48,7 +47,8 @@ class PoseCovariance:
         heading = update.pose.heading_rad
         if update.rebased:
             unseen_m = np.array([update.unseen_right_m, update.unseen_left_m])
-            distance, turn = _distance_and_turn(unseen_m, wheel_separation)
+            distance = float(unseen_m.sum()) / 2
+            turn = float(unseen_m[0] - unseen_m[1]) / wheel_separation
             # The pose has not moved, so it is that of the unseen arc's beginning.
             by_travel = _by_travel(heading + turn / 2, distance, wheel_separation)
             # Correlated, since both wheels stopped at the same time; the diagonal is the roll-out.
@@ -61,7 +61,7 @@ class PoseCovariance:
         # The pose is that of the arc's end.
         middle = heading - turn / 2
         cosine, sine = math.cos(middle), math.sin(middle)
-        by_pose = _matrix([[1, 0, -distance * sine], [0, 1, distance * cosine], [0, 0, 1]])
+        by_pose = np.array([[1, 0, -distance * sine], [0, 1, distance * cosine], [0, 0, 1.0]])
         half_turn_m = turn * wheel_separation / 2
         travel_m = np.abs([distance + half_turn_m, distance - half_turn_m])  # right, left
         by_travel = _by_travel(middle, distance, wheel_separation)
@@ -75,11 +75,6 @@ class PoseCovariance:
         self.matrix = np.zeros((3, 3))
 
 
-def _distance_and_turn(travel_m: Matrix, wheel_separation: float) -> tuple[float, float]:
-    right, left = travel_m
-    return float(left + right) / 2, float(right - left) / wheel_separation
-
-
 def _by_travel(heading_rad: float, distance_m: float, wheel_separation: float) -> Matrix:
     """The Jacobian of the pose by the travel of the right and the left wheel, 3 by 2.
 
@@ -90,14 +85,10 @@ def _by_travel(heading_rad: float, distance_m: float, wheel_separation: float) -
     """
     cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
     across = distance_m / (2 * wheel_separation)
-    return _matrix(
+    return np.array(
         [
             [cosine / 2 - across * sine, cosine / 2 + across * sine],
             [sine / 2 + across * cosine, sine / 2 - across * cosine],
             [1 / wheel_separation, -1 / wheel_separation],
         ]
     )
-
-
-def _matrix(rows: list[list[Any]]) -> Matrix:
-    return np.array(rows, dtype=np.float64)
