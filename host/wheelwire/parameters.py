@@ -26,7 +26,7 @@ from .errors import (
 
 TRIAL_TIMEOUT_S = 2.0
 RESTORE_TIMEOUT_S = 5.0
-"""How long to try to restore previous values while the link is lost: it may come back."""
+"""For how long previous values are set again, should the link be lost; it may come back."""
 _RETRY_PERIOD_S = 0.1
 
 

@@ -36,8 +36,8 @@ def main() -> str | None:
     robot = sys.argv[1].strip("/") if len(sys.argv) > 1 else "hardware_robot"
     listener = LinkListener(robot)
     rclpy.init(args=[])
-    # With as few topics and services as possible: the check comes and goes twice a minute, and each
-    # time all other nodes discover what it has.
+    # With as little of its own as possible: it comes and goes twice a minute, and each time all
+    # other nodes discover what it has.
     node = rclpy.create_node("health_check", enable_rosout=False, start_parameter_services=False)
     node.create_subscription(DiagnosticArray, "/diagnostics", listener.receive, 10)
     end = time.monotonic() + TIMEOUT_S

@@ -1,6 +1,6 @@
 """A robot's nodes: wheels, lidar, and the model that connects their frames.
 
-There are two ways to tell apart several robots on one graph:
+Several robots on one graph are told apart in one of two ways:
 
 - `namespace`: topics, services and /tf are below it, as Nav2 expects; the frames keep their names.
 - `namespace` and `frame_prefix`: the same, but all robots share one /tf, with frames of their own.
@@ -36,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             _argument("driver", "", "mock, l298n, pigpio or serial. Empty: as in params_file."),
             _argument("port", "", "Port of the serial driver. Empty: as in params_file."),
-            _argument("params_file", str(PARAMETERS), "YAML file with the robot's parameters."),
+            _argument("params_file", str(PARAMETERS), "YAML file of the robot's parameters."),
             _argument("model", str(MODEL), "URDF file of the robot's model."),
             _argument("robot_state_publisher", "true", "Publish the model: true or false."),
             _argument(
@@ -51,13 +51,11 @@ def generate_launch_description() -> LaunchDescription:
             _argument(
                 "frame_prefix",
                 "",
-                "Prefix of all frames, such as robot1 for robot1/odom. /tf then stays outside the "
+                "Prefix of all frames, such as robot1: robot1/odom. /tf then stays outside the "
                 "namespace, for all robots to share.",
             ),
-            _argument("use_sim_time", "false", "Use the time of /clock: true or false."),
-            _argument(
-                "log_level", "info", "Log level of all nodes: debug, info, warn, error or fatal."
-            ),
+            _argument("use_sim_time", "false", "Take the time from /clock: true or false."),
+            _argument("log_level", "info", "Of all nodes: debug, info, warn, error or fatal."),
             OpaqueFunction(function=_nodes),
         ]
     )
@@ -86,7 +84,7 @@ def _nodes(context: LaunchContext) -> list[Node | LogInfo]:
 
 
 def _hardware_robot(context: LaunchContext, prefix: str, clock: dict, common: dict) -> Node:
-    """The robot's node. An argument overrides the file, but only if the user gave it."""
+    """An argument overrides the file, but only if it was given."""
     values = {
         "driver_type": _given("driver", context),
         "port": _given("port", context),
@@ -145,7 +143,7 @@ def _robot_state_publisher(context: LaunchContext, prefix: str, clock: dict, com
         parameters=[
             {
                 "robot_description": _text(model.read_text()),
-                "frame_prefix": _text(prefix),  # robot_state_publisher adds no slash
+                "frame_prefix": _text(prefix),  # it is put before the name as it is
                 **clock,
             }
         ],

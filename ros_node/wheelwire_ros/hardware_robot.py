@@ -19,7 +19,7 @@ from .parameters import Setting
 from .reader import sampling_rate_hz
 
 CONNECT_TIMEOUT_S = 2.0
-"""Short, because a transition, and the end of the node, may wait for the connection."""
+"""Short, because a transition, and the end of the node, may wait for it."""
 FILE_OPTION = "--params-file"
 NO_PIN = NO_CHIP = -1
 PINS = {
@@ -30,7 +30,7 @@ PINS = {
 
 
 def _pin(name: str, default: int) -> Setting:
-    doc = "l298n, pigpio: number of the GPIO, by BCM."
+    doc = "l298n, pigpio: GPIO, BCM number."
     if default == NO_PIN:
         doc += f" {NO_PIN}: not fitted."
     return Setting(f"pins.{name}", default, doc, min(default, 0), 27)
@@ -41,13 +41,13 @@ SETTINGS = (
     Setting("driver_type", "serial",
             f"The driver: {', '.join(driver_names())}."),
     Setting("port", "/dev/wheelwire", "serial: device path, or socket://host:port."),
-    Setting("baud_rate", 921_600, "serial: the rate to try first, before the usual ones. [baud]",
+    Setting("baud_rate", 921_600, "serial: the rate to try first; then the usual ones. [baud]",
             1200, 4_000_000),
     Setting("board_id", "", "serial: accept only this board, 12 hex digits; port may then be glob "
             "patterns, separated by commas."),
     Setting("any_board", False, "serial: continue with another board if one appears at the port."),
     Setting("board", "", "serial: drive only if the device is on this board: a built-in board's "
-            "name, or a file. Empty: drive on any confirmed board."),
+            "name, or a file. Empty: whichever was confirmed."),
     Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: find it.",
             NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
@@ -58,10 +58,10 @@ SETTINGS = (
 
 
 class HardwareRobot(BaseRobotNode):
-    """A robot with the driver that the parameter `driver_type` names."""
+    """A robot with the driver that the parameter `driver_type` names; arguments as its base."""
 
     _first_board: tuple[str, str] | None = None
-    """The port, and the first board that the node found there."""
+    """The port, and the board that was found there first."""
 
     def __init__(self, problem: str = "") -> None:
         super().__init__("hardware_robot", SETTINGS, problem)
@@ -74,8 +74,8 @@ class HardwareRobot(BaseRobotNode):
     def open_driver(self) -> BaseDriver:
         """Open the driver with the options in the node's parameters.
 
-        The link itself refuses another board after a reconnection. The node also refuses one when
-        it is cleaned up and configured again.
+        Within a session of the link another board is refused by the link itself. A node that was
+        cleaned up and configured again holds on to its board as well.
         """
         driver = open_driver(self.driver_type, **self._options())
         if isinstance(driver, SerialDriver):
@@ -83,18 +83,18 @@ class HardwareRobot(BaseRobotNode):
         return driver
 
     def _board_id(self) -> str | None:
-        """The only acceptable board; None: any board will do."""
+        """The only board that is accepted, if there is one."""
         given: str = self.setting("board_id")
         if given or self.setting("any_board") or self._first_board is None:
             return given or None
         port, board_id = self._first_board
-        # A user who names another port means another robot.
+        # Whoever names another port means another robot.
         return board_id if port == self.setting("port") else None
 
     def _options(self) -> dict[str, Any]:
         rate_hz = sampling_rate_hz(self.setting("publish_rate"))
-        # A core on this computer gets the parameters before it starts, because some act only from a
-        # start on. The connection sends them to a board on a line.
+        # A core on this computer gets them before it starts, so that those count as well which
+        # take effect at a start only. A board on a line is given its own by the connection.
         local: dict[str, Any] = {"parameters": {**self.bridge.given, "stream_rate_hz": rate_hz}}
         if self.driver_type == "serial":
             return {
@@ -115,7 +115,8 @@ class HardwareRobot(BaseRobotNode):
         if self.driver_type == "pigpio":
             daemon = {"host": self.setting("pigpio_host"), "port": self.setting("pigpio_port")}
             return {**local, **daemon, "pins": self._pins()}
-        return {}  # a driver of another package, whose options this node does not know
+        # A driver of another package, whose options are not known here.
+        return {}
 
     def _pins(self) -> Any:
         numbers: dict[str, int] = {name: self.setting(f"pins.{name}") for name in PINS}
@@ -123,7 +124,7 @@ class HardwareRobot(BaseRobotNode):
 
 
 def main(args: list[str] | None = None) -> None:
-    """Run the node until somebody interrupts it; however it ends, the wheels stop first."""
+    """Run the node until it is interrupted; however it ends, the wheels stop first."""
     problem = _init(args)
     try:
         with closing(HardwareRobot(problem)) as node:
@@ -141,9 +142,9 @@ def main(args: list[str] | None = None) -> None:
 
 
 def _init(args: list[str] | None) -> str:
-    """Initialise rclpy; returns why it cannot read the parameter files, or nothing.
+    """Initialise rclpy; returns why the parameter files cannot be read, or nothing.
 
-    The node then starts without them, to say so: if it ended, launch would only restart it.
+    Without them the node starts nevertheless, to say so: it would only be restarted if it ended.
     """
     given = sys.argv if args is None else args
     try:
@@ -155,7 +156,7 @@ def _init(args: list[str] | None) -> str:
         rclpy.init(args=_without_files(given))
         return (
             f"{' '.join(str(error).split())}: a ROS parameter file has its values below `/**:` and "
-            "`ros__parameters:`; a file for wheelwire.open_robot has another format"
+            "`ros__parameters:`; a file for wheelwire.open_robot is different"
         )
     return ""
 

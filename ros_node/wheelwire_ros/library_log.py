@@ -8,15 +8,15 @@ from typing import Any
 LIBRARY = "wheelwire"
 """The name of the library's logger."""
 LINK = "wheelwire.link"
-"""The logger of the link's loss and return, which the node reports itself."""
+"""Of the link's loss and return, which the node reports itself."""
 
 
 def forward_library_log(logger: Any) -> None:
     """Pass the library's log records on to a node's logger. Safe to call more than once.
 
     Args:
-        logger: The node's logger. The records come from its child `wheelwire`, with their severity,
-            and its level decides which of them appear.
+        logger: The node's; the records come from its child `wheelwire`, with their severity, and
+            its level decides which of them appear.
     """
     library = logging.getLogger(LIBRARY)
     if not any(isinstance(h, _RosHandler) and h.name == logger.name for h in library.handlers):
@@ -37,7 +37,7 @@ class _RosHandler(logging.Handler):
         if record.name == LINK:
             return
         text = self.format(record)
-        # One call for each severity: rclpy refuses two severities from one line of code.
+        # A call each: rclpy refuses another severity from the same line of code.
         if record.levelno >= logging.CRITICAL:
             self._logger.fatal(text)
         elif record.levelno >= logging.ERROR:

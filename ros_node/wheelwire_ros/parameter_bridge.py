@@ -1,4 +1,4 @@
-"""Makes the parameters of the node and those of the robot agree."""
+"""Keeps the parameters of the node and those of the robot consistent."""
 
 from __future__ import annotations
 
@@ -149,11 +149,9 @@ class ParameterBridge:
     def _wrong(self, parameter: Parameter) -> str | None:
         """Why a value of the right type is refused, apart from its range."""
         setting = self._settings.get(parameter.name)
-        if setting is None or setting.check is None:
-            return None
-        # rclpy itself refuses a wrong type.
-        is_right_type = parameters.has_type_of(setting, parameter)
-        return setting.check(parameter.value) if is_right_type else None
+        if setting is None or not parameters.has_type_of(setting, parameter):
+            return None  # the robot's parameter, or one whose type rclpy refuses
+        return setting.check(parameter.value)
 
     def _is_late(self, name: str, value: Any) -> bool:
         setting = self._settings.get(name)

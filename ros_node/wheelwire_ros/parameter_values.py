@@ -1,4 +1,4 @@
-"""Values of parameters: what the user gave at the start, and checks of values.
+"""Values of parameters: those that the user gave at the start, and whether values are right.
 
 A check returns None, or what is wrong with a value and what to write instead.
 """
@@ -33,10 +33,15 @@ _Type = Parameter.Type
 
 
 class Disagreement(NamedTuple):
-    """Parameters whose values are valid alone, but not together."""
+    """Parameters that are valid each by itself, but not together."""
 
     names: tuple[str, ...]
     reason: str
+
+
+def anything(_value: Any) -> str | None:
+    """No check."""
+    return None
 
 
 def variances(values: Sequence[float]) -> str | None:
@@ -50,20 +55,20 @@ def variances(values: Sequence[float]) -> str | None:
 
 def frame(name: str) -> str | None:
     """A frame's name."""
-    return None if name.strip("/ ") else "a frame needs a name: odom and base_link are usual"
+    return None if name.strip("/ ") else "a frame has a name: odom and base_link are usual"
 
 
 def wheel_names(names: Sequence[str]) -> str | None:
     """At least one name, none empty."""
     if not names or not all(name.strip() for name in names):
-        return "write at least one name, as in the URDF, and no empty one"
+        return "write at least one name, as in the URDF, and none that is empty"
     return None
 
 
 def command_timeout(seconds: float) -> str | None:
-    """Every command must expire."""
+    """A command must end."""
     if seconds == 0:
-        return "every command must expire: write its life in seconds, 0.02 to 5.0"
+        return "a command without an end is not offered: write its life in seconds, 0.02 to 5.0"
     return None
 
 
@@ -78,7 +83,7 @@ def at_most_zero(value: float) -> str | None:
 
 
 def above_zero(value: float) -> str | None:
-    """A limit that leaves some motion, or a voltage; NaN for none."""
+    """A limit that leaves some motion; NaN for none."""
     return _limit(0 < value < math.inf, value, "above")
 
 
@@ -124,35 +129,31 @@ def disagreements(get: Get) -> Iterator[Disagreement]:
     """The parameters that contradict each other."""
     if get("odom_frame_id").strip("/") == get("base_frame_id").strip("/"):
         yield Disagreement(
-            ("odom_frame_id", "base_frame_id"),
-            "the two are equal: a frame cannot be its own parent",
+            ("odom_frame_id", "base_frame_id"), "they are equal: a frame cannot be its own parent"
         )
     left, right = list(get("left_wheel_names")), list(get("right_wheel_names"))
     if len(left) != len(right):
         yield Disagreement(
             ("left_wheel_names", "right_wheel_names"),
-            f"{len(left)} wheels on the left and {len(right)} on the right: name equally many",
+            f"{len(left)} wheels on the left and {len(right)} on the right: name as many",
         )
     twice = [name for name, count in Counter(left + right).items() if count > 1]
     if twice:
         yield Disagreement(
-            ("left_wheel_names", "right_wheel_names"),
-            f"{', '.join(twice)}: give each wheel a name of its own",
+            ("left_wheel_names", "right_wheel_names"), f"{', '.join(twice)}: named more than once"
         )
     empty_v, full_v = get("battery_empty_v"), get("battery_full_v")
     battery = ("battery_empty_v", "battery_full_v")
     if math.isnan(empty_v) != math.isnan(full_v):
-        yield Disagreement(
-            battery, "one has a value without the other: give both, or .NAN for both"
-        )
+        yield Disagreement(battery, "one is given without the other: give both, or .NAN for both")
     elif empty_v >= full_v:
-        yield Disagreement(battery, f"empty at {empty_v:g} V, full at {full_v:g} V: swap the two")
+        yield Disagreement(battery, f"empty at {empty_v:g} V, full at {full_v:g} V: swap them")
     timeout_s, longest_s = get("cmd_vel_timeout"), get("ttl_max_s")
     if longest_s is not None and timeout_s > longest_s and not same(timeout_s, longest_s):
         yield Disagreement(
             ("cmd_vel_timeout", "ttl_max_s"),
-            f"cmd_vel_timeout is {timeout_s:g} s, but the robot lets a command live for "
-            f"{longest_s:g} s at most: lower cmd_vel_timeout, or raise ttl_max_s",
+            f"a command of {timeout_s:g} s lives longer than the robot lets one, "
+            f"{longest_s:g} s: lower cmd_vel_timeout, or raise ttl_max_s",
         )
     if get("wheels_per_side") not in {0, len(left)}:
         yield Disagreement(
@@ -195,7 +196,7 @@ def start_values(node: Any, names: Collection[str]) -> tuple[dict[str, Parameter
 
 
 def _adapt(name: str, parameter: Parameter, expected: Any) -> Parameter:
-    """The parameter converted to the declared type; unchanged where that would change the value."""
+    """The parameter with its value as the declared type; unchanged where that loses something."""
     type_, value = parameter.type_, parameter.value
     # To YAML a number without a point is an integer, and rclpy never converts.
     if (type_, expected) == (_Type.INTEGER, _Type.DOUBLE):

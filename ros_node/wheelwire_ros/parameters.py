@@ -1,8 +1,7 @@
 """The node's parameters: their names, aliases, types, ranges and descriptions.
 
-There are two kinds. The node's own have a default. The robot's are the firmware's, by its names:
-one that the user did not give has no value, and no place in the list, until the robot is open;
-then it shows the robot's value.
+Two kinds. The node's own have a default. The robot's are the firmware's, by its names: one that is
+not given is not set, nor listed, until the robot is open, and then shows the value that it has.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class Setting:
         live: Whether it can change while the robot is open.
         low: Lower bound, inclusive; NaN for none.
         high: Upper bound, likewise.
-        check: Finds what is wrong beyond type and range; None for no check.
+        check: What type and range do not tell.
     """
 
     name: str
@@ -48,7 +47,7 @@ class Setting:
     low: float = math.nan
     high: float = math.nan
     live: bool = False
-    check: checks.Check | None = None
+    check: checks.Check = checks.anything
 
 
 def _diagonal(name: str, default: list[float], doc: str) -> Setting:
@@ -67,28 +66,18 @@ def _limits(axis: str, unit: str) -> tuple[Setting, ...]:
     high, low = checks.at_least_zero, checks.at_most_zero
     return (
         limit("max_velocity", high, "Limit of the robot's velocity."),
-        limit("min_velocity", low, "The same for negative velocities; .NAN: -max_velocity."),
+        limit("min_velocity", low, "The same of negative ones; .NAN: -max_velocity."),
         limit("max_acceleration", high, "Limit of speeding up.", "/s"),
         limit("max_deceleration", low, "Limit of slowing down; .NAN: -max_acceleration.", "/s"),
-        limit(
-            "max_acceleration_reverse",
-            low,
-            "Limit of speeding up backwards; .NAN: -max_acceleration.",
-            "/s",
-        ),
-        limit(
-            "max_deceleration_reverse",
-            high,
-            "Limit of slowing down backwards; .NAN: -max_deceleration.",
-            "/s",
-        ),
+        limit("max_acceleration_reverse", low, "Backwards; .NAN: -max_acceleration.", "/s"),
+        limit("max_deceleration_reverse", high, "Backwards; .NAN: -max_deceleration.", "/s"),
         limit("max_jerk", high, "Limit of how fast the acceleration may grow.", "/s^2"),
-        limit("min_jerk", low, "Limit of how fast it may fall; .NAN: -max_jerk.", "/s^2"),
+        limit("min_jerk", low, "The same downwards; .NAN: -max_jerk.", "/s^2"),
     )
 
 
 def _foreign(name: str, accepted: Value, instead: str) -> Setting:
-    doc = f"diff_drive_controller has this; here only {_shown(accepted)} is valid: {instead}."
+    doc = f"Of diff_drive_controller. Only {_shown(accepted)}: {instead}."
     return Setting(name, accepted, doc, check=checks.only(accepted, instead))
 
 
@@ -101,11 +90,11 @@ def _shown(value: Value) -> str:
 # Formatted by hand: a table is easiest to read in rows.
 # fmt: off
 SETTINGS: tuple[Setting, ...] = (
-    Setting("autostart", True, "Configure and activate at the start, and retry until that works."),
+    Setting("autostart", True, "Configure and activate by itself, and retry until it works."),
     Setting("cmd_vel_type", "auto",
-            "Twist, TwistStamped, or auto: the type of the first message.",
+            "Twist, TwistStamped, or auto: of whichever type the first message is.",
             check=checks.one_of(*TYPES, AUTO)),
-    Setting("use_stamped_vel", False, "True: the same as cmd_vel_type TwistStamped."),
+    Setting("use_stamped_vel", False, "True is cmd_vel_type TwistStamped."),
     Setting("cmd_vel_timeout", 0.5, "A command is valid for this long from its stamp. [s]",
             0.02, 5, live=True, check=checks.command_timeout),
     Setting("publish_rate", 50.0, "Rate of odom. [Hz]", 1, 1000),
@@ -114,23 +103,21 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("tf_frame_prefix", "", "Prefix of both frames, for several robots on one graph."),
     Setting("tf_frame_prefix_enable", True, "False: the frames have no prefix."),
     Setting("battery_empty_v", math.nan,
-            "Voltage of the empty battery, 0 % in battery_state. .NAN: unknown. [V]",
+            "Voltage of the empty battery, 0 % in battery_state. .NAN: not known. [V]",
             check=checks.above_zero),
     Setting("battery_full_v", math.nan,
-            "Voltage of the full battery, 100 % in battery_state. .NAN: unknown. [V]",
+            "Voltage of the full battery, 100 % in battery_state. .NAN: not known. [V]",
             check=checks.above_zero),
     Setting("pose_file", "auto",
-            "The file with the pose for the next start. auto: below ROS_HOME, by the names of the "
-            "node and its board. Empty: no file, and each start begins at the origin."),
+            "Where the pose is saved for the next start. auto: below ROS_HOME, by the name of the "
+            "node and its board. Empty: nowhere, and each start begins at the origin."),
     Setting("enable_odom_tf", True, "Publish the transform odom_frame_id -> base_frame_id."),
     Setting("left_wheel_names", ["left_wheel_joint"],
-            "Names of the left wheels in joint_states; all wheels of a side turn together.",
+            "Names in joint_states; several wheels of a side turn together.",
             check=checks.wheel_names),
-    Setting("right_wheel_names", ["right_wheel_joint"],
-            "Names of the right wheels, as left_wheel_names.",
+    Setting("right_wheel_names", ["right_wheel_joint"], "The same for the other side.",
             check=checks.wheel_names),
-    Setting("wheels_per_side", 0,
-            "Number of wheels on each side. 0: as many as there are names.", 0, 100),
+    Setting("wheels_per_side", 0, "0: as many as there are names.", 0, 100),
     Setting("max_rpm", math.nan, "Limit of each wheel's speed. .NAN: none. [1/min]",
             live=True, check=checks.above_zero),
     *_limits("linear.x", "m/s"),
@@ -139,22 +126,19 @@ SETTINGS: tuple[Setting, ...] = (
             "The twist in odom is the mean of this many samples, which come at publish_rate. "
             "1: as the robot measures it, over velocity_window_us.", 1, 1000),
     Setting("publish_limited_velocity", False, "Publish the limited command on ~/cmd_vel_out."),
-    Setting("wheel_separation_multiplier", 1.0,
-            "Real wheel separation divided by nominal, from calibration.",
+    Setting("wheel_separation_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
-    Setting("left_wheel_radius_multiplier", 1.0,
-            "Real radius divided by nominal, from calibration.",
+    Setting("left_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
-    Setting("right_wheel_radius_multiplier", 1.0,
-            "Real radius divided by nominal, from calibration.",
+    Setting("right_wheel_radius_multiplier", 1.0, "Real divided by nominal, from calibration.",
             0.5, 2, live=True),
     Setting("wheel_variance", 2.5e-5,
-            "Variance of a wheel's travel per metre; the pose's covariance grows with it. "
+            "Variance of a wheel's travel per metre of it; the pose's covariance grows by it. "
             "[m^2/m]", 0, 1),
     _diagonal("pose_covariance_diagonal", [0.0, 0.0, 1e-6, 1e-6, 1e-6, 0.0],
-              "The node adds them to the covariance of dead reckoning."),
+              "Added to the covariance of dead reckoning."),
     _diagonal("twist_covariance_diagonal", [1e-3, 1e-6, 1e-6, 1e-6, 1e-6, 1e-2],
-              "The covariance of the measured velocity."),
+              "Of the measured velocity."),
     _foreign("open_loop", False,
              "odometry is what the encoders counted; the robot does not drive without them"),
     _foreign("position_feedback", True,

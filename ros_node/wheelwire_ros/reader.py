@@ -10,7 +10,7 @@ from wheelwire import BaseDriver, LinkClosed, RequestTimeout, WheelSample, Wheel
 
 SILENCE_S = 0.25
 UNEXPLAINED = 4
-"""Silences after which the reader no longer waits for their cause, which the link finds sooner."""
+"""Times of silence after which the cause is no longer waited for: the link finds it sooner."""
 PAUSE_S = 0.05
 """Between two attempts to read from a lost link."""
 JOIN_S = 2.0
@@ -26,10 +26,10 @@ class SampleReader:
     Args:
         robot: An open driver.
         on_sample: Called with each sample, in this thread, in order.
-        on_change: Called in this thread when samples stop coming, when the reason for the silence
-            changes, and before the first sample after a silence or after a reset of the device: the
+        on_change: Called in this thread when samples stop coming, when the reason of that is
+            another one, and before the first sample after that or after a reset of the device: the
             session may be a new one.
-        on_failure: Called with an error of this thread or of those callbacks, which ends it.
+        on_failure: Called with an error of this thread or of those callbacks; reading has ended.
     """
 
     def __init__(
@@ -80,12 +80,12 @@ class SampleReader:
                 raise  # for good: the node ends, and its supervisor restarts it
             except WheelwireError as error:
                 if isinstance(error, RequestTimeout) and unexplained < UNEXPLAINED:
-                    unexplained += 1  # perhaps the link is about to find the cause
+                    unexplained += 1  # the link may be about to find out that it is lost
                     continue
                 self._note_silence(error)
                 boot_id = None  # the next sample is a change, even of the same boot
                 continue
-            # Somebody may have called `close` meanwhile: no callback may run any more.
+            # `close` may have been called while it waited: no callback may run any more.
             if self._closing.is_set():
                 return
             self.silence, unexplained = None, 0
@@ -103,7 +103,7 @@ class SampleReader:
             self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
 
     def _note_silence(self, error: WheelwireError) -> None:
-        # Another cause is news as well: a silent device may be unplugged later.
+        # Another cause is news as well: a device that is silent at first, and then unplugged.
         is_news, self.silence = str(error) != str(self.silence), error
         if is_news:
             self._on_change()
@@ -111,7 +111,7 @@ class SampleReader:
 
 
 def sampling_rate_hz(publish_rate_hz: float) -> int:
-    """The rate of the robot's samples: a multiple of the requested one, to thin samples evenly."""
+    """The rate of the robot's samples: a multiple of the requested rate, to thin them evenly."""
     rate_hz = math.ceil(publish_rate_hz)
     return rate_hz * math.ceil(max(1.0, SLOWEST_HZ / rate_hz))
 
@@ -139,6 +139,6 @@ class Pacer:
         late_us = sample.t_us - self._due_us
         if late_us > self._period_us:
             self._due_us = sample.t_us  # no burst after a gap
-        # From the due time, not from the sample's: otherwise each late sample would lower the rate.
+        # From the due time, not from the sample's: otherwise each late one would lower the rate.
         self._due_us += self._period_us
         return True

@@ -1,4 +1,4 @@
-"""The node's services. Each answers with success, or with the reason for its failure."""
+"""The node's services. Each answers with success, or with the reason of its failure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .threads import NodeThreads
 
 SEEN_WHEN_DRIVEN = ("NOT_COUNTING", "REVERSED", "IMPLAUSIBLE")
 """Ends of the names of faults whose cause shows only while the wheel is driven."""
-STOPPED_BY_DEADLINE = "the robot stops when its last command expires"
+STOPPED_BY_DEADLINE = "the last command ends at its deadline"
 
 
 def create_services(node: Any, threads: NodeThreads) -> None:
@@ -71,7 +71,7 @@ def _clear_fault(robot: OpenRobot) -> str:
         return "cleared"
     return (
         f"cleared; but the cause of {' and '.join(again)} shows only while the wheel is driven: if "
-        "the cause is still there, the fault returns with the next command"
+        "it is still there, the fault returns with the next command"
     )
 
 
@@ -82,7 +82,7 @@ def _save_parameters(robot: OpenRobot) -> str:
 
 def _reset_odometry(robot: OpenRobot) -> str:
     robot.estimator.reset()
-    return "the robot is at the origin of the odometry now"
+    return "the odometry begins here"
 
 
 def _answer(action: Callable[[], str], response: Any) -> Any:

@@ -12,25 +12,25 @@ ATTEMPTS = 5
 RATE_WINDOW_NS = 4_000_000_000
 RATE_STEP_NS = 100_000_000
 SLOWEST = 0.01
-"""The assumed least rate of /clock: while it stands still, no command would ever grow old."""
+"""What /clock is taken to do at least: where it stands still, no command would ever grow old."""
 WAITING_FOR_CLOCK = (
-    "waiting for /clock: use_sim_time is true and nothing publishes the clock; "
-    "the node obeys commands, and publishes motion once the clock runs"
+    "waiting for /clock: use_sim_time is true and nothing publishes it; "
+    "commands are obeyed, motion is published once it runs"
 )
 
 
 class TimeBase:
     """The offset between the two clocks, measured again from time to time.
 
-    Samples have stamps of the monotonic clock. NTP may step the ROS clock, but never that one, so
-    the offset changes. With `use_sim_time` the ROS clock reads 0 until the first message on /clock,
-    and before that no time can be converted. Then it advances in steps, as messages come, and at
-    any speed, which this measures, too.
+    Samples are stamped with the monotonic clock. NTP may step the ROS clock, but never that one,
+    so the offset does not stay the same. With `use_sim_time` the ROS clock reads 0 until the first
+    message on /clock: until then no time can be converted. Then it advances by steps, as messages
+    come, and at any speed: the speed is measured, too.
 
     Args:
         ros_ns: Reads the ROS clock. [ns]
-        is_simulated: Whether the ROS clock is /clock.
-        log: The node's logger, for the line that the clock does not run yet, or begins to.
+        is_simulated: Whether that is /clock.
+        log: The node's logger, for a clock that does not run yet, and for when it begins to.
         monotonic_ns: Reads the clock of the samples' stamps. [ns]
     """
 
@@ -60,13 +60,8 @@ class TimeBase:
         self.measure()
 
     def measure(self) -> None:
-        """Measure the offset by the quickest of several readings, the least interrupted one."""
-        runs = self._ros_ns() > 0
-        if runs and not self.runs:
-            self._log.info("/clock runs: the node publishes motion from now on")
-        elif not runs and self.runs:
-            self._log.warning(WAITING_FOR_CLOCK)
-        self.runs = runs
+        """Measure the offset: of several readings the quickest, which was interrupted least."""
+        self._note_whether_it_runs()
         if self.runs and self._is_simulated():
             self._follow_simulation()
         elif self.runs:
@@ -124,6 +119,15 @@ class TimeBase:
                 self.rate = max((ros_ns - ros_then_ns) / (now_ns - then_ns), SLOWEST)
             self.error_s = 0.0
             return now_ns, ros_ns
+
+    def _note_whether_it_runs(self) -> None:
+        runs = self._ros_ns() > 0
+        if runs != self.runs:
+            self.runs = runs
+            if runs:
+                self._log.info("/clock runs: motion is published from now on")
+            else:
+                self._log.warning(WAITING_FOR_CLOCK)
 
     def _read(self) -> tuple[int, int]:
         # The ROS clock was read between the two readings of the other one: at their middle, within

@@ -156,7 +156,7 @@ def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
 @pytest.mark.parametrize(
     ("name", "value", "words", "instead"),
     [
-        ("cmd_vel_timeout", 0.0, "every command must expire", 0.5),
+        ("cmd_vel_timeout", 0.0, "a command without an end is not offered", 0.5),
         ("cmd_vel_type", "Vector3", "one of Twist, TwistStamped, auto", "auto"),
         ("publish_rate", 0.0, "out of range", 50.0),
         ("wheel_base", 9.0, "wheel_separation out of range", 0.2),
@@ -164,7 +164,7 @@ def test_a_file_for_diff_drive_controller_starts_the_node_with_its_meaning(
         ("velocity_rolling_window_size", 0, "out of range", 10),
         ("linear__x__has_jerk_limits", False, "write .NAN for the limits of jerk", True),
         ("left_wheel_names", "[]", "write at least one name", ["left"]),
-        ("base_frame_id", "odom", "the two are equal", "base_link"),
+        ("base_frame_id", "odom", "they are equal", "base_link"),
         ("pose_covariance_diagonal", "[0.1]", "it has 1 numbers: write six", [0.1] * 6),
         ("use_stamped_vel", "maybe", "use_stamped_vel.*type", False),
     ],

@@ -19,7 +19,7 @@ NO_VENV = 'case "$2" in *venv*) exit 1;; esac'
     [
         (GOOD, GOOD, None, ""),
         (None, GOOD, "Python 3.10 or later (python3 was not found)", "python3 python3-venv"),
-        (OLD, GOOD, "python3 is not: Python 3.8.2", "python3 python3-venv"),
+        (OLD, GOOD, "Python 3.8.2 is older", "python3 python3-venv"),
         (NO_VENV, GOOD, "Python's venv module", "python3-venv"),
         (GOOD, None, "a C++ compiler (c++ was not found)", "g++"),
         (GOOD, "exit 1", "a C++20 compiler", "g++"),

@@ -123,7 +123,7 @@ def test_what_is_written_is_read_again(
 
 def test_each_line_has_its_unit() -> None:
     robot = Robot()
-    text = ParameterFile.of_device(robot, None).text()
+    text = ParameterFile.of_robot(robot.list(), None).text()
     for line, parameter in zip(text.splitlines()[-len(PARAMETERS) :], PARAMETERS, strict=True):
         assert line.split()[0] == f"{parameter.name}:"
         assert line.split()[2:] == parameter.unit.value.split()[:1]

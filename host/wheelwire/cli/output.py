@@ -24,7 +24,7 @@ from wheelwire.errors import OutputFailed
 
 console = Console(highlight=False, markup=False)
 error_console = Console(highlight=False, markup=False, stderr=True)
-"""With --json everything but the result goes here."""
+"""With --json: standard output is the result alone."""
 
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 """Click's class, or the one of the copy of Click inside Typer: releases of Typer differ."""

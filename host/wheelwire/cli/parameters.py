@@ -284,8 +284,7 @@ def export(
     Write them to a file with `> FILE`; `params import` sets them on another robot.
     """
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
-        values = {p.name: p.value for p in driver.parameters.list()}
-        exported = ParameterFile.of_device(values, _device(driver))
+        exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
     if as_json:
         print_json(exported.as_mapping())
     else:

@@ -25,7 +25,7 @@ COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 0.2
 CLEAR_TIMEOUT_S = 1.0
-"""How long to wait for a state frame that shows a request's result; they come at 10 Hz or more."""
+"""For a state frame that shows the result of a request; they come at 10 Hz or faster."""
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)

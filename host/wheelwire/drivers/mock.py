@@ -189,7 +189,7 @@ class MockProcess:
 
     @property
     def options(self) -> LinkOptions:
-        """The options of the link to it."""
+        """Of the link to it."""
         return LinkOptions("mock", watched=WATCHED, open_port=self._open_transport)
 
     def unplug(self) -> None:

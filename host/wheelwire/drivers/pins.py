@@ -31,7 +31,7 @@ class PinProcess:
 
     @property
     def options(self) -> LinkOptions:
-        """The options of the link to it."""
+        """Of the link to it."""
         return DeviceOptions().link_to(self._settings.backend, self._open)
 
     def _open(self, _baud_rate: int) -> Transport:

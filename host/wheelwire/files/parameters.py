@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from wheelwire.errors import ConfigurationError, ParameterOutOfRange
 from wheelwire.link.info import DeviceInfo
-from wheelwire.parameters import checked_value, number_text
+from wheelwire.parameters import ParameterInfo, checked_value, number_text
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
 
 from .reading import Section, reading
@@ -39,11 +39,14 @@ class ParameterFile:
         return f"{self.board} {self.board_id}".strip() or "an unknown board"
 
     @classmethod
-    def of_device(cls, values: Mapping[str, float], device: DeviceInfo | None) -> ParameterFile:
-        """These values, of this device; None if the driver does not know its device."""
+    def of_robot(
+        cls, parameters: Iterable[ParameterInfo], device: DeviceInfo | None
+    ) -> ParameterFile:
+        """What a robot has now. `device` is None if its driver does not know it."""
+        values = {p.name: p.value for p in parameters}
         if device is None:
-            return cls(dict(values))
-        return cls(dict(values), device.board.name, device.board_id, device.release.release)
+            return cls(values)
+        return cls(values, device.board.name, device.board_id, device.release.release)
 
     def as_mapping(self) -> dict[str, Any]:
         """The content of the file, as YAML and JSON have it."""

@@ -11,7 +11,7 @@ from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codes import Board as Chip
 
 LAST_GPIO = 27
-"""The last GPIO on the 40-pin header of every Raspberry Pi since the B+, as a BCM number."""
+"""Of the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not pin positions."""
 
 
 def Pins(  # noqa: N802 - it was a class, and makes an object as a class does

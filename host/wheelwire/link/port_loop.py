@@ -52,7 +52,7 @@ Task: TypeAlias = Callable[[Done, int], None]
 
 _log = logging.getLogger("wheelwire")
 _link_log = logging.getLogger("wheelwire.link")
-"""Logs only the link's loss and return, so that a program that reports them itself can filter."""
+"""Of the link's loss and return alone, so that a program that reports them itself can filter."""
 
 
 class PortLoop:

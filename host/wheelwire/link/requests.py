@@ -84,10 +84,10 @@ LONGEST_WAIT_US = 100_000
 ATTEMPTS = 12
 """Enough to succeed within about 1 s at 70 % loss."""
 URGENT_ATTEMPTS = 40
-"""A stop is repeated for a second. Its waits do not grow: a device may carry out each copy."""
+"""In a second. A stop's waits do not grow: each copy is carried out, and harmless."""
 ID_MODULUS = 1 << 16
 COPY_ID = 0
-"""The id of the copy of a stop that its caller wrote. No request that awaits an answer has it."""
+"""Of the copy of a stop that its caller wrote; no request has it whose answer is waited for."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
 # All other requests are answered by an Ack.

@@ -96,7 +96,7 @@ from .trial import HeldTrial
 
 HELLO_PERIOD_US = 30_000
 RETRY_US = 1_000_000
-"""The pause before the next hello if the device opened a session but refused to be prepared."""
+"""Until the next hello after the device opened a session but refused to be prepared."""
 
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 """What an application means for the values that are on trial."""

@@ -13,7 +13,7 @@ from ..errors import DeviceRefused
 SHORTEST_TRIAL_S, LONGEST_TRIAL_S = 0.2, 60.0
 """The time-outs that a device takes."""
 RENEWALS = 4
-"""How often to renew within each time-out: some renewals may be lost."""
+"""In each time-out: some may be lost."""
 
 
 class _State(enum.Enum):

@@ -29,7 +29,7 @@ class Notifier:
         self._waiting: set[Waiter] = set()
 
     def notify_all(self) -> None:
-        """Wake all waiters; each checks its condition again. Never waits."""
+        """Have everybody look again. Never waits."""
         # Those who wait at this moment, each by name: who is woken may be waiting again before this
         # ends, and must not be woken in place of another.
         for woken in tuple(self._waiting):

@@ -88,7 +88,7 @@ def test_nothing_is_converted_until_the_simulated_clock_runs() -> None:
     simulated_ns = 7_000_000_000
     assert abs(ros_ns(base, clocks.now_ns / 1e9 - 0.25) - 6_750_000_000) <= 10_000
     assert base.runs
-    assert log.lines[1:] == [("info", "/clock runs: the node publishes motion from now on")]
+    assert log.lines[1:] == [("info", "/clock runs: motion is published from now on")]
 
 
 def test_a_time_before_the_beginning_of_the_simulation_is_none() -> None:
