@@ -277,7 +277,7 @@ def test_unequal_wheels_are_said_to_be_what_it_cannot_find(raised: int) -> None:
         findings = set_up(robot, SimulatedPerson(robot), said.append, options)
     assert findings.problems == ()
     assert setup.UNEQUAL_WHEELS in said
-    assert "unequal ones cannot be found" in setup.UNEQUAL_WHEELS
+    assert "cannot find unequal ones" in setup.UNEQUAL_WHEELS
 
 
 @pytest.mark.parametrize(
