@@ -34,7 +34,7 @@ class ImpairedVirtualRobot(VirtualRobot):
             self._obey(event)
         if self.host_runs:
             self.session.advance(self.now_us)
-            self.line.to_device.send(self.session.take_output(), self.now_us)
+            self._write()
         for piece in self.line.to_device.take(self.now_us):
             self.sim.write(piece)
         self.sim.advance_us(STEP_US)
@@ -62,6 +62,9 @@ class ImpairedVirtualRobot(VirtualRobot):
         """Plug the cable in again."""
         self._plugged = True
         self.session.connect(self.now_us)
+
+    def _write(self, setpoint: bytes = b"") -> None:
+        self.line.to_device.send(self.session.take_output() + setpoint, self.now_us)
 
     def _obey(self, event: LineEvent) -> None:
         if event is LineEvent.RESET:
