@@ -1,1 +1,9 @@
-"""Drivers: one class per way to reach the motors and encoders, all behind `BaseDriver`."""
+"""Drivers: one class for each way to reach the motors and encoders, all behind `BaseDriver`.
+
+base.py         what every driver offers; driving.py: checks, kinematics and expiry of a setpoint
+factory.py      `open_driver`; options.py: each driver's options, their defaults and checks
+transport_driver.py  a robot behind a `Link`; linked.py: what threads and asyncio have in common
+serial.py, l298n.py, pigpio.py, mock.py  each only opens its link; pins.py: the Pi's own pins
+device_parameters.py, device_board.py    parameters and boards, as steps of requests
+callbacks.py    `on_lost` and the like, on a thread; loop_callbacks.py: the same on asyncio
+"""

@@ -1,1 +1,10 @@
-"""The link to a robot: session, port, threads."""
+"""The link to a robot: one session over one port, served by one thread.
+
+session.py      hello, preparation, dispatch; without input and output, as are the next three
+requests.py     what is answered: repeats and time-outs; setpoints.py: what expires instead
+clock.py        device time to host time, and its error
+state_stream.py state frames to samples; latest_sample.py: where the newest one waits for `read`
+port_loop.py    the thread that reads and writes; port_policy.py: baud rates, and opening it again
+connection.py   `Link`: hands requests to that thread, and their answers to callers
+transports.py   a tty, a socket or a child process; discovery.py and port_list.py find boards
+"""
