@@ -22,6 +22,7 @@ from wheelwire_protocol.types import (
 
 from ..board import BoardDescription, unpacked
 from ..errors import BoardNotKept, GroupUnavailable, LinkLost, WheelwireError
+from ..link.connection import LinkInfo
 from ..link.requests import Answer, RequestMessage
 
 RESTART_TIMEOUT_S = 8.0
@@ -38,8 +39,8 @@ class SessionLink(Protocol):
     """A link of which one can tell that its device came back."""
 
     @property
-    def sessions(self) -> int:
-        """Number of sessions since the link was opened."""
+    def info(self) -> LinkInfo:
+        """The device, which has another boot id after each reset. Raises why there is none."""
 
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
@@ -93,10 +94,10 @@ class BoardOperations:
                 f"the device is on {found.name if found else 'no board'} by now, not on "
                 f"{board.name}: nothing was confirmed; write the board again"
             )
-        before = self._link.sessions
+        before = self._link.info.device.boot_id
         yield from self.confirm(board)
         if state is BoardState.BUILT_IN:
-            yield from self._await_session(before)
+            yield from self._await_restart(before)
         state, found = yield from self.read()
         if state is not BoardState.STORED or found is None or found.packed() != board.packed():
             raise BoardNotKept(f"{board.name} was not confirmed; try again")
@@ -119,25 +120,25 @@ class BoardOperations:
     def restart(self) -> BoardSteps[None]:
         """As `DeviceBoard.restart`."""
         # Before the request: the device may be back before its answer is handed out.
-        before = self._link.sessions
+        before = self._link.info.device.boot_id
         yield Restart(0, 0)
-        yield from self._await_session(before)
+        yield from self._await_restart(before)
 
-    def _await_session(self, before: int) -> BoardSteps[None]:
-        """Wait until another session is open than the `before`-th."""
+    def _await_restart(self, before: int) -> BoardSteps[None]:
+        """Wait until a session is open with another boot than `before`.
+
+        A new session alone says nothing: a computer that stalls opens one with the same boot.
+        """
         end = time.monotonic() + RESTART_TIMEOUT_S
         error: WheelwireError | None = None
         while time.monotonic() < end:
             yield _POLL_S
-            if self._link.sessions == before:
-                continue
-            # A session counts from its beginning: it need not be open yet.
             try:
                 self._link.check()
+                if self._link.info.device.boot_id != before:
+                    return
             except LinkLost as lost:
                 error = lost
-                continue
-            return
         raise LinkLost(
             f"the device did not come back within {RESTART_TIMEOUT_S:g} s of its restart"
             + (f" ({error})" if error else "")
