@@ -11,6 +11,7 @@ import _thread
 import os
 import threading
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -121,7 +122,56 @@ class LinkOptions:
         return self.open_port or partial(_open_port, self.port, self.board_id)
 
 
-class Link:
+class SessionView(ABC):
+    """What a link knows by its session, in real time and in virtual time alike."""
+
+    _session: Session
+
+    @abstractmethod
+    def _check_alive(self) -> None:
+        """Raise why the link has ended, if it has."""
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions since the link was opened."""
+        return self._session.count
+
+    @property
+    def rolling_mps(self) -> float | None:
+        """As `Session.rolling_mps`."""
+        return self._session.rolling_mps
+
+    @property
+    def watched_values(self) -> Mapping[int, float]:
+        """The newest values of the watched parameters, by id: the same object until one changes."""
+        values = self._session.watched_values
+        # The end of a link ends the session as well, so there is nothing else to look at.
+        if values is None:
+            self._check_alive()
+            raise self._session.error.with_traceback(None)
+        return values
+
+    @property
+    def watched_if_open(self) -> Mapping[int, float] | None:
+        """As `watched_values`; None while no session is open."""
+        return self._session.watched_values
+
+    def known(self, parameter: int) -> float | None:
+        """The newest value of a parameter that was reported in this session, if there is one."""
+        self.check()
+        return self._session.values.get(parameter)
+
+    def check(self) -> None:
+        """Raise why the link is not open, if it is not."""
+        self._check_alive()
+        self._session.check_open()
+
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+        self._session.release_trial()
+
+
+class Link(SessionView):
     """A link to one device. Is to be opened first, and closed.
 
     Args:
@@ -240,45 +290,6 @@ class Link:
         """What was counted since the link was opened."""
         counted = self._session.statistics(host_clock_us())
         return replace(counted, reconnects=self._loop.policy.reconnects)
-
-    @property
-    def sessions(self) -> int:
-        """Number of sessions since the link was opened."""
-        return self._session.count
-
-    @property
-    def rolling_mps(self) -> float | None:
-        """As `Session.rolling_mps`."""
-        return self._session.rolling_mps
-
-    @property
-    def watched_values(self) -> Mapping[int, float]:
-        """The newest values of the watched parameters, by id: the same object until one changes."""
-        values = self._session.watched_values
-        # The end of the serving ends the session as well, so there is nothing else to look at.
-        if values is None:
-            self._check_alive()
-            raise self._session.error.with_traceback(None)
-        return values
-
-    @property
-    def watched_if_open(self) -> Mapping[int, float] | None:
-        """As `watched_values`; None while no session is open."""
-        return self._session.watched_values
-
-    def known(self, parameter: int) -> float | None:
-        """The newest value of a parameter that was reported in this session, if there is one."""
-        self.check()
-        return self._session.values.get(parameter)
-
-    def check(self) -> None:
-        """Raise why the link is not open, if it is not."""
-        self._check_alive()
-        self._session.check_open()
-
-    def release_trial(self) -> None:
-        """The application has left its trial of parameters."""
-        self._session.release_trial()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""

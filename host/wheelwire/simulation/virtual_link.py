@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 from wheelwire_protocol.codes import StopMode
 
 from ..errors import LinkClosed, LinkLost, RequestTimeout, WheelwireError
-from ..link.connection import LinkInfo
+from ..link.connection import LinkInfo, SessionView
 from ..link.info import LinkStatistics
 from ..link.latest_sample import LatestSample
 from ..link.news import Happening, Listener
@@ -25,7 +25,7 @@ STEP_US = 1000
 OPEN_S = 5.0
 
 
-class VirtualLink:
+class VirtualLink(SessionView):
     """The host's end of a simulated line, for one thread.
 
     Args:
@@ -55,7 +55,7 @@ class VirtualLink:
         """Plug the cable in for the first time, and open a session."""
         self.plug()
         self._pass_until(lambda: self._session.phase is Phase.OPEN, OPEN_S)
-        self._check_open()
+        self._check_alive()
 
     # --- time and the cable --------------------------------------------------------------------
 
@@ -98,50 +98,12 @@ class VirtualLink:
         """Counters since the link was opened."""
         return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
 
-    @property
-    def sessions(self) -> int:
-        """Number of sessions since the link was opened."""
-        return self._session.count
-
-    @property
-    def rolling_mps(self) -> float | None:
-        """How fast the robot rolled when it last reported that it does; see `Session`."""
-        return self._session.rolling_mps
-
-    @property
-    def watched_values(self) -> Mapping[int, float]:
-        """The newest values of the watched parameters, by id: the same object until one changes."""
-        self.check()
-        values = self._session.watched_values
-        if values is None:
-            raise self._session.error.with_traceback(None)
-        return values
-
-    @property
-    def watched_if_open(self) -> Mapping[int, float] | None:
-        """As `watched_values`; None while no session is open."""
-        return self._session.watched_values
-
-    def known(self, parameter: int) -> float | None:
-        """The newest value of a parameter that was reported in this session, if there is one."""
-        self.check()
-        return self._session.values.get(parameter)
-
-    def check(self) -> None:
-        """Raise the reason if the link is not open."""
-        self._check_open()
-        self._session.check_open()
-
     def listen(self, listener: Listener, happening: Happening) -> None:
         """As `Link.listen`."""
         self._listener = listener
         standing = self._session.standing_news(happening)
         if standing is not None:
             listener(standing)
-
-    def release_trial(self) -> None:
-        """The application has left its trial of parameters."""
-        self._session.release_trial()
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
@@ -160,7 +122,7 @@ class VirtualLink:
 
     def post(self, message: RequestMessage, done: Done) -> None:
         """Send a request without waiting; `done` is called with the result."""
-        self._check_open()
+        self._check_alive()
         self._session.request(message, done, self.now_us)
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
@@ -169,7 +131,7 @@ class VirtualLink:
 
     def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
         """As `stop`, without waiting."""
-        self._check_open()
+        self._check_alive()
         self._session.stop(mode, done, self.now_us)
 
     def estop(self) -> None:
@@ -178,7 +140,7 @@ class VirtualLink:
 
     def post_estop(self, done: Done) -> None:
         """As `estop`, without waiting."""
-        self._check_open()
+        self._check_alive()
         self._session.estop(done, self.now_us)
 
     def withdraw(self, done: Done) -> None:
@@ -209,7 +171,7 @@ class VirtualLink:
 
     def _step(self) -> None:
         """Advance one millisecond: the host first, then the device."""
-        self._check_open()
+        self._check_alive()
         self._session.advance(self.now_us)
         self._flush()
         self._sim.advance_us(STEP_US)
@@ -259,6 +221,6 @@ class VirtualLink:
                 raise RequestTimeout("the simulated robot does not answer")
             self._step()
 
-    def _check_open(self) -> None:
+    def _check_alive(self) -> None:
         if self._end is not None:
             raise self._end.with_traceback(None)
