@@ -10,12 +10,12 @@ RV32_BUILD := build/rv32
 CXX_FILES = $(shell find firmware bootloader_components -name '*.hpp' -o -name '*.cpp' -o -name '*.h')
 # MESSAGES.md is as its generator writes it.
 MD_FILES = $(filter-out protocol/MESSAGES.md,$(shell git ls-files '*.md'))
-PYTHON_FOLDERS := host protocol ros_node tests bench examples tools
+PYTHON_FOLDERS := host protocol ros_node tests bench docs/conf.py examples tools
 MDFORMAT = $(BIN)/mdformat --wrap 100 --compact-tables
 export PATH := $(abspath $(BIN)):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help gen gen-check format lint type sim cpp-tests rv32 rv32-baseline ros ros-test colcon test wheels wheels-check wheel-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
+.PHONY: help gen gen-check format lint type docs docs-links sim cpp-tests rv32 rv32-baseline ros ros-test colcon test wheels wheels-check wheel-check viewers-check demo hil fuzzers fuzz explorer explore corruption bench reliability mutants dying soak clean
 
 help:  ## This list
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,18 +26,19 @@ $(VENV)/installed: pyproject.toml tools/check-machine
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, API reference, simulator's tables
+gen: $(VENV)/installed  ## Write the generated files: of the protocol, the pictures of package and boards, commands' options, simulator's tables
 	$(BIN)/python -m wheelwire_protocol.generate
 	$(BIN)/python tools/draw_rooms.py
-	$(BIN)/python tools/write_api.py
+	$(BIN)/python tools/write_cli_page.py
 	@$(MAKE) --no-print-directory sim
 	$(BIN)/python tools/write_simulator_page.py
+	$(BIN)/python tools/write_view.py
 	$(BIN)/python tools/write_boards.py
 
 gen-check: $(VENV)/installed  ## Fail if a generated file is out of date
 	$(BIN)/python -m wheelwire_protocol.generate --check
 	$(BIN)/python tools/draw_rooms.py --check
-	$(BIN)/python tools/write_api.py --check
+	$(BIN)/python tools/write_cli_page.py --check
 	$(BIN)/python tools/write_boards.py --check
 
 format: $(VENV)/installed  ## Format Python, C++ and Markdown
@@ -57,6 +58,17 @@ lint: $(VENV)/installed  ## Style, layers, formatting, words that only insiders 
 
 type: $(VENV)/installed  ## mypy --strict
 	$(BIN)/mypy
+
+$(VENV)/docs-installed: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
+SPHINX = $(BIN)/sphinx-build -q -W --keep-going -d build/docs-doctrees
+docs: $(VENV)/docs-installed  ## The site, to build/docs: its links and anchors lead somewhere
+	@$(SPHINX) -b html docs build/docs
+
+docs-links: $(VENV)/docs-installed  ## The site's links to other sites, over the network
+	@$(SPHINX) -b linkcheck docs build/docs-links
 
 # $(call cmake,folder,options,targets)
 cmake = $(BIN)/cmake -S firmware/esp32/sim -B $(1) -G Ninja $(2) --log-level=WARNING >/dev/null && \
@@ -119,6 +131,9 @@ wheels-check: wheels $(VENV)/installed  ## Test those wheels; needs qemu-user-st
 wheel-check: $(VENV)/installed  ## Build the wheel of this computer, install it in a fresh environment, drive a simulated robot
 	@$(BIN)/python tools/wheels.py build native
 	@$(BIN)/python tools/wheels.py check native
+
+viewers-check: sim  ## Read a recording by the packages of Foxglove and Lichtblick; needs node and npm
+	@$(BIN)/python tools/check_viewers.py
 
 demo: sim  ## Drive the simulated robot: a figure eight, then a stop by watchdog
 	@$(BIN)/wheelwire demo --output build/demo

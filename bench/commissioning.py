@@ -43,7 +43,7 @@ def row(plant: str, raised: bool, outcome: Outcome) -> list[str]:
 
 
 def targets(outcomes: Sequence[Outcome]) -> list[Target]:
-    """What is claimed in docs/control.md."""
+    """What is claimed in docs/commissioning.md."""
     slope = max(abs(outcome.slope_error) for outcome in outcomes)
     offset = max(abs(outcome.offset_error) for outcome in outcomes)
     proved = [outcome.ratio for outcome in outcomes]

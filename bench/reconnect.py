@@ -21,8 +21,8 @@ from support.reconnect import (
 )
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.info import quantile
+from wheelwire.simulation.bad_line import Impairment, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import Impairment, LineProfile
 from wheelwire.simulation.simulator import Simulator
 
 CORRUPT = Impairment(corrupt=0.01)

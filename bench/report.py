@@ -17,7 +17,7 @@ from support.benchmark import ROOT, output_folder
 BENCHES = (
     *("codec", "capture", "imports"),
     *("link", "latency", "links_per_host", "ros"),
-    *("control", "drivers", "cost"),
+    *("control", "drivers", "cost", "recording", "view"),
 )
 """The benchmarks, in the order of the report."""
 

@@ -44,6 +44,15 @@ STOP_LIMIT_MS = 5.0
 COMMAND_LIMIT_MS = 2.5
 CPU_LIMIT_PERCENT = 6.0
 CPU_AT_HZ = 100.0
+BESIDE = """
+E-stops by programs that are attached to the node while it drives, commanded 100 times a second, on
+their way to the other end of the node's port: from the write to the socket of the node's tap, and
+from the start of the command `wheelwire estop`, which is a process of its own. *Listeners* are
+other programs that are attached, and take all that crosses the link.
+"""
+BESIDE_COUNTS = (300, 30)
+BESIDE_LISTENERS = (0, 2)
+BESIDE_LIMIT_MS = 20.0
 STREAMS = """\
 Jitter is the 99th percentile of what the interval between two messages differs from the period
 asked for: of the arrivals at a subscriber in another process, and of the stamps. The node publishes
@@ -123,6 +132,37 @@ def show_motors(folder: Path) -> list[Target]:
     return targets
 
 
+def show_attached() -> list[Target]:
+    """Print the latency of e-stops beside the node."""
+    from support.ros import open_graph
+    from support.ros_load import attached_estops
+    from support.ros_process import RobotNode
+    from support.stand_in import StandIn
+    from wheelwire.simulation.simulator import Simulator
+
+    rows, targets = [], []
+    with (
+        open_graph() as graph,
+        Simulator(truth_hz=10.0) as simulator,
+        closing(StandIn("support.wire_tap", simulator.port)) as tap,
+        RobotNode(graph, port=tap.first_answer["port"], publish_rate=MOTORS_HZ),
+    ):
+        graph.wait_active()
+        for listeners in BESIDE_LISTENERS:
+            found = attached_estops(graph, simulator, tap, BESIDE_COUNTS, listeners)
+            beside = f", {listeners} listeners" if listeners else ""
+            for begin, latencies_s in zip(("the write", "the command's start"), found, strict=True):
+                p50_ms, p99_ms = (quantile(latencies_s, q) * 1e3 for q in (0.5, 0.99))
+                row = [f"from {begin}{beside}", str(len(latencies_s))]
+                rows.append([*row, f"{p50_ms:.2f}", f"{p99_ms:.2f}"])
+            p99_ms = quantile(found.written_s, 0.99) * 1e3
+            what = f"p99 of an e-stop beside the node{beside}"
+            targets.append(_at_most(what, p99_ms, BESIDE_LIMIT_MS, "ms"))
+    header = ("latency [ms]", "e-stops", "p50", "p99")
+    sys.stdout.write(f"{BESIDE}\n{table(header, rows)}\n")
+    return targets
+
+
 def show_streams(folder: Path) -> list[Target]:
     """Print rates, jitter and CPU."""
     rows, targets = [], []
@@ -180,6 +220,7 @@ def main() -> int:
     with TemporaryDirectory() as folder:
         targets = show_latency(Path(folder))
         targets += show_motors(Path(folder))
+        targets += show_attached()
         targets += show_streams(Path(folder))
     sys.stdout.write(table_of_targets(targets))
     return 0 if all(target.reached for target in targets) else 1

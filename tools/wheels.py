@@ -141,7 +141,10 @@ def _check_installed(wheel: Path, folder: Path) -> None:
     )
     nothing = {"PATH": ""}
     subprocess.run([python, "-c", script], env=nothing, cwd=folder, check=True)
-    _drive(str(folder / "bin" / "wheelwire"), folder, nothing)
+    command = str(folder / "bin" / "wheelwire")
+    for page in ("troubleshooting/port", "tutorial/1-parts", "messages/parameters"):
+        subprocess.run([command, "help", page], env=nothing, stdout=subprocess.DEVNULL, check=True)
+    _drive(command, folder, nothing)
 
 
 def _check_emulated(wheel: Path, folder: Path, target: Target) -> None:

@@ -12,7 +12,7 @@ import sys
 import generated
 from generated import table
 from wheelwire.files.plant import load_plant, shipped_plants
-from wheelwire.simulation.library import FwSim, Variable
+from wheelwire.simulation.libfwsim import FwSim, Variable
 
 PAGE = generated.ROOT / "docs" / "simulator.md"
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .errors import ParameterOutOfRange as ParameterOutOfRange
     from .errors import PortUnavailable as PortUnavailable
     from .errors import ProtocolMismatch as ProtocolMismatch
+    from .errors import RecordingError as RecordingError
     from .errors import RequestTimeout as RequestTimeout
     from .errors import RobotNotNamed as RobotNotNamed
     from .errors import SimulatorNotFound as SimulatorNotFound
@@ -81,6 +82,7 @@ _MODULES = {
         "ParameterOutOfRange",
         "PortUnavailable",
         "ProtocolMismatch",
+        "RecordingError",
         "RequestTimeout",
         "RobotNotNamed",
         "SimulatorNotFound",

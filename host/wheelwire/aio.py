@@ -13,56 +13,29 @@ loop, and its thread, may use it.
 from __future__ import annotations
 
 import asyncio
-import threading
 import weakref
-from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Mapping
-from contextlib import AbstractAsyncContextManager, suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator
+from contextlib import AbstractAsyncContextManager
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
-
-from wheelwire_protocol.codes import Contradiction, RefusalCode
-from wheelwire_protocol.parameters import PARAMETERS, Parameter
-from wheelwire_protocol.types import (
-    ClearEstop,
-    ClearFault,
-    Contradictions,
-    ContradictionsGet,
-    ControlCounters,
-    ControlCountersGet,
-    LinkCounters,
-    LinkCountersGet,
-)
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
 
 from .arguments import timeout_s
 from .config import driver_at, named
 from .drivers.base import FIRST_SAMPLE_S
-from .drivers.device_board import BoardOperations, BoardSteps
-from .drivers.device_parameters import (
-    REVERT,
-    ParameterOperations,
-    checked_timeout,
-    contradiction_error,
-    run,
-)
+from .drivers.device_board import AwaitableBoard as Board
+from .drivers.device_parameters import AwaitableParameters as Parameters
+from .drivers.device_parameters import AwaitableTrial as Trial
+from .drivers.device_recorder import AwaitableRecorder as DeviceRecorder
 from .drivers.factory import check_options, driver_class
 from .drivers.linked import LinkedRobot
 from .drivers.loop_callbacks import LoopCallbacks
-from .errors import DeviceRefused, DriverUnavailable, InvalidCommand, LinkLost, WheelwireError
-from .link.connection import (
-    CALL_TIMEOUT_S,
-    CLOSE_TIMEOUT_S,
-    Link,
-    call_takes_too_long,
-)
-from .link.latest_sample import LatestSample
+from .drivers.loop_link import LoopLink
+from .drivers.requests import AwaitableDevice
+from .errors import DriverUnavailable
 from .link.news import Happening
-from .link.requests import Answer, Done, RequestMessage
 from .link.sample_iterator import SampleIterator as _SampleQueue
-from .link.waiting import Notifier
 from .motion.kinematics import WheelVelocities
-from .parameters import TRIAL_TIMEOUT_S, ParameterInfo, ParameterMapping
 from .samples import WheelSample
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
@@ -70,15 +43,17 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
-    from wheelwire_protocol.board import BoardState
-
-    from .board import BoardDescription
+    from .drivers.l298n import L298NDriver
     from .drivers.mock import MockDriver as _SyncMockDriver
+    from .drivers.options import arguments_of
+    from .drivers.pigpio import PigpioDriver
     from .drivers.pins import PinDriver as _SyncPinDriver
+    from .drivers.replay import ReplayDriver
+    from .drivers.serial import SerialDriver
     from .drivers.transport_driver import DeviceDriver
-    from .simulation.library import FwSim
+    from .recording.recorder import Recorder
+    from .simulation.libfwsim import FwSim
     from .simulation.simulator import Simulator
-    from .simulation.virtual_link import VirtualLink
 
 __all__ = [
     "Board",
@@ -92,235 +67,10 @@ __all__ = [
     "open_driver",
 ]
 
-Result = TypeVar("Result")
 DriverT = TypeVar("DriverT", bound="Driver")
 
-_VIRTUAL_STEP_S = 0.001
 
-
-class _LoopLink:
-    """A link, and the loop that waits for it.
-
-    The link's thread wakes the loop, by one call for all that has happened until the loop runs it.
-    Where time is virtual there is no such thread, and waiting makes time pass.
-    """
-
-    def __init__(self, robot: DeviceDriver) -> None:
-        self.link = robot._link
-        self.latest_sample: LatestSample = robot._latest_sample
-        self._virtual = None if isinstance(self.link, Link) else self.link
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._thread = 0
-        self._calls: deque[Callable[[], None]] = deque()
-        self._is_woken = False
-        self._guard: asyncio.Task[None] | None = None
-
-    # --- opening and closing ---------------------------------------------------------------------
-
-    async def open(self) -> None:
-        """Open the link, which belongs to the running loop from now on."""
-        self._loop = asyncio.get_running_loop()
-        self._thread = threading.get_ident()
-        link = self.link
-        if not isinstance(link, Link):
-            link.open()
-            return
-        # All are watched, so that each has a value without waiting: no subscript can be awaited.
-        link.watch([definition.id for definition in PARAMETERS])
-        self._guard = self._loop.create_task(
-            _guard(link, self.wait_for), name=f"wheelwire {link.name}"
-        )
-        try:
-            for ready, timeout_s in link.opening():
-                await self.wait_for(link.changed, ready, timeout_s)
-        except BaseException:
-            # A cancellation, too: the thread would go on serving a port that nobody can close.
-            await self.close()
-            raise
-
-    async def close(self) -> None:
-        """Stop the robot and close the port; when this is cancelled, a moment later."""
-        link, guard = self.link, self._guard
-        if not isinstance(link, Link):
-            link.close()
-            return
-        link.finish()
-        if guard is not None and guard.get_loop() is asyncio.get_running_loop():
-            # To await the task itself would cancel it along with the caller.
-            await asyncio.wait([guard], timeout=CLOSE_TIMEOUT_S)
-
-    def abandon(self) -> None:
-        """Nobody uses the link any more: stop the robot, without keeping a loop waiting."""
-        if isinstance(self.link, Link) and self._loop is not None and self._loop.is_running():
-            self.link.finish()
-        else:
-            self.link.close()
-
-    def check_thread(self) -> None:
-        """Raise `InvalidCommand` in another thread than the loop's."""
-        if threading.get_ident() != self._thread and not self.link.has_ended:
-            raise InvalidCommand(
-                "the robot belongs to an asyncio loop of another thread: have that loop call it, "
-                "by loop.call_soon_threadsafe or asyncio.run_coroutine_threadsafe"
-            )
-
-    # --- waiting ---------------------------------------------------------------------------------
-
-    def call_in_loop(self, call: Callable[[], None]) -> None:
-        """Have the loop call it; from any thread."""
-        self._calls.append(call)
-        if not self._is_woken and self._loop is not None:
-            self._is_woken = True
-            try:
-                self._loop.call_soon_threadsafe(self._run_calls)
-            except RuntimeError:  # the loop is closed
-                self._is_woken = False
-                self._calls.clear()
-
-    def _run_calls(self) -> None:
-        self._is_woken = False  # first: what comes from now on wakes the loop once more
-        while self._calls:
-            self._calls.popleft()()
-
-    async def wait_for(
-        self, changed: Notifier, ready: Callable[[], bool], timeout_s: float | None = None
-    ) -> bool:
-        """Wait until `ready()`, which `changed` tells of, or for `timeout_s`; returns whether."""
-        loop = self._own_loop()
-        if self._virtual is not None:
-            return await _pass_until(self._virtual, ready, timeout_s)
-        end_s = None if timeout_s is None else loop.time() + timeout_s
-        while not ready():
-            if end_s is not None and loop.time() >= end_s:
-                return False
-            waiter = _Waiter(loop.create_future(), self.call_in_loop)
-            changed.add(waiter)
-            # It ends the same wait: when time is up, `ready` is asked once more, too.
-            timer = None if end_s is None else loop.call_at(end_s, waiter.end)
-            try:
-                # What changed before it was added wakes nobody.
-                if not ready():
-                    await waiter.future
-            finally:
-                changed.discard(waiter)
-                if timer is not None:
-                    timer.cancel()
-        return True
-
-    async def call(self, post: Callable[[Done], None]) -> Answer:
-        """Have `post` send a request; wait for its result, and return or raise it.
-
-        When this is cancelled the request is withdrawn.
-        """
-        self._own_loop()
-        results: list[Answer | WheelwireError] = []
-        answered = Notifier()
-
-        def done(result: Answer | WheelwireError) -> None:
-            results.append(result)
-            answered.notify_all()
-
-        post(done)
-        try:
-            await self.wait_for(answered, lambda: bool(results), CALL_TIMEOUT_S)
-        except BaseException:
-            # A late copy would be carried out after whatever the program does next.
-            self.link.withdraw(done)
-            raise
-        if not results:
-            self.link.withdraw(done)
-            raise call_takes_too_long()
-        # The same error may end many calls: tracebacks must not pile up in it.
-        if isinstance(results[0], WheelwireError):
-            raise results[0].with_traceback(None)
-        return results[0]
-
-    async def request(self, message: RequestMessage) -> Answer:
-        """Send a request and wait for its answer."""
-        return await self.call(partial(self.link.post, message))
-
-    async def run(self, steps: BoardSteps[Result]) -> Result:
-        """Do an operation by requests that are awaited, one after the other."""
-        try:
-            # A request's error ends the operation where it is: its generator has nothing to clean
-            # up.
-            step = next(steps)
-            while True:
-                if isinstance(step, float):
-                    await asyncio.sleep(step)
-                    step = next(steps)
-                else:
-                    step = steps.send(await self._answer(step))
-        except StopIteration as end:
-            # The operation is over, and this is what its generator returned.
-            return cast("Result", end.value)
-
-    async def _answer(self, message: RequestMessage) -> Answer:
-        try:
-            return await self.request(message)
-        except DeviceRefused as error:
-            if error.code != RefusalCode.CONTRADICTION:
-                raise
-            found = cast("Contradictions", await self.request(ContradictionsGet(0, 0)))
-            raise contradiction_error(message, found) from None
-
-    def _own_loop(self) -> asyncio.AbstractEventLoop:
-        loop = asyncio.get_running_loop()
-        # Of a link that has ended, whoever asks learns that.
-        if loop is not self._loop and not self.link.has_ended:
-            raise InvalidCommand(
-                "the robot belongs to another asyncio loop: use it in the one that opened it, as "
-                "by asyncio.run_coroutine_threadsafe"
-            )
-        return loop
-
-
-class _Waiter:
-    """A coroutine that waits for another thread's news."""
-
-    def __init__(
-        self, future: asyncio.Future[None], call_in_loop: Callable[[Callable[[], None]], None]
-    ) -> None:
-        self.future = future
-        self._call_in_loop = call_in_loop
-
-    def release(self) -> None:
-        """End the wait; from any thread."""
-        self._call_in_loop(self.end)
-
-    def end(self) -> None:
-        """End the wait; in the loop."""
-        if not self.future.done():
-            self.future.set_result(None)
-
-
-async def _pass_until(
-    link: VirtualLink, ready: Callable[[], bool], timeout_s: float | None
-) -> bool:
-    """Let virtual time pass until `ready()`, or for `timeout_s`; returns whether it was ready."""
-    end_us = None if timeout_s is None else link.now_us + round(timeout_s * 1e6)
-    while not ready():
-        if end_us is not None and link.now_us >= end_us:
-            return False
-        link.advance(_VIRTUAL_STEP_S)
-        await asyncio.sleep(0)  # others have the loop meanwhile, and this may be cancelled
-    return True
-
-
-async def _guard(link: Link, wait_for: Callable[..., Awaitable[bool]]) -> None:
-    """The link's task: a loop that ends cancels it, and waits until the robot is stopped."""
-    try:
-        while not link.has_ended:
-            try:
-                await wait_for(link.changed, lambda: link.has_ended)
-            except asyncio.CancelledError:  # noqa: PERF203 - it goes on waiting
-                link.finish()
-    except GeneratorExit:  # the loop was closed without a word, and this is thrown away
-        link.close()
-        raise
-
-
-class Driver(LinkedRobot):
+class Driver(AwaitableDevice, LinkedRobot):
     """A robot with two driven wheels, on the running loop. Made by `connect` and `open_driver`.
 
     `set_velocity`, `set_wheel_velocity`, `set_duty` and the properties are plain: they wait for
@@ -339,12 +89,15 @@ class Driver(LinkedRobot):
         self._robot = robot
         self._link = robot._link
         self._latest_sample = robot._latest_sample
-        self._on_loop = on_loop = _LoopLink(robot)
+        self._on_loop = on_loop = LoopLink(robot)
+        super().__init__(on_loop)
         self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
         self._parameters = Parameters(on_loop)
         # In place of the driver's own, which waits.
         robot._finalizer.detach()
         self._finalizer = weakref.finalize(self, on_loop.abandon)
+        self._recording: Callable[[], None] | None = None
+        """Begins what `open_driver` was asked to record."""
 
     async def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.
@@ -358,14 +111,6 @@ class Driver(LinkedRobot):
     async def estop(self) -> None:
         """Stop both wheels and latch; otherwise as `stop`."""
         await self._on_loop.call(self._link.post_estop)
-
-    async def clear_estop(self) -> None:
-        """End the emergency stop; `DeviceRefused` while its cause lasts."""
-        await self._on_loop.request(ClearEstop(0, 0))
-
-    async def clear_fault(self) -> None:
-        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
-        await self._on_loop.request(ClearFault(0, 0))
 
     async def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
@@ -439,18 +184,10 @@ class Driver(LinkedRobot):
         """The board that the device has stored."""
         return Board(self._on_loop)
 
-    async def device_counters(self) -> LinkCounters:
-        """What the device has counted at its end of the link since its reset."""
-        return cast("LinkCounters", await self._on_loop.request(LinkCountersGet(0, 0)))
-
-    async def contradictions(self) -> Contradiction:
-        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
-        answer = cast("Contradictions", await self._on_loop.request(ContradictionsGet(0, 0)))
-        return Contradiction(answer.active)
-
-    async def control_counters(self) -> ControlCounters:
-        """What the device's control loop and encoders have counted since its reset."""
-        return cast("ControlCounters", await self._on_loop.request(ControlCountersGet(0, 0)))
+    @property
+    def recorder(self) -> DeviceRecorder:
+        """What the device has recorded of its stops."""
+        return DeviceRecorder(self._on_loop)
 
     async def close(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once.
@@ -461,6 +198,8 @@ class Driver(LinkedRobot):
         # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         await self._on_loop.close()
+        for recorder in self._robot._recorders:
+            await asyncio.to_thread(recorder.close)
         await self._callbacks.wait()
         # Skipped when this is cancelled: the finaliser stays, and finishing twice is harmless.
         self._finalizer.detach()
@@ -476,8 +215,18 @@ class Driver(LinkedRobot):
     ) -> None:
         await self.close()
 
+    async def record(self, path: str | Path, driver: str | None = None) -> Recorder:
+        """As every driver's."""
+        return await asyncio.to_thread(self._robot.record, path, driver)
+
     async def _open(self) -> None:
         await self._on_loop.open()
+        if self._recording is not None:
+            try:
+                await asyncio.to_thread(self._recording)
+            except BaseException:
+                await self.close()
+                raise
 
     def _listen(self, happening: Happening) -> None:
         self._on_loop.check_thread()
@@ -490,9 +239,6 @@ class Driver(LinkedRobot):
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
         self._on_loop.check_thread()
         super()._drive_duty(left, right, expiry_us)
-
-    def _now_us(self) -> int:
-        return self._robot._now_us()
 
 
 class PinDriver(Driver):
@@ -532,7 +278,7 @@ class MockDriver(Driver):
 class SampleIterator(AsyncIterator[WheelSample]):
     """As `wheelwire.SampleIterator`, for `async for`."""
 
-    def __init__(self, on_loop: _LoopLink) -> None:
+    def __init__(self, on_loop: LoopLink) -> None:
         # Polled, and waited for on the loop: its own `next` would block the thread.
         self._queue: _SampleQueue = on_loop.latest_sample.iterate()
         self._on_loop = on_loop
@@ -558,153 +304,6 @@ class SampleIterator(AsyncIterator[WheelSample]):
             if sample is not None:
                 return sample
             await self._on_loop.wait_for(self._on_loop.latest_sample.changed, self._queue.is_ready)
-
-
-class Parameters(ParameterMapping):
-    """The parameters of one robot: a mapping of the newest values that it reported.
-
-    All of them are read whenever a session is opened, so using the mapping never waits. A change
-    that was cancelled or not answered (`RequestTimeout`) may have been made or not; `refresh`
-    tells.
-
-    Raises, in every coroutine: `LinkLost`, `RequestTimeout`, `DeviceRefused`; in every one that
-    takes a name: `UnknownParameter`.
-    """
-
-    def __init__(self, on_loop: _LoopLink) -> None:
-        self._operations = ParameterOperations(on_loop.link)
-        self._on_loop = on_loop
-
-    async def set(self, name: str, value: float) -> float:
-        """Change a value until the next reset of the device; returns the active value.
-
-        Raises:
-            ParameterOutOfRange: Beyond the bounds, not finite, or not whole where it must be.
-        """
-        return await self._on_loop.run(self._operations.set(name, value))
-
-    async def refresh(self, name: str | None = None) -> None:
-        """Ask the device anew for one value, or for all."""
-        await self._on_loop.run(self._operations.refresh(name))
-
-    async def list(self) -> tuple[ParameterInfo, ...]:
-        """All parameters, with the bounds that the device holds them to."""
-        return await self._on_loop.run(self._operations.list())
-
-    async def save(self, name: str | None = None) -> None:
-        """Keep values across resets: one, or all. Only while stopped."""
-        await self._on_loop.run(self._operations.save(name))
-
-    async def reset(self) -> None:
-        """Go back to the defaults, and forget what was saved. Only while stopped."""
-        await self._on_loop.run(self._operations.reset())
-
-    def trial(self, timeout: float = TRIAL_TIMEOUT_S) -> Trial:
-        """Try values: `async with robot.parameters.trial() as trial: ...; await trial.keep()`.
-
-        As `wheelwire.Parameters.trial`.
-        """
-        return Trial(self._operations, self._on_loop, checked_timeout(timeout))
-
-    def _value(self, definition: Parameter) -> float:
-        value = self._operations.newest(definition.id)
-        if value is not None:
-            return value
-        link = self._on_loop.link
-        if isinstance(link, Link):  # a new session has just begun
-            raise LinkLost("a new session is being opened; wait a moment")
-        return run(self._operations.get(definition.id), link.request)  # in virtual time
-
-
-class Trial(AbstractAsyncContextManager["Trial"]):
-    """A trial of parameters, made by `Parameters.trial`; as `wheelwire.parameters.Trial`."""
-
-    def __init__(
-        self, operations: ParameterOperations, on_loop: _LoopLink, timeout_s: float
-    ) -> None:
-        self._operations = operations
-        self._on_loop = on_loop
-        self._timeout_s = timeout_s
-        self._kept = False
-
-    async def keep(self) -> None:
-        """Leave the values active until the next reset of the device; ends the trial.
-
-        Raises:
-            DeviceRefused: The trial was lost; the previous values are active.
-            RequestTimeout: Nobody knows whether the device kept the values.
-        """
-        await self._on_loop.run(self._operations.keep_trial())
-        # Only once it is acknowledged: until then the end of the block has to revert.
-        self._kept = True
-
-    async def __aenter__(self) -> Trial:
-        try:
-            await self._on_loop.run(self._operations.begin_trial(self._timeout_s))
-        except DeviceRefused:
-            raise  # none was begun; the other one goes on
-        except BaseException:  # it may have been begun, and nobody will be there to end it
-            self._abandon()
-            raise
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        # After a KEEP the session has released the trial already.
-        if self._kept:
-            return
-        try:
-            await self._on_loop.run(self._operations.revert_trial())
-        except WheelwireError:
-            if error is None:  # else that one says more
-                raise
-        except BaseException:  # cancelled: what was asked for is not repeated any more
-            self._abandon()
-            raise
-        finally:
-            self._on_loop.link.release_trial()
-
-    def _abandon(self) -> None:
-        # Not awaited: the task may be ending. If it cannot be sent, the device reverts by itself.
-        with suppress(WheelwireError):
-            self._on_loop.link.post(REVERT, lambda _: None)
-        self._on_loop.link.release_trial()
-
-
-class Board:
-    """The board of one device, as `wheelwire.drivers.device_board.DeviceBoard`."""
-
-    def __init__(self, on_loop: _LoopLink) -> None:
-        self._operations = BoardOperations(on_loop.link)
-        self._run = on_loop.run
-
-    async def read(self) -> tuple[BoardState, BoardDescription | None]:
-        """Whether the active board was confirmed, and the board; None if there is none."""
-        return await self._run(self._operations.read())
-
-    async def write(self, board: BoardDescription) -> None:
-        """Store a board, to be tried at the next restart."""
-        await self._run(self._operations.write(board))
-
-    async def confirm(self, board: BoardDescription) -> None:
-        """Save the board that is on trial, or the firmware's own, and let it drive."""
-        await self._run(self._operations.confirm(board))
-
-    async def accept(self, board: BoardDescription) -> None:
-        """Confirm the active board, and wait until the device drives on it."""
-        await self._run(self._operations.accept(board))
-
-    async def take_up(self, board: BoardDescription) -> None:
-        """Write a board, restart the device, and confirm the board if it comes back on it."""
-        await self._run(self._operations.take_up(board))
-
-    async def restart(self) -> None:
-        """Restart the device, and wait until it is back."""
-        await self._run(self._operations.restart())
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
@@ -756,58 +355,40 @@ _DRIVERS: dict[str, type[Driver]] = {"l298n": PinDriver, "mock": MockDriver, "pi
 """Name -> what offers more than `Driver`."""
 
 
-@overload
+if TYPE_CHECKING:
+
+    @overload
+    @arguments_of(SerialDriver)
+    def open_driver(name: Literal["serial"]) -> Opening[Driver]: ...
+    @overload
+    @arguments_of(L298NDriver)
+    def open_driver(name: Literal["l298n"]) -> Opening[PinDriver]: ...
+    @overload
+    @arguments_of(PigpioDriver)
+    def open_driver(name: Literal["pigpio"]) -> Opening[PinDriver]: ...
+    @overload
+    @arguments_of(_SyncMockDriver)
+    def open_driver(name: Literal["mock"]) -> Opening[MockDriver]: ...
+    @overload
+    @arguments_of(ReplayDriver)
+    def open_driver(name: Literal["replay"]) -> Opening[Driver]: ...
+    @overload
+    def open_driver(
+        name: str, *args: Any, record: str | Path | None = None, **options: Any
+    ) -> Opening[Driver]: ...
+
+
 def open_driver(
-    name: Literal["serial"],
-    *,
-    port: str,
-    baud_rate: int = ...,
-    connect_timeout: float = ...,
-    stream_rate_hz: int | None = ...,
-    board_id: str | None = ...,
-    any_board: bool = ...,
-    board: str | Path | BoardDescription | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-) -> Opening[Driver]: ...
-@overload
-def open_driver(
-    name: Literal["l298n"],
-    *,
-    pins: BoardDescription | None = ...,
-    pwm_chip: int | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-    pwm_directory: Path = ...,
-    core_timeout_ms: int = ...,
-) -> Opening[PinDriver]: ...
-@overload
-def open_driver(
-    name: Literal["pigpio"],
-    *,
-    host: str = ...,
-    port: int = ...,
-    pins: BoardDescription | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-    core_timeout_ms: int = ...,
-) -> Opening[PinDriver]: ...
-@overload
-def open_driver(
-    name: Literal["mock"],
-    *,
-    realtime: bool = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-) -> Opening[MockDriver]: ...
-@overload
-def open_driver(name: str, **options: Any) -> Opening[Driver]: ...
-def open_driver(name: str, **options: Any) -> Opening[Any]:
+    name: str, *args: Any, record: str | Path | None = None, **options: Any
+) -> Opening[Any]:
     """Open a robot by the name of its driver: by `async with`, which closes it too, or `await`.
 
     The options are checked at once, without opening anything.
 
     Args:
         name: As for `wheelwire.open_driver`.
+        *args: As those of `wheelwire.open_driver`.
+        record: As that of `wheelwire.open_driver`.
         **options: As those of `wheelwire.open_driver`.
 
     Raises:
@@ -816,20 +397,27 @@ def open_driver(name: str, **options: Any) -> Opening[Any]:
         InvalidArgument: The driver has no such option, or needs one that is missing.
         WheelwireError: What the driver itself raises.
     """
-    from .drivers.transport_driver import DeviceDriver, opened_later  # here: it can read boards
+    # Here: they can read boards.
+    from .drivers.recorded import record_opened, wanted_recording
+    from .drivers.transport_driver import DeviceDriver, opened_later
 
     driver = driver_class(name)
-    check_options(name, driver, options)
+    check_options(name, driver, options, *args)
+    recording = wanted_recording(record)
 
     def make() -> Driver:
         with opened_later():
-            robot = driver(**options)
+            robot = driver(*args, **options)
         if not isinstance(robot, DeviceDriver):
             robot.close()
             raise DriverUnavailable(
                 f"driver {name!r} has no link that asyncio could wait for: use "
                 "wheelwire.open_driver"
             )
-        return _DRIVERS.get(name, Driver)(robot)
+        made = _DRIVERS.get(name, Driver)(robot)
+        if recording is not None:
+            is_asked = record is not None
+            made._recording = partial(record_opened, robot, recording, name, is_asked=is_asked)
+        return made
 
     return Opening(make)

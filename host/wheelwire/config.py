@@ -33,10 +33,14 @@ if TYPE_CHECKING:
 ENVIRONMENT = "WHEELWIRE_ROBOT"
 """Names the robot where no address is given."""
 MOCK = "mock"
-ADDRESS_KINDS = "a port, socket://HOST:PORT, unix:PATH, a board's id, a robot's YAML file or mock"
+ADDRESS_KINDS = (
+    "a port, socket://HOST:PORT, unix:PATH, a board's id, a robot's YAML file, a recording (.mcap) "
+    "or mock"
+)
 BOARD_PORTS = "/dev/ttyUSB*,/dev/ttyACM*"
 """Where a board is looked for by its id: the ports of USB adapters and of chips with USB."""
 _ROBOT_FILES = (".yaml", ".yml")
+_RECORDINGS = ".mcap"
 DEFAULT_FILE = Path(__file__).parent / "files" / "pi4b_robot.yaml"
 
 
@@ -101,8 +105,8 @@ def connect(robot: str | os.PathLike[str] | None = None) -> BaseDriver:
 
     Args:
         robot: A port, such as `/dev/ttyUSB0`; `socket://HOST:PORT`; `unix:PATH`; a board's id, as
-            `wheelwire info` shows it; a robot's YAML file; or `mock`, a simulated robot. None: the
-            one that the environment's WHEELWIRE_ROBOT names.
+            `wheelwire info` shows it; a robot's YAML file; a recording, `FILE.mcap`; or `mock`, a
+            simulated robot. None: the one that the environment's WHEELWIRE_ROBOT names.
 
     For a board's id all free USB ports are opened to ask who is there. Where that is not wanted, a
     robot's file says which ports those are, with `serial.board_id`.
@@ -151,7 +155,7 @@ def driver_at(
         DriverUnavailable: No driver has the name in its file.
     """
     # Whatever is neither a file nor mock is a port: what kind of one, its transport tells.
-    if address != MOCK and not is_robot_file(address):
+    if address != MOCK and not is_robot_file(address) and not is_recording(address):
         return "serial", _port_options(address, baud_rate)
     if baud_rate is not None:
         raise InvalidArgument(
@@ -160,6 +164,8 @@ def driver_at(
         )
     if address == MOCK:
         return MOCK, {}
+    if is_recording(address):
+        return "replay", {"file": address}
     name, options = driver_of(load_config(address), address)
     if bare and name == "serial":
         # The other drivers start a core of their own, which has no parameters before.
@@ -171,6 +177,11 @@ def driver_at(
 def is_robot_file(address: str) -> bool:
     """Whether an address is a robot's file."""
     return address.lower().endswith(_ROBOT_FILES)
+
+
+def is_recording(address: str) -> bool:
+    """Whether an address is a recording."""
+    return address.lower().endswith(_RECORDINGS)
 
 
 def is_board_id(address: str) -> bool:

@@ -20,13 +20,19 @@ _MAX_SHOWN_LENGTH = 60
 
 
 class WheelwireError(Exception):
-    """Base class of the errors that Wheelwire raises."""
+    """Base class of the errors that Wheelwire raises.
+
+    Attributes:
+        why: Of an error that a stop of the robot is behind: the sentence that `wheelwire why` says
+            of it; else empty. Without `watch_stops` it knows the state and the faults alone.
+    """
 
     exit_code: ClassVar[int] = 1
+    why: str = ""
 
     def __reduce__(self) -> tuple[object, ...]:
         # Exception's own version would call the class with the finished message as its arguments.
-        return _unpickle, (type(self), self.args, self.__dict__)
+        return rebuilt, (type(self), self.args, self.__dict__)
 
 
 class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's names say the state
@@ -37,6 +43,7 @@ class PortUnavailable(WheelwireError, OSError):  # noqa: N818 - the design's nam
     def __init__(self, port: str, reason: str) -> None:
         super().__init__(f"cannot open {port}: {reason}")
         self.port = port
+        self.reason = reason
 
 
 class DeviceSilent(WheelwireError):  # noqa: N818
@@ -117,11 +124,23 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         sentences = [f"the device refused {subject}: {text}", *latched, hint]
         super().__init__(" ".join(filter(None, sentences)))
 
+    def __str__(self) -> str:
+        return " ".join(filter(None, (super().__str__(), self.why)))
+
 
 class LinkLost(WheelwireError, ConnectionError):  # noqa: N818
-    """The link is down. It reconnects by itself; wait, or check the cable."""
+    """The link is down. It reconnects by itself; wait, or check the cable.
+
+    Args:
+        text: What happened.
+        causes: Which of `wheelwire why`'s causes are behind it, by name, as far as it is known.
+    """
 
     exit_code = 8
+
+    def __init__(self, text: str, *, causes: tuple[str, ...] = ()) -> None:
+        super().__init__(text)
+        self.causes = causes
 
 
 class LinkClosed(WheelwireError):  # noqa: N818
@@ -284,9 +303,16 @@ class GroupUnavailable(WheelwireError):  # noqa: N818
         self.device = device
 
 
-def _unpickle(
+class RecordingError(WheelwireError):
+    """A recording cannot be read, or not be written."""
+
+    exit_code = 29
+
+
+def rebuilt(
     kind: type[WheelwireError], arguments: tuple[object, ...], state: dict[str, object]
 ) -> WheelwireError:
+    """An error with these arguments of `Exception` and these attributes, from another process."""
     # The arguments are those of Exception. `__init__`, which takes others, is not called.
     error = kind.__new__(kind, *arguments)
     # An OSError leaves that to `__init__`.

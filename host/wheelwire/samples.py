@@ -1,4 +1,4 @@
-"""Samples of both wheels, and the travel between two samples."""
+"""What is asked of both wheels, samples of them, and the travel between two samples."""
 
 from __future__ import annotations
 
@@ -14,6 +14,15 @@ def tick_difference(later: int, earlier: int) -> int:
     # Shifted by half the range and back, the remainder lies in -2^31 to 2^31 - 1.
     half = TICK_MODULUS // 2
     return (later - earlier + half) % TICK_MODULUS - half
+
+
+class Setpoint(NamedTuple):
+    """What a program asked of the wheels."""
+
+    left: float
+    """m/s, or with `duty` a duty, -1..1."""
+    right: float
+    duty: bool
 
 
 class WheelTravel(NamedTuple):

@@ -120,6 +120,7 @@ class Group(DocumentedEnum):
 
     BASE = 0, "Sessions, setpoints, stops, requests, state: what every device has."
     BOARD = 1, "Boards: which pins lead to which power stage and encoders."
+    RECORDER = 2, "Black boxes and ledger: what the device recorded of its stops."
 
 
 class StopMode(DocumentedEnum):
@@ -172,6 +173,15 @@ class Board(DocumentedEnum):
     ESP32S3 = 2, "ESP32-S3."
     ESP32C6 = 3, "ESP32-C6."
     LINUX = 4, "A Linux computer whose own pins drive the wheels, such as a Raspberry Pi."
+
+
+class BoxCause(DocumentedEnum):
+    """Why a black box was stored."""
+
+    REQUEST = 0, "Somebody asked for it."
+    FAULT = 1, "A fault."
+    ESTOP = 2, "An emergency stop."
+    RESET = 3, "A panic or a watchdog reset the device."
 
 
 class Fault(DocumentedFlag):
@@ -302,3 +312,5 @@ ENUMERATIONS: tuple[type[DocumentedEnum], ...] = (
     Board,
 )
 FLAGS: tuple[type[DocumentedFlag], ...] = (Fault, Capability, Contradiction)
+RECORDER_CODES: tuple[type[DocumentedEnum], ...] = (BoxCause,)
+"""Those of the group RECORDER."""

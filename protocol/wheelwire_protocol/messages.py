@@ -27,6 +27,7 @@ from .board import (
 )
 from .codes import (
     Board,
+    BoxCause,
     Capability,
     Contradiction,
     EventCode,
@@ -77,6 +78,10 @@ def board_fields() -> list[Field]:
 
 BOARD = Struct(*board_fields())
 BOARD_SIZE: int = BOARD.sizeof()
+
+
+BOX_PART_SIZE = 56
+"""Bytes of a black box that one message carries."""
 
 
 def _session() -> Field:
@@ -321,6 +326,40 @@ BOARD_CONFIRM = Message(
     group=Group.BOARD,
 )
 
+# --- the recorder, from the host: ids 0x30 to 0x3f -----------------------------------------------
+
+BOX_GET = Message(
+    id=0x30,
+    name="BoxGet",
+    doc="Asks for what one of the stored black boxes is of; the answer is BoxValue.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("age", Int8ul, Unit.NONE, "How many were stored after it; 0: the newest."),
+    ),
+    group=Group.RECORDER,
+)
+BOX_READ = Message(
+    id=0x31,
+    name="BoxRead",
+    doc="Asks for a part of a black box; the answer is BoxPart. Not while driving.",
+    body=Struct(
+        _session(),
+        _request(),
+        # Not by its age: a box that is stored meanwhile must not change which one is read.
+        field("number", Int32ul, Unit.NONE, "Of the box."),
+        field("offset", Int32ul, Unit.NONE, "In bytes, from its beginning."),
+    ),
+    group=Group.RECORDER,
+)
+LEDGER_GET = Message(
+    id=0x32,
+    name="LedgerGet",
+    doc="Asks for the counts that outlive a reset; the answer is LedgerValue.",
+    body=Struct(_session(), _request()),
+    group=Group.RECORDER,
+)
+
 # --- from the device ---------------------------------------------------------------------------
 
 # The upper half of the ids: a device knows none of them, so that an echo of its own frames does
@@ -557,6 +596,84 @@ BOARD_VALUE = Message(
     group=Group.BOARD,
 )
 
+# --- the recorder, from the device: ids 0xb0 to 0xbf ---------------------------------------------
+
+
+def _count(name: str, doc: str) -> Field:
+    return field(name, Int32ul, Unit.NONE, doc)
+
+
+BOX_VALUE = Message(
+    id=0xB0,
+    name="BoxValue",
+    doc="What a stored black box is of. With number 0 there is none of this age.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("box_count", Int8ul, Unit.NONE, "How many boxes are stored."),
+        field("age", Int8ul, Unit.NONE, "As asked."),
+        field(
+            "is_current",
+            Int8ul,
+            Unit.NONE,
+            "1: what it ends with is how the device stands now, or the reset that began this boot.",
+        ),
+        field("number", Int32ul, Unit.NONE, "Counts up over all boxes of the device, from 1."),
+        field("size", Int32ul, Unit.NONE, "In bytes."),
+        field("cause", Int8ul, Unit.NONE, "Why it was stored.", BoxCause),
+        field(
+            "reset_reason",
+            Int8ul,
+            Unit.NONE,
+            "Of the boot in which it was stored.",
+            ResetReason,
+        ),
+        field("boot_id", Int32ul, Unit.NONE, "Of the boot in which it was recorded."),
+        field("core", Int32ul, Unit.NONE, "Hash of the core that recorded it."),
+        field("release", Int32ul, Unit.NONE, "Of the firmware: major << 16, minor << 8, patch."),
+        field("git_hash", Int32ul, Unit.NONE, "Of the firmware's commit; 0: unknown."),
+        field("board", Int32ul, Unit.NONE, "Fingerprint of the board; 0: none."),
+        field("faults", Int32ul, Unit.NONE, "Latched when it was stored.", Fault),
+        field("stored_us", Int64ul, Unit.MICROSECOND, "Device clock when it was stored."),
+    ),
+    group=Group.RECORDER,
+)
+BOX_PART = Message(
+    id=0xB1,
+    name="BoxPart",
+    doc="A part of a black box. With size 0 the device has no such box, or it is not that long.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("number", Int32ul, Unit.NONE, "As asked."),
+        field("offset", Int32ul, Unit.NONE, "As asked."),
+        field("size", Int8ul, Unit.NONE, "Bytes of the data that count; less at the end alone."),
+        field("data", Bytes(BOX_PART_SIZE), Unit.NONE, "The bytes, filled up with zeros."),
+    ),
+    group=Group.RECORDER,
+)
+LEDGER_VALUE = Message(
+    id=0xB2,
+    name="LedgerValue",
+    doc="What happened to the robot in its life, up to now. All counts wrap.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("uptime_s", Int32ul, Unit.SECOND, "In all."),
+        # In the order of ResetReason.
+        *(
+            _count(f"resets_{reason.name.lower()}", f"Starts for the reason {reason.name}.")
+            for reason in ResetReason
+        ),
+        _count("stops_session", "Drives that a new session ended."),
+        _count("stops_stop", "Drives that a stop ended."),
+        _count("stops_deadline", "Drives that ended because a setpoint ran out."),
+        _count("stops_estop", "Emergency stops."),
+        _count("stops_fault", "Faults."),
+    ),
+    group=Group.RECORDER,
+)
+
 # The order counts: each group's hash covers its layouts in this order.
 MESSAGES: tuple[Message, ...] = (
     HELLO,
@@ -582,6 +699,9 @@ MESSAGES: tuple[Message, ...] = (
     BOARD_GET,
     BOARD_WRITE,
     BOARD_CONFIRM,
+    BOX_GET,
+    BOX_READ,
+    LEDGER_GET,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -595,6 +715,9 @@ MESSAGES: tuple[Message, ...] = (
     GROUP_INFO,
     CONTRADICTIONS,
     BOARD_VALUE,
+    BOX_VALUE,
+    BOX_PART,
+    LEDGER_VALUE,
 )
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders

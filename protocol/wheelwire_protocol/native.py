@@ -19,7 +19,9 @@ from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 5
+ABI = 8
+RECORDER_SIZE = 320 * 1024
+"""Of what `Core.keep_recorder` has written, in bytes."""
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
@@ -142,6 +144,30 @@ class Core:
         self._library.wheelwire_core_latches(
             self._live, record, len(record), self._save_latches, None
         )
+
+    def keep_recorder(self, content: bytes, write: Callable[[int, bytes], bool]) -> None:
+        """Have a black box and a ledger, which hosts can read; call it before the start.
+
+        Args:
+            content: What was written last, RECORDER_SIZE bytes; empty if nothing was.
+            write: Stores bytes at an offset; returns whether it succeeded. Called only while the
+                wheels stand, once a step at most, and may wait for a disk; it must not raise.
+
+        Raises:
+            ValueError: The content is of another size.
+            MemoryError: Out of memory.
+        """
+        if content and len(content) != RECORDER_SIZE:
+            raise ValueError(f"a recorder has {RECORDER_SIZE} bytes, not {len(content)}")
+
+        def written(_context: object, offset: int, data: int, size: int) -> int:
+            return write(offset, ctypes.string_at(data, size))
+
+        self._write = _WRITE(written)  # as `_save`: it must live as long as the core
+        if not self._library.wheelwire_core_recorder(
+            self._live, content or None, self._write, None
+        ):
+            raise MemoryError("no memory for the robot's recorder")
 
     def preset(self, parameter_id: int, value: float) -> RefusalCode:
         """Change the default of a parameter, before the start. NONE, or why it was refused."""
@@ -458,8 +484,70 @@ class Counters64(ctypes.Structure):
     )
 
 
+BOX_OPENED, BOX_NONE, BOX_DAMAGED = 0, 1, 2
+RERUN_NO_MEMORY = 5
+
+
+class BoxHead(ctypes.Structure):
+    """`wheelwire_box_head`; see `black_box.BoxHead`."""
+
+    _fields_ = (
+        ("stored_us", ctypes.c_uint64),
+        ("number", ctypes.c_uint32),
+        ("boot_id", ctypes.c_uint32),
+        ("core", ctypes.c_uint32),
+        ("release", ctypes.c_uint32),
+        ("git_hash", ctypes.c_uint32),
+        ("board", ctypes.c_uint32),
+        ("faults", ctypes.c_uint32),
+        ("cause", ctypes.c_uint8),
+        ("reset_reason", ctypes.c_uint8),
+    )
+
+
+class BoxEntry(ctypes.Structure):
+    """`wheelwire_box_entry`, a record of any kind."""
+
+    _fields_ = (
+        ("t_us", ctypes.c_uint64),
+        ("left_counter", ctypes.c_int16),
+        ("right_counter", ctypes.c_int16),
+        ("left_duty_q15", ctypes.c_int16),
+        ("right_duty_q15", ctypes.c_int16),
+        ("battery_mv", ctypes.c_uint16),
+        ("faults", ctypes.c_uint32),
+        ("kind", ctypes.c_uint8),
+        ("event", ctypes.c_uint8),
+        ("before", ctypes.c_uint8),
+        ("after", ctypes.c_uint8),
+        ("message_id", ctypes.c_uint8),
+        ("code", ctypes.c_uint8),
+        ("flag", ctypes.c_uint8),
+        ("body_size", ctypes.c_uint8),
+        ("body", ctypes.c_uint8 * 80),
+    )
+
+
+class RerunResult(ctypes.Structure):
+    """`wheelwire_rerun`; see `black_box.Rerun`."""
+
+    _fields_ = (
+        ("first_us", ctypes.c_uint64),
+        ("last_us", ctypes.c_uint64),
+        ("t_us", ctypes.c_uint64),
+        ("recorded", ctypes.c_double),
+        ("computed", ctypes.c_double),
+        ("steps", ctypes.c_uint32),
+        ("step", ctypes.c_uint32),
+        ("field", ctypes.c_char * 120),
+    )
+
+
 # The block is a void pointer: a char pointer would arrive as bytes that end at the first zero.
 _SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
+_WRITE = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p, ctypes.c_size_t
+)
 _CORE = _DECODER = ctypes.c_void_p
 _BUFFER = ctypes.c_void_p
 # Result and arguments. What is not declared, ctypes takes for an int: a handle would lose its upper
@@ -474,6 +562,10 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_core_latches": (
         None,
         (_CORE, ctypes.c_char_p, ctypes.c_size_t, _SAVE, ctypes.c_void_p),
+    ),
+    "wheelwire_core_recorder": (
+        ctypes.c_int,
+        (_CORE, ctypes.c_char_p, _WRITE, ctypes.c_void_p),
     ),
     "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
     "wheelwire_core_start": (
@@ -493,6 +585,22 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_board_check": (
         ctypes.c_size_t,
         (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_BoardIssue), ctypes.c_size_t),
+    ),
+    "wheelwire_core_hash": (ctypes.c_uint32, ()),
+    "wheelwire_box_open": (
+        ctypes.c_int,
+        (
+            ctypes.c_char_p,
+            ctypes.c_size_t,
+            ctypes.POINTER(ctypes.c_void_p),
+            ctypes.POINTER(BoxHead),
+        ),
+    ),
+    "wheelwire_box_close": (None, (ctypes.c_void_p,)),
+    "wheelwire_box_next": (ctypes.c_int, (ctypes.c_void_p, ctypes.POINTER(BoxEntry))),
+    "wheelwire_box_rerun": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(RerunResult)),
     ),
     "wheelwire_decoder_create": (_DECODER, (_BUFFER, _BUFFER)),
     "wheelwire_decoder_destroy": (None, (_DECODER,)),

@@ -324,6 +324,39 @@ class BoardConfirm(NamedTuple):
     """The crc of the board that is meant."""
 
 
+class BoxGet(NamedTuple):
+    """Asks for what one of the stored black boxes is of; the answer is BoxValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    age: int
+    """How many were stored after it; 0: the newest."""
+
+
+class BoxRead(NamedTuple):
+    """Asks for a part of a black box; the answer is BoxPart. Not while driving."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    number: int
+    """Of the box."""
+    offset: int
+    """In bytes, from its beginning."""
+
+
+class LedgerGet(NamedTuple):
+    """Asks for the counts that outlive a reset; the answer is LedgerValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -631,6 +664,97 @@ class BoardValue(NamedTuple):
     """CRC-32 of the bytes before it, as in a frame."""
 
 
+class BoxValue(NamedTuple):
+    """What a stored black box is of. With number 0 there is none of this age."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    box_count: int
+    """How many boxes are stored."""
+    age: int
+    """As asked."""
+    is_current: int
+    """1: what it ends with is how the device stands now, or the reset that began this boot."""
+    number: int
+    """Counts up over all boxes of the device, from 1."""
+    size: int
+    """In bytes."""
+    cause: int
+    """Why it was stored. See `codes.BoxCause`."""
+    reset_reason: int
+    """Of the boot in which it was stored. See `codes.ResetReason`."""
+    boot_id: int
+    """Of the boot in which it was recorded."""
+    core: int
+    """Hash of the core that recorded it."""
+    release: int
+    """Of the firmware: major << 16, minor << 8, patch."""
+    git_hash: int
+    """Of the firmware's commit; 0: unknown."""
+    board: int
+    """Fingerprint of the board; 0: none."""
+    faults: int
+    """Latched when it was stored. See `codes.Fault`."""
+    stored_us: int
+    """Device clock when it was stored. [us]"""
+
+
+class BoxPart(NamedTuple):
+    """A part of a black box. With size 0 the device has no such box, or it is not that long."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    number: int
+    """As asked."""
+    offset: int
+    """As asked."""
+    size: int
+    """Bytes of the data that count; less at the end alone."""
+    data: bytes
+    """The bytes, filled up with zeros."""
+
+
+class LedgerValue(NamedTuple):
+    """What happened to the robot in its life, up to now. All counts wrap."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    uptime_s: int
+    """In all. [s]"""
+    resets_unknown: int
+    """Starts for the reason UNKNOWN."""
+    resets_power_on: int
+    """Starts for the reason POWER_ON."""
+    resets_external: int
+    """Starts for the reason EXTERNAL."""
+    resets_software: int
+    """Starts for the reason SOFTWARE."""
+    resets_panic: int
+    """Starts for the reason PANIC."""
+    resets_task_watchdog: int
+    """Starts for the reason TASK_WATCHDOG."""
+    resets_interrupt_watchdog: int
+    """Starts for the reason INTERRUPT_WATCHDOG."""
+    resets_brownout: int
+    """Starts for the reason BROWNOUT."""
+    stops_session: int
+    """Drives that a new session ended."""
+    stops_stop: int
+    """Drives that a stop ended."""
+    stops_deadline: int
+    """Drives that ended because a setpoint ran out."""
+    stops_estop: int
+    """Emergency stops."""
+    stops_fault: int
+    """Faults."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -655,6 +779,9 @@ AnyMessage = (
     | BoardGet
     | BoardWrite
     | BoardConfirm
+    | BoxGet
+    | BoxRead
+    | LedgerGet
     | DeviceHello
     | WheelState
     | Refuse
@@ -668,6 +795,9 @@ AnyMessage = (
     | GroupInfo
     | Contradictions
     | BoardValue
+    | BoxValue
+    | BoxPart
+    | LedgerValue
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -694,6 +824,9 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x20, BoardGet, "LH"),
     (0x21, BoardWrite, "LHBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
     (0x22, BoardConfirm, "LHL"),
+    (0x30, BoxGet, "LHB"),
+    (0x31, BoxRead, "LHLL"),
+    (0x32, LedgerGet, "LH"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -707,6 +840,9 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x8A, GroupInfo, "LHBL"),
     (0x8B, Contradictions, "LHLL"),
     (0xA0, BoardValue, "LHBBBBBB24sbbbbbbbbbbbbbbbbbbBBHHHQL"),
+    (0xB0, BoxValue, "LHBBBLLBBLLLLLLQ"),
+    (0xB1, BoxPart, "LHLLB56s"),
+    (0xB2, LedgerValue, "LHLLLLLLLLLLLLLL"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
@@ -748,6 +884,7 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
 GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
     Group.BOARD: 0x4CD2F265,
+    Group.RECORDER: 0x20FC1481,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
@@ -755,6 +892,12 @@ GROUPS: dict[type[AnyMessage], Group] = {
     BoardGet: Group.BOARD,
     BoardWrite: Group.BOARD,
     BoardConfirm: Group.BOARD,
+    BoxGet: Group.RECORDER,
+    BoxRead: Group.RECORDER,
+    LedgerGet: Group.RECORDER,
     BoardValue: Group.BOARD,
+    BoxValue: Group.RECORDER,
+    BoxPart: Group.RECORDER,
+    LedgerValue: Group.RECORDER,
 }
 """Of the messages that not every device has."""

@@ -34,7 +34,9 @@ def generate_launch_description() -> LaunchDescription:
     """The whole launch description; `ros2 launch --show-args` lists the arguments."""
     return LaunchDescription(
         [
-            _argument("driver", "", "mock, l298n, pigpio or serial. Empty: as in params_file."),
+            _argument(
+                "driver", "", "mock, l298n, pigpio, serial or replay. Empty: as in params_file."
+            ),
             _argument("port", "", "Port of the serial driver. Empty: as in params_file."),
             _argument("params_file", str(PARAMETERS), "YAML file of the robot's parameters."),
             _argument("model", str(MODEL), "URDF file of the robot's model."),

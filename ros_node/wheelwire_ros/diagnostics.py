@@ -147,6 +147,7 @@ def _robot(
     values = {
         "state": state.state,
         "faults": state.fault_names,
+        "stop": state.stop,
         "control_overruns": sample.overruns,
         "command_seq": sample.command_seq,
         "boot_id": f"{sample.boot_id:08x}",
@@ -158,11 +159,11 @@ def _robot(
     warnings = _warnings(connection.robot, state)
     # Before the silence: this node's e-stop acts even if the robot is not heard.
     if connection.estopped or state.state == "ESTOPPED":
-        level, message = ERROR, "the e-stop is set"
+        level, message = ERROR, state.stop or "the e-stop is set"
     elif silence is not None:
         level, message = STALE, "the last known state; the robot is silent"
     elif state.faults:
-        level, message = ERROR, " ".join(fault.doc for fault in state.faults)
+        level, message = ERROR, state.stop or " ".join(fault.doc for fault in state.faults)
     elif warnings:
         level, message = WARN, " ".join(warnings)
     else:

@@ -141,33 +141,48 @@ class MotionEstimator:
                 sample.battery_v,
             )
 
-    def reset(self) -> None:
-        """Move the origin of the odometry to the robot."""
-        self.set_pose(Pose(), np.zeros((3, 3)))
+    def reset(self) -> PoseRecord | None:
+        """Move the origin of the odometry to the robot; returns as `set_pose`."""
+        return self.set_pose(Pose(), np.zeros((3, 3)))
 
-    def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> None:
-        """Go on from this pose; its covariance is of (x, y, heading), 3 by 3."""
+    def set_pose(self, pose: Pose, covariance: npt.NDArray[np.float64]) -> PoseRecord | None:
+        """Go on from this pose; its covariance is of (x, y, heading), 3 by 3.
+
+        Returns where the robot is now, and at which sample; None before the first one.
+        """
         with self._lock:
             self._odometry.reset(pose)
             self._covariance.matrix = covariance
+            return None if self._last is None else self._record("", self._last)
+
+    def restore(self, record: PoseRecord) -> None:
+        """Be as at this record, whose sample is the last one."""
+        with self._lock:
+            self._begin(record)
 
     def record(self, board_id: str) -> PoseRecord | None:
         """The pose at the last sample, to resume from; None before the first one."""
         with self._lock:
-            last, pose = self._last, self._odometry.pose
-            if last is None:
-                return None
-            return PoseRecord(
-                board_id=board_id,
-                boot_id=last.boot_id,
-                t_us=last.t_us,
-                left_ticks=last.left_ticks,
-                right_ticks=last.right_ticks,
-                left_total=self._left_ticks,
-                right_total=self._right_ticks,
-                pose=(pose.x_m, pose.y_m, pose.heading_rad),
-                covariance=tuple(self._covariance.matrix.ravel().tolist()),
-            )
+            return None if self._last is None else self._record(board_id, self._last)
+
+    def record_at(self, first: WheelSample) -> PoseRecord:
+        """As `record`, before the first update: as of the sample that is to be the first."""
+        with self._lock:
+            return self._record("", first)
+
+    def _record(self, board_id: str, sample: WheelSample) -> PoseRecord:
+        pose = self._odometry.pose
+        return PoseRecord(
+            board_id=board_id,
+            boot_id=sample.boot_id,
+            t_us=sample.t_us,
+            left_ticks=sample.left_ticks,
+            right_ticks=sample.right_ticks,
+            left_total=self._left_ticks,
+            right_total=self._right_ticks,
+            pose=(pose.x_m, pose.y_m, pose.heading_rad),
+            covariance=tuple(self._covariance.matrix.ravel().tolist()),
+        )
 
     def resume(self, record: PoseRecord, first: WheelSample) -> OdometryUpdate:
         """Go on from a record of the same boot, before the first update.

@@ -12,7 +12,14 @@ import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 
-from wheelwire import BaseDriver, Pins, SerialDriver, driver_names, open_driver
+from wheelwire import (
+    BaseDriver,
+    Pins,
+    RecordingError,
+    SerialDriver,
+    driver_names,
+    open_driver,
+)
 
 from .node import BaseRobotNode
 from .parameters import Setting
@@ -52,6 +59,13 @@ SETTINGS = (
             NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
     Setting("pigpio_port", 8888, "pigpio: the daemon's TCP port.", 1, 65_535),
+    Setting("tap", True, "serial, l298n, pigpio: whether other programs of this computer may look, "
+            "stop and e-stop meanwhile."),
+    Setting("replay_file", "", "replay: the recording."),
+    Setting("replay_speed", 1.0, "replay: how much faster than on the day; 0: as fast as the node "
+            "takes it, sample by sample.", 0.0, 1000.0),
+    Setting("record", "", "All that crosses the link is recorded to this file, or to a file in "
+            "this folder. Empty: to none."),
     *(_pin(name, default) for name, default in PINS.items()),
 )
 # fmt: on
@@ -77,10 +91,20 @@ class HardwareRobot(BaseRobotNode):
         Within a session of the link another board is refused by the link itself. A node that was
         cleaned up and configured again holds on to its board as well.
         """
-        driver = open_driver(self.driver_type, **self._options())
+        driver = self._recorded_driver()
         if isinstance(driver, SerialDriver):
             self._first_board = self.setting("port"), driver.info.device.board_id
         return driver
+
+    def _recorded_driver(self) -> BaseDriver:
+        record: str = self.setting("record")
+        if record:
+            try:
+                return open_driver(self.driver_type, record=record, **self._options())
+            except RecordingError as error:
+                # A full disk may keep a robot from being recorded, not from being driven.
+                self.get_logger().error(f"record: {error}; the robot is not recorded")
+        return open_driver(self.driver_type, **self._options())
 
     def _board_id(self) -> str | None:
         """The only board that is accepted, if there is one."""
@@ -105,9 +129,13 @@ class HardwareRobot(BaseRobotNode):
                 "board_id": self._board_id(),
                 "any_board": self.setting("any_board"),
                 "board": self.setting("board") or None,
+                "tap": self.setting("tap"),
             }
         if self.driver_type == "mock":
             return local
+        if self.driver_type == "replay":
+            return {"file": self.setting("replay_file"), "speed": self.setting("replay_speed")}
+        local["tap"] = self.setting("tap")
         if self.driver_type == "l298n":
             chip = self.setting("pwm_chip")
             pwm_chip = None if chip == NO_CHIP else chip

@@ -197,7 +197,7 @@ class BaseRobotNode(LifecycleNode):  # type: ignore[misc] # rclpy has no types
         result = super().on_activate(state)
         if self._open is not None:
             # After the publishers were enabled: a disabled one drops its messages.
-            self._open.connection.active = True
+            self._open.activate()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

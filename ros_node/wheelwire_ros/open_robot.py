@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
+from collections import deque
 from contextlib import ExitStack, suppress
+from dataclasses import asdict
 from typing import Any
 
-from wheelwire import BaseDriver, SupervisorState, WheelSample, WheelwireError
+from wheelwire import (
+    BaseDriver,
+    InvalidCommand,
+    Pose,
+    SupervisorState,
+    WheelSample,
+    WheelwireError,
+)
+from wheelwire.diagnosis import Stop
+from wheelwire.drivers.transport_driver import DeviceDriver
 
 from . import diagnostics, parameters, pose, robot_state
 from .commands import CommandSubscriber
 from .connection import RobotConnection
-from .estimator import MotionEstimator
+from .estimator import MotionEstimator, PoseRecord
 from .publishers import MotionPublisher
 from .reader import Pacer, SampleReader
 from .robot_state import ResetWatch, RobotState
-from .time_base import TimeBase
+from .time_base import Offset, TimeBase
 
 DRIVING = SupervisorState.DRIVING
+OFFSET = "ros_offset_ns"
+"""What a recording says of the node's clock: the newest `Offset`s."""
+POSE = "pose"
+"""What a recording says of where the node began, or was set to: the newest `PoseRecord`s."""
+POSES = 8
+"""More than are set while a replay takes one sample."""
 LONGEST_TTL_S = 5.0
 """The upper bound of ttl_max_s."""
 
@@ -38,6 +55,7 @@ class OpenRobot:
         self._newest: WheelSample | None = None
         self._closing = False
         self._estopped_by_us = False
+        self._stop = ""
         self._resets = ResetWatch()
         self._logged_warnings: dict[str, int] = {}
         """The session in which each was logged last."""
@@ -47,13 +65,22 @@ class OpenRobot:
             lambda: int(node.get_clock().now().nanoseconds),
             node.get_logger(),
             is_simulated=lambda: bool(node.get_clock().ros_time_is_active),
+            note_offsets=lambda offsets: note(robot, OFFSET, offsets),
+            recorded_offsets=lambda: [Offset(*one) for one in noted(robot, OFFSET) or ()],
         )
+        self._poses: deque[dict[str, Any]] = deque(maxlen=POSES)
+        self._recorded_poses = pose.RecordedPoses(lambda: noted(robot, POSE))
         # An error below closes in reverse order what is open so far; `pop_all` leaves it open.
         with ExitStack() as resources:
             resources.callback(robot.shutdown)
             self._prepare_robot(robot, estopped=estopped)
             self._join_graph(robot, resources)
             self._resources = resources.pop_all()
+
+    def activate(self) -> None:
+        """Obey commands, and publish."""
+        self.connection.active = True
+        self._reader.begin()
 
     def close(self) -> None:
         """Stop the wheels, then release everything, in reverse order."""
@@ -101,6 +128,7 @@ class OpenRobot:
             self._resets,
             prepared=connection.is_prepared,
             estopped=self._estopped_by_us,
+            stop=self._stop,
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
@@ -151,7 +179,7 @@ class OpenRobot:
         first = robot.read()
         self._remember_pose(first, resources)
         topics = parameters.topics(get, has_battery=first.battery_v is not None)
-        pose.subscribe_set_pose(node, threads, resources, self.estimator, topics.frames.odom)
+        pose.subscribe_set_pose(node, threads, resources, self.set_pose, topics.frames.odom)
         self._publisher = MotionPublisher(node, threads, resources, topics)
         self._commands = CommandSubscriber(
             node,
@@ -163,21 +191,48 @@ class OpenRobot:
             parameters.command_type(get),
             topics.frames.base if get("publish_limited_velocity") else "",
         )
+        if isinstance(robot, DeviceDriver):
+            with suppress(InvalidCommand):  # a recording, or a robot in virtual time
+                resources.callback(robot.watch_stops(self._on_stop).close)
         # The last to begin and the first to end: its callbacks use all of the above.
         self._reader = SampleReader(robot, self._on_sample, self._on_reach, self._fail)
         resources.callback(self._reader.close)
+        # The time of a recording that is replayed step by step passes as it is read.
+        if getattr(robot, "speed", None) != 0:
+            self._reader.begin()
+
+    def _on_stop(self, stop: Stop) -> None:
+        """Called in a thread of its own."""
+        if not self._closing:
+            self._stop = f"{stop.sentence} Look first at {stop.look_at}."
+            self._node.update_state()
 
     def _remember_pose(self, first: WheelSample, resources: ExitStack) -> None:
         node = self._node
         self._resets.note(first, self.connection.robot)
         setting = node.setting("pose_file")
-        if setting == pose.AUTO and node.driver_type == "mock":
-            setting = ""  # each one is another robot, at a place of its own
+        if setting == pose.AUTO and node.driver_type in ("mock", "replay"):
+            setting = ""  # each mock is another robot, at a place of its own; a replay is none
         name, board_id = node.get_fully_qualified_name(), self._resets.board_id
         path = pose.path_of(setting, name, board_id)
         longest_s = self.connection.robot.ttl_max_s or LONGEST_TTL_S
         self._node.poses.open(path, lambda: self._resets.board_id, first, self.estimator, longest_s)
         resources.callback(self._node.poses.close)
+        self._recorded_poses.begin(first, self.estimator)
+        self._note_pose(self.estimator.record_at(first))
+
+    def set_pose(self, where: Pose, covariance: Any) -> None:
+        """Have the odometry go on from there."""
+        self._note_pose(self.estimator.set_pose(where, covariance))
+
+    def reset_odometry(self) -> None:
+        """Move the origin of the odometry to the robot."""
+        self._note_pose(self.estimator.reset())
+
+    def _note_pose(self, record: PoseRecord | None) -> None:
+        if record is not None:
+            self._poses.append(asdict(record))
+            note(self.connection.robot, POSE, list(self._poses))
 
     def _prepare(self) -> None:
         """Runs in the request worker."""
@@ -207,6 +262,9 @@ class OpenRobot:
         was_reset = self._resets.note(sample, self.connection.robot)
         # Each sample, also while the node is inactive: somebody may push the robot.
         motion = self.estimator.update(sample)
+        record = self._recorded_poses.at(sample)
+        if record is not None:
+            self.estimator.restore(record)
         if was_reset:
             self._node.get_logger().warning(
                 f"{self._resets.text}; odom may be off by {self.estimator.unseen_m:.2f} m, "
@@ -219,6 +277,8 @@ class OpenRobot:
                 self._publisher.publish(motion, stamp_ns)
         if before is not None and before.state is DRIVING and sample.state is not DRIVING:
             self.connection.note_standstill()
+        if sample.state is DRIVING:
+            self._stop = ""
         if (
             was_reset
             or before is None
@@ -232,3 +292,16 @@ class OpenRobot:
             return
         self.connection.robot.shutdown()
         self._node.threads.fail(error)
+
+
+def note(robot: BaseDriver, name: str, value: Any) -> None:
+    """Have a recording of the robot say this, where its driver can be recorded."""
+    say = getattr(robot, "note", None)
+    if say is not None:
+        say(name, value)
+
+
+def noted(robot: BaseDriver, name: str) -> Any:
+    """What a recording says by this name; None for a robot that is none."""
+    ask = getattr(robot, "noted", None)
+    return None if ask is None else ask(name)

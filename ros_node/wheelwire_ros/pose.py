@@ -113,6 +113,34 @@ def _record(found: Any) -> PoseRecord:
     return one
 
 
+class RecordedPoses:
+    """Where the node of a recording's day began, or was set to, each at its sample.
+
+    Args:
+        newest: The newest ones, as the recording has them; None if there is none.
+    """
+
+    def __init__(self, newest: Callable[[], list[dict[str, Any]] | None]) -> None:
+        self._newest = newest
+
+    def begin(self, first: WheelSample, estimator: MotionEstimator) -> None:
+        """Begin where that node did, as far as it stood: its first sample may be another one."""
+        known = [one for one in self._records() if one.boot_id == first.boot_id]
+        before = [one for one in known if one.t_us <= first.t_us]
+        for record in before[-1:] or known[:1]:
+            estimator.resume(record, first)
+
+    def at(self, sample: WheelSample) -> PoseRecord | None:
+        """The one that was set at this sample, if there is one."""
+        for record in reversed(self._records()):
+            if (record.boot_id, record.t_us) == (sample.boot_id, sample.t_us):
+                return record
+        return None
+
+    def _records(self) -> list[PoseRecord]:
+        return [_record({"format": FORMAT, **one}) for one in self._newest() or ()]
+
+
 class PoseMemory:
     """Remembers the pose of each board from one opening of the robot to the next.
 
@@ -254,7 +282,7 @@ def subscribe_set_pose(
     node: Any,
     threads: NodeThreads,
     resources: ExitStack,
-    estimator: MotionEstimator,
+    set_pose: Callable[[Pose, Any], object],
     odom_frame: str,
 ) -> None:
     """Set the pose of the odometry to that of each message on `~/set_pose`, with its covariance.
@@ -263,7 +291,7 @@ def subscribe_set_pose(
         node: An rclpy node.
         threads: The node's.
         resources: Removes the topic when it closes.
-        estimator: The odometry.
+        set_pose: Of the odometry.
         odom_frame: The odometry's frame; the node refuses a pose in another one.
     """
     logger = node.get_logger()
@@ -279,7 +307,7 @@ def subscribe_set_pose(
         except ValueError as error:
             logger.warning(f"{TOPIC} ignored: {error}")
             return
-        estimator.set_pose(pose, covariance)
+        set_pose(pose, covariance)
         logger.info(f"the pose was set to {words(pose)}")
 
     threads.entity(

@@ -7,17 +7,15 @@ twist in the robot's.
 from __future__ import annotations
 
 import math
-import random
-import struct
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import BatteryState, JointState
+
+from wheelwire.recording import messages
 
 from .estimator import RobotMotion
 from .threads import NodeThreads
@@ -32,15 +30,8 @@ DEPTH = 10
 BATTERY_PERIOD_NS = NANOSECONDS
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
-NATIVE = "="
-"""Byte order of the middleware of this computer, without padding."""
 PLANAR = (0, 1, 5)
 """Indices of x, y and yaw among x, y, z, roll, pitch, yaw."""
-
-# What changes from sample to sample. The other components of a planar pose stay 0.
-STAMP = (("header.stamp.sec", "i"), ("header.stamp.nanosec", "I"))
-POSE = ("position.x", "d"), ("position.y", "d"), ("orientation.z", "d"), ("orientation.w", "d")
-TRANSFORM = ("translation.x", "d"), ("translation.y", "d"), ("rotation.z", "d"), ("rotation.w", "d")
 
 
 class Frames(NamedTuple):
@@ -93,7 +84,7 @@ class MotionPublisher:
         self.topics = topics
         self.published = 0
         """Samples published."""
-        self._templates = MotionTemplates(topics)
+        self._messages = MotionMessages(topics)
         self._publishers = [publisher(Odometry, "odom"), publisher(JointState, "joint_states")]
         if topics.transform:
             self._publishers.append(publisher(TFMessage, "/tf", TF_DEPTH))
@@ -103,22 +94,25 @@ class MotionPublisher:
     def publish(self, motion: RobotMotion, stamp_ns: int) -> None:
         """Publish the motion at one sample, stamped with the time of its measurement."""
         for publisher, message in zip(
-            self._publishers, self._templates.fill(motion, stamp_ns), strict=True
+            self._publishers, self._messages.fill(motion, stamp_ns), strict=True
         ):
             publisher.publish(message)
         self.published += 1
         voltage_v = motion.battery_v
         if self._battery and voltage_v is not None and stamp_ns >= self._battery_due_ns:
             self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
-            # Once a second a message may be built the slow way, without a template.
+            # Once a second a message may be built the slow way, by ROS.
             message = battery_message(voltage_v, *self.topics.battery_range_v)
             message.header.stamp = time_message(stamp_ns)
             message.header.frame_id = self.topics.frames.base
             self._battery.publish(message)
 
 
-class MotionTemplates:
+class MotionMessages:
     """The messages of each sample, serialised.
+
+    Building a ROS message in Python and converting it to C costs several times what its publication
+    costs. So each is laid out once, and its numbers are filled in.
 
     Args:
         topics: As of `MotionPublisher`.
@@ -128,118 +122,30 @@ class MotionTemplates:
         frames, joints = topics.frames, topics.joints
         self._pose_diagonal = topics.pose_diagonal
         self._wheels = [len(names) for names in joints]
-        odometry = Odometry(child_frame_id=frames.base)
-        odometry.header.frame_id = frames.odom
-        odometry.twist.covariance[::7] = topics.twist_diagonal
-        self._odometry = MessageTemplate(
-            odometry,
-            [
-                *STAMP,
-                *((f"pose.pose.{path}", format_) for path, format_ in POSE),
-                ("pose.covariance", "36d"),
-                ("twist.twist.linear.x", "d"),
-                ("twist.twist.angular.z", "d"),
-            ],
+        self._odometry = messages.odometry(frames.odom, frames.base, topics.twist_diagonal)
+        self._joints = messages.joint_state([*joints[0], *joints[1]])
+        self._transform = (
+            messages.transforms(frames.odom, frames.base) if topics.transform else None
         )
-        count = f"{sum(self._wheels)}d"
-        self._joints = MessageTemplate(
-            JointState(name=[*joints[0], *joints[1]]),
-            [*STAMP, ("position", count), ("velocity", count)],
-        )
-        self._transform = None
-        if topics.transform:
-            one = TransformStamped(child_frame_id=frames.base)
-            one.header.frame_id = frames.odom
-            self._transform = MessageTemplate(
-                TFMessage(transforms=[one]),
-                [
-                    *((f"transforms.0.{path}", format_) for path, format_ in STAMP),
-                    *((f"transforms.0.transform.{path}", format_) for path, format_ in TRANSFORM),
-                ],
-            )
 
     def fill(self, motion: RobotMotion, stamp_ns: int) -> Iterator[bytes]:
         """The nav_msgs/Odometry, the sensor_msgs/JointState and, if asked for, the TFMessage."""
-        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+        stamp = messages.stamp(stamp_ns)
         # The heading need not be wrapped: a full turn changes both signs, which is the same
         # rotation.
         half_rad = motion.pose.heading_rad / 2
-        numbers = (
-            (seconds,),
-            (nanoseconds,),
-            (motion.pose.x_m,),
-            (motion.pose.y_m,),
-            (math.sin(half_rad),),
-            (math.cos(half_rad),),
-        )
-        yield self._odometry.fill(
-            *numbers,
-            pose_covariance(motion.covariance, self._pose_diagonal),
-            (motion.twist.linear_mps,),
-            (motion.twist.angular_radps,),
-        )
+        pose = motion.pose.x_m, motion.pose.y_m, math.sin(half_rad), math.cos(half_rad)
+        covariance = pose_covariance(motion.covariance, self._pose_diagonal)
+        yield self._odometry.fill(*stamp, *pose, *covariance, *motion.twist)
         left, right = self._wheels
         wheels = [motion.left] * left + [motion.right] * right
         yield self._joints.fill(
-            *numbers[:2],
-            [wheel.angle_rad for wheel in wheels],
-            [wheel.velocity_radps for wheel in wheels],
+            *stamp,
+            *[wheel.angle_rad for wheel in wheels],
+            *[wheel.velocity_radps for wheel in wheels],
         )
         if self._transform is not None:
-            yield self._transform.fill(*numbers)
-
-
-class MessageTemplate:
-    """A message that is published often: serialised once, then only its numbers are replaced.
-
-    Building a ROS message in Python and converting it to C costs several times what its publication
-    costs. The template finds the numbers in the serialised message by values that occur nowhere
-    else in it, with the middleware's own serialisation.
-
-    Args:
-        message: Its constant part.
-        fields: Path and format of each number to replace, the format as in `struct`:
-            `("pose.pose.position.x", "d")`, `("transforms.0.header.stamp.sec", "i")`, or an array,
-            `("pose.covariance", "36d")`.
-
-    Raises:
-        ValueError: A field's number does not occur exactly once in the serialised message.
-    """
-
-    def __init__(self, message: Any, fields: Sequence[tuple[str, str]]) -> None:
-        # The same numbers in every process: no luck decides whether each occurs once.
-        chance = random.Random(1)
-        self._fields: list[tuple[struct.Struct, int]] = []
-        marked: list[tuple[str, bytes]] = []
-        for path, format_ in fields:
-            code = struct.Struct(NATIVE + format_)
-            count = len(code.unpack(bytes(code.size)))
-            is_real = format_[-1] == "d"
-            # Whole numbers are below 2^29, so that they fit signed fields of 32 bits, too.
-            marks = [
-                chance.random() if is_real else chance.randrange(1 << 29) for _ in range(count)
-            ]
-            _set(message, path, marks if format_[:-1] else marks[0])
-            marked.append((path, code.pack(*marks)))
-        self._buffer = bytearray(serialize_message(message))
-        for (path, mark), (_, format_) in zip(marked, fields, strict=True):
-            if self._buffer.count(mark) != 1:
-                # A number in the wrong place would be published as a good message.
-                raise ValueError(f"the serialised {type(message).__name__} has no single {path}")
-            self._fields.append((struct.Struct(NATIVE + format_), self._buffer.index(mark)))
-
-    def fill(self, *values: Sequence[float]) -> bytes:
-        """The message with these values, one sequence a field in the order of the fields."""
-        for (code, offset), numbers in zip(self._fields, values, strict=True):
-            code.pack_into(self._buffer, offset, *numbers)
-        return bytes(self._buffer)
-
-
-def _set(message: Any, path: str, value: Any) -> None:
-    *parents, last = path.split(".")
-    for parent in parents:
-        message = message[int(parent)] if parent.isdigit() else getattr(message, parent)
-    setattr(message, last, value)
+            yield self._transform.fill(*stamp, *pose)
 
 
 def time_message(stamp_ns: int) -> Time:

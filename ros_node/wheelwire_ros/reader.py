@@ -21,7 +21,7 @@ SLOWEST_HZ = 2 / SILENCE_S
 
 
 class SampleReader:
-    """Reads samples until `close`.
+    """Reads samples from `begin` to `close`.
 
     Args:
         robot: An open driver.
@@ -49,7 +49,11 @@ class SampleReader:
         self._closing = threading.Event()
         # A daemon: a read that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="wheelwire samples", daemon=True)
-        self._thread.start()
+
+    def begin(self) -> None:
+        """Begin to read. Harmless when repeated, by one thread at a time."""
+        if self._thread.ident is None:
+            self._thread.start()
 
     @property
     def dropped(self) -> int:
@@ -59,7 +63,7 @@ class SampleReader:
     def close(self) -> None:
         """End the thread; no callback runs after this returns."""
         self._closing.set()
-        if self._thread is not threading.current_thread():
+        if self._thread.ident is not None and self._thread is not threading.current_thread():
             self._thread.join(JOIN_S)
 
     def _run(self) -> None:
@@ -75,6 +79,8 @@ class SampleReader:
             try:
                 sample = self._next()
             except StopIteration:
+                if not self._closing.is_set():
+                    self._note_silence(LinkClosed("the robot's samples have come to their end"))
                 return
             except LinkClosed:
                 raise  # for good: the node ends, and its supervisor restarts it
@@ -100,7 +106,14 @@ class SampleReader:
             sample = self._samples.poll()
             if sample is not None:
                 return sample
-            self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
+            try:
+                self._robot.read(SILENCE_S)  # only waits: each sample is in the iterator, too
+            except LinkClosed:
+                # The iterator knows better: of a recording that was replayed it ends.
+                sample = self._samples.poll()
+                if sample is None:
+                    raise
+                return sample
 
     def _note_silence(self, error: WheelwireError) -> None:
         # Another cause is news as well: a device that is silent at first, and then unplugged.

@@ -42,6 +42,8 @@ class RobotState(NamedTuple):
     """How often the device was reset, until then."""
     board_id: str = ""
     """Of the device; empty where the driver does not report it."""
+    stop: str = ""
+    """Why the robot stopped, until it drives again."""
 
     @property
     def level(self) -> Any:
@@ -68,6 +70,7 @@ class RobotState(NamedTuple):
             "state": self.state,
             "faults": self.fault_names,
             "cause": self.cause,
+            "stop": self.stop,
             "link": self.link,
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
             "session": str(self.session),
@@ -142,6 +145,7 @@ def of_robot(
     *,
     prepared: bool,
     estopped: bool,
+    stop: str,
 ) -> RobotState:
     """The state of an open robot.
 
@@ -153,6 +157,7 @@ def of_robot(
         resets: The device's.
         prepared: Whether the session is prepared.
         estopped: Whether this node has set the e-stop.
+        stop: Why it stopped; empty while it drives.
     """
     # The first of these that applies hides the rest: behind a lost link nobody knows more.
     if silence is not None:
@@ -171,6 +176,7 @@ def of_robot(
         reset_reason=resets.reason,
         resets=resets.count,
         board_id=resets.board_id,
+        stop=stop,
     )
     if sample is None:
         return state

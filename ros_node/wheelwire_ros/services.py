@@ -81,7 +81,7 @@ def _save_parameters(robot: OpenRobot) -> str:
 
 
 def _reset_odometry(robot: OpenRobot) -> str:
-    robot.estimator.reset()
+    robot.reset_odometry()
     return "the odometry begins here"
 
 

@@ -5,10 +5,16 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 ATTEMPTS = 5
+SAME_NS = 20_000
+"""Two measured offsets that differ by less are the same one."""
+AHEAD_NS = 100_000_000
+"""How much later than it is measured an offset applies: no sample is stamped so long before."""
+KEPT = 16
+"""Offsets: a sample may be stamped some time after the newest is known."""
 RATE_WINDOW_NS = 4_000_000_000
 RATE_STEP_NS = 100_000_000
 SLOWEST = 0.01
@@ -17,6 +23,18 @@ WAITING_FOR_CLOCK = (
     "waiting for /clock: use_sim_time is true and nothing publishes it; "
     "commands are obeyed, motion is published once it runs"
 )
+
+
+class Offset(NamedTuple):
+    """ROS time less monotonic time, of the stamps from one on until the next offset."""
+
+    from_ns: int
+    offset_ns: int
+
+
+def _offset_at(offsets: Sequence[Offset], stamp_ns: int) -> int:
+    known = [one for one in offsets if one.from_ns <= stamp_ns]
+    return (known[-1] if known else offsets[0]).offset_ns
 
 
 class TimeBase:
@@ -32,6 +50,9 @@ class TimeBase:
         is_simulated: Whether that is /clock.
         log: The node's logger, for a clock that does not run yet, and for when it begins to.
         monotonic_ns: Reads the clock of the samples' stamps. [ns]
+        note_offsets: Called with the newest ones, before a sample can be stamped with the last.
+        recorded_offsets: For samples of a recording: those of their day, which are then the ones
+            that count; empty if there are none.
     """
 
     def __init__(
@@ -40,6 +61,8 @@ class TimeBase:
         log: Any,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
         is_simulated: Callable[[], bool] = lambda: False,
+        note_offsets: Callable[[Sequence[Offset]], object] = lambda _: None,
+        recorded_offsets: Callable[[], Sequence[Offset]] = lambda: (),
     ) -> None:
         self._ros_ns = ros_ns
         self._is_simulated = is_simulated
@@ -50,7 +73,10 @@ class TimeBase:
         """Of the last conversion: what /clock said, and the result."""
         self._log = log
         self._monotonic_ns = monotonic_ns
-        self._offset_ns = 0
+        self._note_offsets = note_offsets
+        self._recorded_offsets = recorded_offsets
+        self._offsets: tuple[Offset, ...] = ()
+        """The newest last."""
         self.error_s = 0.0
         """Error bound of the offset when it was measured. [s]"""
         self.runs = True
@@ -59,15 +85,31 @@ class TimeBase:
         """How fast the ROS clock runs: seconds of it in a second."""
         self.measure()
 
-    def measure(self) -> None:
-        """Measure the offset: of several readings the quickest, which was interrupted least."""
+    def measure(self, from_ns: int | None = None) -> None:
+        """Measure the offset: of several readings the quickest, which was interrupted least.
+
+        Args:
+            from_ns: Stamps from this one on get it; by default those of a moment later.
+        """
         self._note_whether_it_runs()
         if self.runs and self._is_simulated():
             self._follow_simulation()
         elif self.runs:
             self.rate = 1.0
-            width_ns, self._offset_ns = min(self._read() for _ in range(ATTEMPTS))
+            width_ns, offset_ns = min(self._read() for _ in range(ATTEMPTS))
             self.error_s = width_ns / 2e9
+            # Where both agree, none is better; the stamps of a constant one do not jitter.
+            if not self._offsets:
+                self._use(Offset(0, offset_ns))
+            elif abs(offset_ns - self._offsets[-1].offset_ns) > width_ns / 2 + SAME_NS:
+                # Which samples get it depends on their stamps alone, so that a recording is stamped
+                # again in the same way: none of them has been stamped yet.
+                soon_ns = self._monotonic_ns() + AHEAD_NS
+                self._use(Offset(soon_ns if from_ns is None else from_ns, offset_ns))
+
+    def _use(self, offset: Offset) -> None:
+        self._offsets = (*self._offsets, offset)[-KEPT:]
+        self._note_offsets(self._offsets)
 
     def to_ros_ns(self, stamp_s: float) -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
@@ -80,14 +122,17 @@ class TimeBase:
             if not self.runs:
                 return None
         stamp_ns = round(stamp_s * 1e9)
+        recorded = self._recorded_offsets()
+        if recorded:
+            return stamp_ns + _offset_at(recorded, stamp_ns)
         if self._is_simulated():
             return self._to_simulated_ns(stamp_ns)
-        ros_ns = stamp_ns + self._offset_ns
+        ros_ns = stamp_ns + _offset_at(self._offsets, stamp_ns)
         # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
         # was set back since the offset was measured.
         if ros_ns > self._ros_ns():
-            self.measure()
-            ros_ns = min(stamp_ns + self._offset_ns, self._ros_ns())
+            self.measure(from_ns=stamp_ns)
+            ros_ns = min(stamp_ns + _offset_at(self._offsets, stamp_ns), self._ros_ns())
         # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
         return ros_ns if ros_ns > 0 else None
 

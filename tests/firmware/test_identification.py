@@ -24,10 +24,10 @@ from support.commissioning import (
     true_line,
     true_time_constant_s,
 )
+from wheelwire.commissioning.before_after import Proof, prove
 from wheelwire.commissioning.driving import TTL_S, BoardReset
 from wheelwire.commissioning.gains import FLOOR_INERTIA, tuned
 from wheelwire.commissioning.identification import Identification, WheelIdentification, identify
-from wheelwire.commissioning.proof import Proof, prove
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import CommissioningFailed
 from wheelwire.samples import WheelSample

@@ -10,7 +10,7 @@ import pytest
 from support.virtual import VirtualRobot
 from wheelwire.link.session import Phase
 from wheelwire.samples import tick_difference
-from wheelwire.simulation.library import FwSim, FwSimError, Status
+from wheelwire.simulation.libfwsim import FwSim, FwSimError, Status
 from wheelwire_protocol.codes import ResetReason, SupervisorState
 
 COUNTS = 360

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from support.virtual import VirtualRobot
-from wheelwire.simulation.library import FwSim, FwSimError, Status
+from wheelwire.simulation.libfwsim import FwSim, FwSimError, Status
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 
 

@@ -12,7 +12,7 @@ from wheelwire import LinkLost, RequestTimeout, Twist
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.motion.covariance import PoseCovariance
 from wheelwire.motion.odometry import Odometry
-from wheelwire.simulation.library import FwSim
+from wheelwire.simulation.libfwsim import FwSim
 
 RUNS = 40
 CHI_SQUARED_99 = 11.34

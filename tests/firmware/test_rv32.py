@@ -34,6 +34,24 @@ def test_nothing_grew_too_much_since_the_last_release() -> None:
     assert grown == {}, f"since {baseline.release}; CONTRIBUTING.md says what to do"
 
 
+def test_a_recorded_step_costs_a_tenth_more_at_most() -> None:
+    baseline, compiler = rv32_baseline.load(), rv32.compiler_version()
+    if baseline.compiler != compiler:
+        pytest.skip(f"the baseline is of GCC {baseline.compiler}, here is {compiler}")
+    median = rv32.recorded()["step"].median
+    assert median <= baseline.figures["step, median"] * (1 + rv32.AIM_RECORDED_GROWTH)
+
+
+def test_the_worst_recorded_steps_are_within_their_own_targets() -> None:
+    """A recorder does more in them; without one the targets above hold."""
+    steps = rv32.recorded()
+    segment = steps.pop("step_with_segment")
+    assert segment.runs >= 5
+    assert segment.max < rv32.AIM_SEGMENT_INSTRUCTIONS
+    assert max(work.max for work in steps.values()) < rv32.AIM_RECORDED_INSTRUCTIONS
+    assert rv32.recorder_bytes() < rv32.AIM_RECORDER_BYTES
+
+
 def test_the_run_has_steps_of_every_kind() -> None:
     assert all(work.runs >= 20 for work in rv32.cost().instructions.values())
 

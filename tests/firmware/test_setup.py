@@ -24,7 +24,7 @@ from support.wiring_runs import (
     raised_robot,
     set_up_raised,
 )
-from wheelwire.commissioning import problems, proof, setup
+from wheelwire.commissioning import before_after, problems, setup
 from wheelwire.commissioning.driving import Pair, pulse
 from wheelwire.commissioning.identification import identify
 from wheelwire.commissioning.questions import Question, SimulatedPerson
@@ -431,14 +431,14 @@ def test_gains_that_are_a_little_better_than_the_noise_say_so() -> None:
     pairs = tuple(Pair(0.1, 0.1) for _ in range(200))
     times = tuple(0.05 * step for step in range(200))
 
-    def trace(left: float, right: float) -> proof.Trace:
+    def trace(left: float, right: float) -> before_after.Trace:
         measured = tuple(Pair(0.1 + left, 0.1 + right) for _ in pairs)
-        return proof.Trace(times, pairs, measured, lag_s=0.1)
+        return before_after.Trace(times, pairs, measured, lag_s=0.1)
 
-    def of(before: proof.Trace, after: proof.Trace) -> proof.Proof:
-        none = proof.WheelProof(None, None, None, None)
+    def of(before: before_after.Trace, after: before_after.Trace) -> before_after.Proof:
+        none = before_after.WheelProof(None, None, None, None)
         rms = before.rms_mps(0, 1), after.rms_mps(0, 1)
-        return proof.Proof(none, none, *rms, (before, after), (Fault(0), Fault(0)))
+        return before_after.Proof(none, none, *rms, (before, after), (Fault(0), Fault(0)))
 
     noise = of(trace(0.01, 0.01), trace(0.01, 0.01)).noise_mps(0, 1)
     assert 0.0005 < noise < 0.003

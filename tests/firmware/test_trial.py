@@ -10,7 +10,7 @@ import wheelwire
 from support.virtual import VirtualRobot
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import DeviceRefused, InvalidArgument, LinkLost
-from wheelwire.simulation.library import FwSim
+from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codes import RefusalCode, TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterSave, ParameterTrial
@@ -236,6 +236,24 @@ def test_an_error_in_the_block_is_raised_and_reverts(mock: MockDriver) -> None:
 
     with pytest.raises(ZeroDivisionError):
         fail()
+    assert values(mock) == FORMER
+
+
+def test_a_trial_whose_end_is_interrupted_is_reverted(
+    mock: MockDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(_message: object) -> None:
+        raise KeyboardInterrupt
+
+    def fail() -> None:
+        with mock.parameters.trial(timeout=60.0):
+            try_values(mock)
+            monkeypatch.setattr(mock._link, "request", interrupt)
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    monkeypatch.undo()
+    mock.advance(0.1)  # far less than the trial's time-out
     assert values(mock) == FORMER
 
 

@@ -28,8 +28,8 @@ from support.virtual import STEP_US
 from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, Done, RequestMessage
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Impairment, LineProfile
-from wheelwire.simulation.library import library_path
+from wheelwire.simulation.bad_line import Impairment, LineProfile
+from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.codes import StopMode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
 from wheelwire_protocol.types import (

@@ -13,7 +13,7 @@ from support.waiting import is_open
 from wheelwire import aio, errors
 from wheelwire.samples import WheelSample
 from wheelwire.simulation.simulator import Simulator
-from wheelwire_protocol.codes import Fault, SupervisorState
+from wheelwire_protocol.codes import Fault, SupervisorEvent, SupervisorState
 
 PATIENCE_S = 30.0
 
@@ -72,6 +72,9 @@ async def use_every_verb(simulator: Simulator) -> None:
 
         assert (await robot.device_counters()).frames_received > 0
         assert (await robot.control_counters()).left_illegal >= 0
+        await robot.stop()  # what is recorded is read while nothing drives
+        assert (await robot.recorder.ledger()).stops[SupervisorEvent.FAULT] == 1
+        assert (await robot.recorder.read()).ledger is not None
         assert not await robot.contradictions()
         await robot.parameters.set("integral_gain", 7.5)
         await robot.parameters.save("integral_gain")

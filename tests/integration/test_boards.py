@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, run, run_json
+from support.typing_terminal import TypingTerminal
 from wheelwire import aio, errors, open_driver
 from wheelwire.commissioning.questions import KEEP, Question
 from wheelwire.commissioning.setup import choose_board
-from wheelwire.drivers import device_board
+from wheelwire.drivers import requests
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.files.board import board_mapping, load_board, shipped_boards
@@ -189,18 +190,20 @@ def test_a_reset_that_erases_the_board_too_is_asked_for(simulator: Simulator) ->
     simulator.set("flash_unreadable", Fault.STORE_UNREADABLE)
     simulator.reset()
     run("clear", simulator.port)  # nor can it be read whether an e-stop was latched
-    asked = run("params", "reset", simulator.port)
-    assert asked.returncode == errors.InvalidArgument.exit_code
-    assert "nothing drives until `wheelwire board write`" in asked.stderr
+    wide = {"COLUMNS": "500"}
+    with TypingTerminal("params", "reset", simulator.port, environment=wide) as person:
+        person.wait_for("nothing drives until `wheelwire board write`")
+        person.press(b"n\n")
+        assert person.wait() == errors.InvalidArgument.exit_code
     assert run_json("info", simulator.port)["faults"] == ["STORE_UNREADABLE", "NO_BOARD"]
-    assert run_json("params", "reset", simulator.port, "--yes") == {"reset": True}
+    assert run_json("params", "reset", simulator.port, "--yes")["reset"] is True
     run("clear", simulator.port)
     simulator.reset()
     refused = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
     assert refused.returncode == errors.DeviceRefused.exit_code
     assert run("board", "write", simulator.port, "l298n").returncode == 0
-    # Where the flash can be opened there is nothing to ask.
-    assert run_json("params", "reset", simulator.port) == {"reset": True}
+    # Where the flash can be opened the board stays.
+    assert run_json("params", "reset", simulator.port, "--yes")["reset"] is True
     drive = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
     assert drive.returncode == 0, drive.stderr
 
@@ -211,7 +214,11 @@ def test_a_device_with_other_messages_about_boards_drives_all_the_same(
 ) -> None:
     group = Group.BOARD if device_has == "others" else 77
     monkeypatch.setitem(GROUP_HASHES, Group.BOARD, 0x0BADBEEF)
-    monkeypatch.setattr(device_board, "GroupGet", lambda s, r, _: GroupGet(s, r, group))
+    monkeypatch.setattr(
+        requests,
+        "GroupGet",
+        lambda s, r, asked: GroupGet(s, r, group if asked is Group.BOARD else asked),
+    )
     with open_driver("serial", port=simulator.port) as robot:
         assert isinstance(robot, DeviceDriver)
         keep_driving(robot)

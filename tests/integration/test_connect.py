@@ -139,7 +139,7 @@ def test_the_environment_names_the_robot(
     with pytest.raises(RobotNotNamed, match="set WHEELWIRE_ROBOT"):
         use(None)
     monkeypatch.delenv("WHEELWIRE_ROBOT")
-    with pytest.raises(RobotNotNamed, match="a robot's YAML file or mock"):
+    with pytest.raises(RobotNotNamed, match=r"a recording \(.mcap\) or mock"):
         use(None)
 
 
@@ -222,6 +222,7 @@ def test_a_file_gives_the_serial_driver_all_its_options(
         "connect_timeout": 2,
         "stream_rate_hz": 20,
         "board_id": "0123456789ab",
+        "tap": True,
         "any_board": True,
         "board": "tb6612",
         "parameters": {"max_duty": 0.5},

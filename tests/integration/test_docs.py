@@ -1,62 +1,224 @@
-"""What the documents show is run, on a simulated robot."""
+"""What the site shows is run, on a simulated robot: `support.pages` says which blocks, and how."""
 
 from __future__ import annotations
 
+import io
 import re
 import shlex
+import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S
+from support.pages import PAGES, REASONS, ROOT, Block, blocks, count
+from support.typing_terminal import TypingTerminal
 from wheelwire import WheelwireError, open_driver
+from wheelwire.cli.app import run
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-ROOT = Path(__file__).parents[2]
-PORT = "/dev/ttyUSB0"
+RUN = [page for page in PAGES if any(not b.excuse and not b.test for b in blocks(page))]
+ROBOT = {"counts_per_revolution": 1440}
+"""The simulated robot is the one that the tutorial measures."""
+PORTS = re.compile(r"/dev/ttyUSB[01]|/tmp/wheelwire\b|\bROBOT\b")
+SHORTER = {
+    "tune": "--yes --seconds 1",
+    "monitor": "--seconds 0.5",
+    "log record": "--seconds 0.5",
+    "drive": "--seconds 0.5",
+}
+"""Commands that go on until Ctrl-C, or that a page lets drive for long."""
+SUCCESS = {"doctor": (0, 30)}
+"""Finding something on the computer that runs the tests is none of the page's failures."""
+OWN_FILES = {
+    "my-profile.yaml": "host/wheelwire/simulation/profiles/noisy.yaml",
+    "my-board.yaml": "boards/tb6612.yaml",
+}
 
 
-def blocks(file: str, language: str) -> list[str]:
-    """The fenced code blocks of one language."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / file).read_text(), re.M | re.S)
+@pytest.fixture(scope="module")
+def tutorial() -> Iterator[Simulator]:
+    """Page after page on one robot, as a reader does."""
+    with Simulator(settings=ROBOT) as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def simulator(page: str, request: pytest.FixtureRequest) -> Iterator[Simulator]:
+    if page.startswith("docs/tutorial/"):
+        yield request.getfixturevalue("tutorial")
+        return
+    with Simulator() as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that a reader works in."""
+    for name, like in OWN_FILES.items():
+        shutil.copy(ROOT / like, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def fragment_names(robot: MockDriver) -> dict[str, object]:
+    """What pages take for granted where they show only some lines of a program."""
+    return {"robot": robot, "horn": lambda: None, "drives_well": lambda _robot: True}
+
+
+@pytest.mark.parametrize("page", RUN)
+def test_what_a_page_shows_works(page: str, simulator: Simulator, reader: Path) -> None:
+    for block in blocks(page):
+        if block.excuse or block.test:
+            continue
+        if block.language != "python":
+            for line in block.commands:
+                carry_out(line, simulator.port, reader)
+        elif "as robot:" in block.text and "import " in block.text:
+            carry_out_program(block, simulator)
+        else:
+            with MockDriver(realtime=False) as robot:
+                exec(compile(block.text, block.place, "exec"), fragment_names(robot))  # noqa: S102
+
+
+def carry_out_program(block: Block, simulator: Simulator) -> None:
+    """Run it; one that drives the simulated robot moves it. All leave it standing."""
+    before = simulator.get("true.distance_m")
+    program = PORTS.sub(simulator.port, block.text)
+    program_output(program, block.place)
+    if program != block.text and "robot.set_" in program:
+        assert simulator.get("true.distance_m") > before + 0.1, block.place
+    assert simulator.get("drive_on") == 0, block.place
+
+
+def carry_out(line: str, port: str, folder: Path) -> None:
+    """Run a command line of a page, shortened where it would go on for long."""
+    line = PORTS.sub(port, line.partition("  #")[0])
+    words = shlex.split(line)
+    assert words[0] == "wheelwire", f"{line}: run it here, or say at the block why not"
+    command = " ".join(words[1:3]) if words[1] in {"log", "params", "board"} else words[1]
+    if command == "teleop":
+        with TypingTerminal(*words[1:]) as terminal:
+            terminal.wait_for("m/s  speed")
+            terminal.press(b"q")
+            assert terminal.wait() == 0, terminal.output
+    elif command == "sim":
+        simulate(words, folder)
+    else:
+        line = re.sub(r" --seconds \S+", "", line)
+        if command in SHORTER:
+            line = line.rstrip() + " " + SHORTER[command]
+        code, output = command_line(line)
+        assert code in SUCCESS.get(command, (0,)), (line, output)
+
+
+def simulate(words: list[str], folder: Path) -> None:
+    """Start a simulator as the page does, turn a wheel if it does, and end it by Ctrl-C."""
+    link = ["--link", str(folder / "robot")]
+    turning = words[2:3] == ["turn"]
+    options = [] if turning else words[2:]
+    with subprocess.Popen(
+        [*PROGRAM, "sim", *link, *options], stdout=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stdout
+            assert str(folder / "robot") in process.stdout.readline(), words
+            if turning:
+                code, output = command_line(shlex.join([*words[:4], "0.1", *link]))
+                assert code == 0, output
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=TIMEOUT_S)
+        finally:
+            process.kill()
+
+
+def command_line(line: str) -> tuple[int, str]:
+    """Exit code and output of a line of a shell, within this process, which is faster."""
+    words, _, file = line.partition(" > ")
+    output = io.StringIO()
+    with (
+        patch("sys.argv", shlex.split(words)),
+        patch("sys.stdin", io.StringIO("yes\n")),
+        redirect_stdout(output),
+        redirect_stderr(output),
+    ):
+        code = run()
+    if file:
+        Path(file).write_text(output.getvalue())
+    return code, output.getvalue()
+
+
+def program_output(program: str, place: str) -> str:
+    result = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert result.returncode == 0, (place, result.stderr)
+    return result.stdout
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_is_not_run_says_why(page: str) -> None:
+    for block in blocks(page):
+        assert not block.excuse or block.excuse in REASONS, block
+        if block.test:
+            file, _, test = block.test.partition(": ")
+            assert f"def {test}(" in (ROOT / file).read_text("utf-8"), block
+
+
+def test_as_many_blocks_are_run_as_before() -> None:
+    numbers = count()
+    assert set(numbers) <= REASONS | {"run", "run by another test"}
+    assert numbers["run"] + numbers["run by another test"] >= 50
+
+
+def test_what_make_is_asked_for_is_there() -> None:
+    targets = set(re.findall(r"^([a-z0-9-]+):", (ROOT / "Makefile").read_text(), re.M))
+    asked = {
+        (page, target)
+        for page in PAGES
+        for line in re.findall(r"(?:`|^ *)make ([a-z0-9 -]+)", (ROOT / page).read_text(), re.M)
+        for target in line.split()
+    }
+    assert len(asked) > 20
+    assert {use for use in asked if use[1] not in targets} == set()
+
+
+def python(page: str) -> list[str]:
+    return [block.text for block in blocks(page) if block.language == "python"]
 
 
 def test_the_readmes_program_drives() -> None:
-    (program,) = blocks("README.md", "python")
-    assert PORT in program
+    (program,) = python("README.md")
     with Simulator() as simulator:
-        result = subprocess.run(
-            [sys.executable, "-c", program.replace(PORT, simulator.port)],
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=False,
-        )
-        assert result.returncode == 0, result.stderr
+        program = PORTS.sub(simulator.port, program)
+        printed = program_output(program, "README.md")
         assert simulator.get("true.distance_m") == pytest.approx(0.4, abs=0.1)
         assert simulator.get("true.heading_rad") == pytest.approx(1.0, abs=0.25)
-        assert simulator.get("drive_on") == 0
-    assert "DRIVING" in result.stdout
+    assert "DRIVING" in printed
 
 
-@pytest.mark.parametrize("number", [0, -1])
-def test_the_programs_for_python_drive(number: int) -> None:
-    program = blocks("docs/python.md", "python")[number]
-    assert PORT in program
-    with Simulator() as simulator:
-        carry_out([sys.executable, "-c", program.replace(PORT, simulator.port)])
-        assert simulator.get("true.distance_m") > 0.2
-        assert simulator.get("drive_on") == 0
+@pytest.mark.parametrize("page", ["docs/python.md", "docs/arduino.md"])
+def test_whoever_has_no_robot_drives_a_simulated_one(page: str) -> None:
+    program = next(text for text in python(page) if "as robot:" in text)
+    assert '`"mock"` in place of the port' in (ROOT / page).read_text("utf-8")
+    printed = program_output(PORTS.sub("mock", program), page)
+    assert "DRIVING" in printed or max(map(int, printed.split())) > 100
 
 
 def test_the_parameters_are_used_as_the_page_for_python_says() -> None:
-    uses = blocks("docs/python.md", "python")[2]
+    (uses,) = (text for text in python("docs/python.md") if text.startswith("robot.parameters["))
     with Simulator() as simulator, open_driver("serial", port=simulator.port) as robot:
         results = [eval(line, {"robot": robot}) for line in uses.splitlines()]  # noqa: S307
     assert results[0] == 0.033
@@ -65,10 +227,11 @@ def test_the_parameters_are_used_as_the_page_for_python_says() -> None:
 
 
 def test_the_callbacks_are_used_as_the_page_for_python_says() -> None:
-    program = blocks("docs/python.md", "python")[1]
+    (program,) = (text for text in python("docs/python.md") if "horn()" in text)
     with MockDriver(realtime=False) as robot:
         rings: list[None] = []
-        exec(program, {"robot": robot, "horn": lambda: rings.append(None)})  # noqa: S102
+        ring: Callable[[], None] = lambda: rings.append(None)  # noqa: E731
+        exec(program, {"robot": robot, "horn": ring})  # noqa: S102
         robot.unplug()
         robot.plug()
         robot.advance(1.0)
@@ -81,48 +244,10 @@ def test_the_callbacks_are_used_as_the_page_for_python_says() -> None:
         assert rings == [None]
 
 
-TUTORIAL = sorted(page.relative_to(ROOT).as_posix() for page in ROOT.glob("docs/tutorial/*.md"))
-ROBOT = {"counts_per_revolution": 1440}
-"""The simulated robot is the one that the tutorial measures."""
-
-
-@pytest.fixture(scope="module")
-def simulator() -> Iterator[Simulator]:
-    with Simulator(settings=ROBOT) as simulator:
-        yield simulator
-
-
-@pytest.mark.parametrize("page", TUTORIAL)
-def test_the_tutorials_commands_and_programs_work(page: str, simulator: Simulator) -> None:
-    """Page after page on one robot, as a reader does."""
-    for language, text in re.findall(
-        r"^```(sh|python)\n(.*?)^```$", (ROOT / page).read_text(), re.M | re.S
-    ):
-        text = text.replace(PORT, simulator.port)
-        if language == "python":
-            carry_out([sys.executable, "-c", text])
-            continue
-        for line in text.splitlines():
-            program, *words = shlex.split(line)
-            assert program == "wheelwire"
-            limit = ["--seconds", "1"] if words[0] == "monitor" else []
-            carry_out([*PROGRAM, *words, *limit])
-
-
-def carry_out(command: list[str]) -> None:
-    result = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
-    assert result.returncode == 0, (command, result.stderr)
-
-
 def test_the_tutorials_way_to_the_feed_forward_finds_it() -> None:
-    (_, program) = blocks("docs/tutorial/5-numbers.md", "python")
+    (_, program) = python("docs/tutorial/5-numbers.md")
     with Simulator() as simulator:  # its counts are the default
-        result = subprocess.run(
-            [sys.executable, "-c", program.replace(PORT, simulator.port)],
-            capture_output=True,
-            text=True,
-            timeout=TIMEOUT_S,
-            check=True,
-        )
-    found = float(result.stdout.split()[-1])
+        program = PORTS.sub(simulator.port, program)
+        printed = program_output(program, "docs/tutorial/5-numbers.md")
+    found = float(printed.split()[-1])
     assert found == pytest.approx(PARAMETER_BY_NAME["velocity_feedforward"].default, rel=0.03)

@@ -135,11 +135,7 @@ def test_the_e_stop_is_lived_through() -> None:
         wait_until(lambda: simulator.get("stands_still"), TIMEOUT_S)
 
 
-# The replay reads a file and drives no robot.
-@pytest.mark.parametrize(
-    "name",
-    sorted(path.name for path in EXAMPLES.glob("*.py") if path.name != "replay_joint_states.py"),
-)
+@pytest.mark.parametrize("name", sorted(path.name for path in EXAMPLES.glob("*.py")))
 def test_what_is_wrong_with_the_robot_is_one_line(name: str, tmp_path: Path) -> None:
     before = [str(tmp_path / "run.csv")] if name == "log_csv.py" else []
     process = start(name, *before, "/dev/no-such-port")

@@ -55,6 +55,10 @@ def start(daemon: PigpioProcess, tmp_path: Path) -> tuple[subprocess.Popen[str],
     return process, address
 
 
+STORED_S = 20.0
+"""A box is stored once the core has run for ten seconds and the wheels stand."""
+
+
 @contextmanager
 def service(daemon: PigpioProcess, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """As `start`; ends it afterwards."""
@@ -180,3 +184,15 @@ def test_what_cannot_be_served_is_told(
     )
     assert result.returncode == errors.ConfigurationError.exit_code
     assert told in result.stderr
+
+
+def test_why_reads_the_black_box_of_a_pis_pins(daemon: PigpioProcess, tmp_path: Path) -> None:
+    with service(daemon, tmp_path) as (_, address):
+        with SerialDriver(port=address) as robot:
+            robot.set_velocity(0.2, 0.0, ttl=5)
+            time.sleep(0.5)
+            robot.estop()
+            wait_until(lambda: bool(robot.recorder.boxes()), STORED_S)
+        stops = run_json("why", address)
+    assert "estop_by_session" in [stop["cause"] for stop in stops]
+    assert (tmp_path / "saved.recorder").exists()

@@ -27,7 +27,7 @@ def robots() -> Iterator[tuple[Simulator, Simulator]]:
 def first(robots: tuple[Simulator, Simulator]) -> str:
     """A robot with numbers of its own."""
     port = robots[0].port
-    run("params", "reset", port)
+    run("params", "reset", port, "--yes")
     run("params", "set", port, "wheel_radius", "0.04")
     run("params", "set", port, "integral_gain", "12.5")
     return port
@@ -40,7 +40,7 @@ def second(robots: tuple[Simulator, Simulator]) -> Iterator[Simulator]:
     yield simulator
     simulator.set("estop_open", 0)
     run("clear", simulator.port)
-    run("params", "reset", simulator.port)
+    run("params", "reset", simulator.port, "--yes")
 
 
 @pytest.fixture

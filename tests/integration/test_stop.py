@@ -24,8 +24,8 @@ from support.stop_host import (
     wait,
 )
 from support.stop_times import PERIOD_US, TTL_S
+from wheelwire.simulation.bad_line import LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import LineProfile
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import SupervisorState
 
@@ -39,8 +39,8 @@ def simulator(line: str) -> Iterator[Simulator]:
         yield simulator
 
 
-def check_stop(simulator: Simulator, name: str) -> None:
-    with host(simulator) as process:
+def check_stop(simulator: Simulator, name: str, *, watched: bool = False) -> None:
+    with host(simulator, watched=watched) as process:
         stopping = stop(simulator, process, FAILURES[name])
         assert stopping.time.late_us is not None
         assert 0 <= stopping.time.late_us <= PERIOD_US
@@ -54,6 +54,13 @@ def check_stop(simulator: Simulator, name: str) -> None:
 )
 def test_a_host_or_a_cable_that_is_gone(simulator: Simulator, name: str) -> None:
     check_stop(simulator, name)
+
+
+@pytest.mark.parametrize("name", ["host killed", "host frozen", "cable pulled"])
+def test_a_host_that_is_recorded_beside_a_program_that_is_attached(
+    simulator: Simulator, name: str
+) -> None:
+    check_stop(simulator, name, watched=True)
 
 
 @pytest.mark.parametrize("name", ["every byte corrupted", "babbling line"])

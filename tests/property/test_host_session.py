@@ -7,7 +7,7 @@ from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Session
-from wheelwire.simulation.impairment import Impairment
+from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import BY_ID
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.framing import Encoder
@@ -25,6 +25,7 @@ _RANGES = {
     "f": st.floats(width=32),
     "b": st.integers(-(2**7), 2**7 - 1),
     "24s": st.binary(min_size=24, max_size=24),
+    "56s": st.binary(min_size=56, max_size=56),
 }
 
 

@@ -1,28 +1,62 @@
-"""A recording of joint_states, replayed by the example."""
+"""A day of the node, recorded and replayed by another node: the same messages, bit by bit."""
 
 from __future__ import annotations
 
-import math
-import runpy
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.msg import Transition
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
-from support.ros import Repeater, wait
+from support.ros import Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, twist
 from support.stop_host import stopped
-from wheelwire import DifferentialDrive
+from wheelwire.drivers.factory import RECORD_VARIABLE
 from wheelwire_ros.publishers import time_ns
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "replay_joint_states.py"
-LONGEST_NS = 30_000_000
-"""Between two messages at 50 Hz."""
-GEOMETRY = ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
+TOPICS = {"odom": Odometry, "joint_states": JointState, "tf": TFMessage}
+DEPTH = 1000
+
+
+class Heard:
+    """The bytes of each message on the topics, by topic and stamp."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.messages: dict[tuple[str, int], bytes] = {}
+        for name, type_ in TOPICS.items():
+            graph.node.create_subscription(type_, name, self._note(name, type_), DEPTH, raw=True)
+        self._graph = graph
+
+    def _note(self, name: str, type_: Any) -> Any:
+        def note(data: bytes) -> None:
+            message = deserialize_message(data, type_)
+            header = message.transforms[0].header if name == "tf" else message.header
+            self.messages[name, time_ns(header.stamp)] = data
+
+        return note
+
+    def wait_for_publishers(self) -> None:
+        wait(lambda: all(map(self._graph.node.count_publishers, TOPICS)), "publishers")
+        time.sleep(1.0)  # until they know of the subscribers
+
+    def wait_for_the_end(self) -> None:
+        """Until nothing has come for a second."""
+        count = -1
+        while count != len(self.messages):
+            count = len(self.messages)
+            time.sleep(1.0)
 
 
 def drive_a_bend_and_back(rig: Rig) -> None:
@@ -33,52 +67,55 @@ def drive_a_bend_and_back(rig: Rig) -> None:
     rig.truth(stopped)
 
 
-def test_joint_states_replay_to_the_pose_of_odom_bit_by_bit(tmp_path: Path) -> None:
-    with open_rig(tmp_path) as rig:
-        joints = rig.graph.listen(JointState, "joint_states")
-        wait(lambda: joints, "joint_states")
-        drive_a_bend_and_back(rig)
-        geometry = [rig.graph.parameter(NODE, name) for name in GEOMETRY]
-        odometry = {time_ns(message.header.stamp): message for message in tuple(rig.odometry)}
-    replay = runpy.run_path(str(EXAMPLE))["JointReplay"](DifferentialDrive(*geometry))
-    compared = moved = 0
-    last_ns = None
-    for message in tuple(joints):
-        stamp_ns = time_ns(message.header.stamp)
-        if last_ns is not None and stamp_ns - last_ns > LONGEST_NS:
-            break  # on a busy computer DDS may drop messages; the poses before are exact
-        last_ns = stamp_ns
-        replayed = replay.update(message)
-        there = odometry.get(stamp_ns)
-        if there is None:
-            continue
-        position, rotation = there.pose.pose.position, there.pose.pose.orientation
-        assert (replayed.x_m, replayed.y_m) == (position.x, position.y)
-        half_rad = replayed.heading_rad / 2
-        assert (math.sin(half_rad), math.cos(half_rad)) == (rotation.z, rotation.w)
-        compared += 1
-        moved += position.x != 0
-    assert moved > 20
-    assert compared > moved
+def set_pose_and_go_on(rig: Rig) -> None:
+    """The pose is set from outside twice, while the robot drives."""
+    poses = rig.graph.publisher(PoseWithCovarianceStamped, f"{NODE}/set_pose")
+    message = PoseWithCovarianceStamped()
+    message.pose.pose.position.x, message.pose.pose.orientation.w = 7.0, 1.0
+    with Repeater(rig.commands, lambda: twist(0.2, -0.5)):
+        rig.truth(lambda state: state.left_mps > 0.1)
+        poses.publish(message)
+        wait(lambda: rig.x_m() > 6, "the pose that was set")
+        assert rig.graph.call(Trigger, f"{NODE}/reset_odometry").success
+        wait(lambda: 0.05 < rig.x_m() < 1, "a stretch from the origin")
+    rig.truth(stopped)
 
 
-PROGRAM = f"""
-import runpy, sys
-sys.stdout = sys.stderr
-runpy.run_path({str(EXAMPLE)!r}, run_name="__main__")
-"""
+def test_a_recorded_day_replays_bit_by_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "day.mcap"
+    with monkeypatch.context() as patch:
+        patch.setenv(RECORD_VARIABLE, str(file))
+        with open_rig(tmp_path, line="noisy", max_rpm=100.0) as rig:
+            day = Heard(rig.graph)
+            wait(lambda: len(day.messages) > 30, "messages")
+            drive_a_bend_and_back(rig)
+            set_pose_and_go_on(rig)
+    assert len(day.messages) > 300
+    for speed in (1.0, 0.0):
+        again = replayed(file, speed)
+        common = day.messages.keys() & again.keys()
+        assert len(common) > len(day.messages) / 2  # DDS drops some on a busy computer
+        assert {key: again[key] for key in common} == {key: day.messages[key] for key in common}
 
 
-def test_the_program_shows_the_poses_of_odom(tmp_path: Path) -> None:
-    with open_rig(tmp_path) as rig, RobotNode(rig.graph, PROGRAM) as program:
-        wait(lambda: "x 0.0000 m" in program.errors(), "a first pose")
-        drive_a_bend_and_back(rig)
-
-        def shows_odom() -> bool:
-            place = rig.odometry[-1].pose.pose.position
-            line = program.errors().rstrip().rpartition("\n")[2]
-            numbers = [float(word) for word in line.split() if word[-1].isdigit()]
-            return numbers[:2] == pytest.approx([place.x, place.y], abs=1e-3)
-
-        wait(lambda: abs(rig.odometry[-1].twist.twist.linear.x) < 1e-3, "standstill in odom")
-        wait(shows_odom, "the pose of odom")
+def replayed(file: Path, speed: float) -> dict[tuple[str, int], bytes]:
+    with (
+        open_graph() as graph,
+        RobotNode(
+            graph,
+            driver_type="replay",
+            replay_file=str(file),
+            replay_speed=speed,
+            max_rpm=100.0,
+            autostart=False,
+        ),
+    ):
+        heard = Heard(graph)
+        assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+        heard.wait_for_publishers()
+        assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+        wait(lambda: heard.messages, "messages")
+        heard.wait_for_the_end()
+        # It stays, and says why nothing comes any more.
+        assert "come to their end" in graph.first(DiagnosticArray, "/diagnostics").status[0].message
+        return heard.messages

@@ -24,6 +24,7 @@ LONG_S = 5.0
 CLOCK_ERROR_US = 10_000
 
 EXPLOSIVE = """
+import time
 from std_msgs.msg import Empty
 from wheelwire_ros import estimator, hardware_robot
 
@@ -38,6 +39,7 @@ class Explosive(hardware_robot.HardwareRobot):
 
     def explode_reading(self, _):
         estimator.MotionEstimator.update = explode
+        time.sleep(3)  # past the instant by which the thread of the samples has to stop the wheels
 
 hardware_robot.HardwareRobot = Explosive
 hardware_robot.main()

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wheelwire.commissioning.before_after import Proof, prove, there_and_back
 from wheelwire.commissioning.gains import tuned
 from wheelwire.commissioning.identification import STAIRS, Identification, identify
-from wheelwire.commissioning.proof import Course, Proof, prove
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.files.plant import load_plant, shipped_plants
 
@@ -113,7 +113,7 @@ def true_rms_mps(robot: MockDriver, values: Mapping[str, float], top_mps: float 
     """The tracking error of both wheels' true speeds on the course, with these parameters."""
     for name, value in values.items():
         robot.parameters.set(name, value)
-    course = Course(top_mps, 1.0)
+    course = there_and_back(top_mps, 1.0)
     robot.advance(1.0)
     errors = []
     for step in range(round(course.seconds * 1000)):

@@ -14,7 +14,7 @@ from wheelwire.link.session import Phase, Session
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample, tick_difference
-from wheelwire.simulation.impairment import LineProfile
+from wheelwire.simulation.bad_line import LineProfile
 
 from .host_samples import remeasured
 from .impaired_robot import ImpairedVirtualRobot

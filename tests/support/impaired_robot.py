@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wheelwire.errors import LinkLost
-from wheelwire.simulation.impairment import ImpairedLine, LineEvent, LineProfile
+from wheelwire.simulation.bad_line import ImpairedLine, LineEvent, LineProfile
 
 from .host_samples import received
 from .virtual import STEP_US, VirtualRobot

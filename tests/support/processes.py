@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -16,7 +17,8 @@ def children(pid: int) -> list[int]:
     """The child processes that were not waited for, of all threads."""
     found = []
     for thread in Path(f"/proc/{pid}/task").iterdir():
-        found += [int(child) for child in (thread / "children").read_text().split()]
+        with suppress(FileNotFoundError, ProcessLookupError):  # this thread has ended meanwhile
+            found += [int(child) for child in (thread / "children").read_text().split()]
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from wheelwire.simulation.library import FwSim
+from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.decoder import Decoder

@@ -7,7 +7,7 @@ import random
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,11 +18,16 @@ from nav_msgs.msg import Odometry
 from std_srvs.srv import SetBool
 
 from support import stop_host
+from support.attached import holder_of
+from support.command import output
 from support.load import cpu_s
 from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.stand_in import StandIn
+from wheelwire.drivers.attached import AttachedDriver
+from wheelwire.link.attached import AttachedLink
 from wheelwire.link.info import quantile
+from wheelwire.link.latest_sample import LatestSample
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
 
@@ -256,6 +261,64 @@ def latencies_to_the_motors(
     arrived_s = json.loads(file.read_text())
     peer_s = [arrived - called for called, arrived in zip(called_s, arrived_s, strict=True)]
     return MotorLatencies(driven_s, stopped_s, peer_s)
+
+
+class AttachedEstops(NamedTuple):
+    """Of e-stops beside a node, in seconds."""
+
+    written_s: list[float]
+    """From the write to the socket of the node's tap until it is on the wire."""
+    commands_s: list[float]
+    """From the start of the command `wheelwire estop`."""
+
+
+def attached_estops(
+    graph: Graph, simulator: Simulator, tap: StandIn, counts: tuple[int, int], listeners: int
+) -> AttachedEstops:
+    """Of e-stops by programs that are attached to a node which drives.
+
+    Args:
+        graph: Of the client.
+        simulator: The node's robot.
+        tap: The node's port, a `support.wire_tap`.
+        counts: How many of each kind.
+        listeners: How many others are attached, and take all that crosses the link.
+    """
+    port = tap.first_answer["port"]
+    commands = graph.publisher(Twist, "cmd_vel")
+    estop = graph.node.create_client(SetBool, "/hardware_robot/estop")
+    wait(estop.service_is_ready, "~/estop")
+
+    def write() -> None:
+        link = AttachedLink(LatestSample(), holder_of(port), listens=False)
+        link.open()
+        with closing(link):
+            begun_s.append(time.monotonic())
+            link.estop()
+
+    def command() -> None:
+        begun_s.append(time.monotonic())
+        output("estop", port)
+
+    found: list[list[float]] = []
+    with ExitStack() as stack:
+        for _ in range(listeners):
+            stack.enter_context(AttachedDriver(holder_of(port)))
+        for act, count in zip((write, command), counts, strict=True):
+            begun_s: list[float] = []
+            latencies_s: list[float] = []
+            for _ in range(count):
+                _arm(simulator, commands)
+                with Repeater(commands, lambda: Twist(linear=Vector3(x=0.2)), COMMANDS_HZ):
+                    stop_host.wait(simulator, lambda state: state.drive_on)
+                    time.sleep(PAUSE_S * (1 + random.random()))
+                    act()
+                arrived_s = tap.command("estops")["estops_s"]
+                latencies_s.append(min(s for s in arrived_s if s >= begun_s[-1]) - begun_s[-1])
+                cleared = estop.call_async(SetBool.Request(data=False))
+                wait(cleared.done, "the end of the e-stop")
+            found.append(latencies_s)
+    return AttachedEstops(*found)
 
 
 def _arm(simulator: Simulator, commands: Any) -> None:

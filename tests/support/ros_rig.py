@@ -12,6 +12,7 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 
 from support import stop_host
+from support.lines import GOOD, simulator_on
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
 from wheelwire.simulation.simulator import Simulator, TrueState
@@ -101,12 +102,17 @@ class Rig:
 
 @contextmanager
 def open_rig(
-    directory: Path, *, code: str | None = None, stamped: bool = False, **parameters: Any
+    directory: Path,
+    *,
+    code: str | None = None,
+    stamped: bool = False,
+    line: str = GOOD,
+    **parameters: Any,
 ) -> Iterator[Rig]:
-    """A rig whose node is active; `code` as for `RobotNode`."""
+    """A rig whose node is active; `code` as for `RobotNode`, `line` as of `simulator_on`."""
     with (
         open_graph() as graph,
-        Simulator(link=directory / "port", truth_hz=TRUTH_HZ) as simulator,
+        simulator_on(line, link=directory / "port", truth_hz=TRUTH_HZ) as simulator,
         RobotNode(graph, code, port=simulator.port, use_stamped_vel=stamped, **parameters) as node,
     ):
         yield Rig(graph, simulator, node, stamped=stamped)

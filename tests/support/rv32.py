@@ -17,6 +17,20 @@ INSTALL = "sudo apt install gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf
 AIM_INSTRUCTIONS = 7000
 """Of a control step that takes a setpoint and sends a state."""
 
+AIM_RECORDED_INSTRUCTIONS = 8000
+"""Of the same step, recorded by the black box: another twelfth of what a core at 160 MHz has in a
+millisecond is left to it."""
+
+AIM_SEGMENT_INSTRUCTIONS = 16_000
+"""Of a recorded step that begins a segment of the box, about every half second. It writes the
+state of the core, some 320 words, and takes a tenth of a millisecond of such a core."""
+
+AIM_RECORDER_BYTES = 12 * 1024
+"""Code of the recorder, which the core does not need."""
+
+AIM_RECORDED_GROWTH = 0.10
+"""Of the median step, against the baseline."""
+
 AIM_CODE_BYTES = 40 * 1024
 AIM_RAM_BYTES = 4 * 1024
 
@@ -84,6 +98,19 @@ def cost() -> Cost:
         code_bytes=code,
         ram_bytes=data + bss + device_bytes,
     )
+
+
+def recorded() -> dict[str, Instructions]:
+    """Run the benchmark with the black box."""
+    counted = json.loads(run("recorded"))
+    del counted["device_bytes"]
+    return {name: Instructions(**counts) for name, counts in counted.items()}
+
+
+def recorder_bytes() -> int:
+    """Code and constants of the recorder, at -Os."""
+    totals = _output("riscv64-unknown-elf-size", "-t", str(BUILD / "libwheelwire_recorder.a"))
+    return int(totals.splitlines()[-1].split()[0])
 
 
 def _output(*command: str) -> str:

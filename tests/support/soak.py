@@ -14,8 +14,8 @@ from typing import NamedTuple, TypeVar
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import LinkLost, RequestTimeout
+from wheelwire.simulation.bad_line import GroundTruth, Impairment, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import GroundTruth, Impairment, LineProfile
 
 T = TypeVar("T")
 STATE_HZ = 1000

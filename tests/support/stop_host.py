@@ -8,16 +8,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+from wheelwire.drivers.attached import AttachedDriver
+from wheelwire.drivers.factory import RECORD_VARIABLE
+from wheelwire.simulation.bad_line import ImpairedLine, LineProfile
 from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import ImpairedLine, LineProfile
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codec import PROTOCOL_VERSION
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import Hello, SetWheelVelocity
 
+from .attached import holder_of
 from .processes import interruptible
 from .stop_times import NOISE_BYTES_PER_S, SPEED_MPS, TTL_S, WRONG_HASH, StopTime
 
@@ -42,16 +47,27 @@ Failure = Callable[[Simulator, "subprocess.Popen[bytes]"], object]
 
 
 @contextmanager
-def host(simulator: Simulator) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that drives the simulated robot; killed at the end."""
+def host(simulator: Simulator, *, watched: bool = False) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that drives the simulated robot; killed at the end.
+
+    Args:
+        simulator: The robot.
+        watched: Whether the process records its day, and another one is attached to it.
+    """
     code = COMMANDING.format(ttl=TTL_S, speed=SPEED_MPS)
     command = [sys.executable, "-c", code, simulator.port]
-    process = subprocess.Popen(command, preexec_fn=interruptible)
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
+    with TemporaryDirectory() as folder:
+        recording = {RECORD_VARIABLE: folder} if watched else {}
+        process = subprocess.Popen(
+            command, preexec_fn=interruptible, env={**os.environ, **recording}
+        )
+        try:
+            with AttachedDriver(holder_of(simulator.port)) if watched else nullcontext():
+                yield process
+            assert not watched or list(Path(folder).glob("*.mcap"))
+        finally:
+            process.kill()
+            process.wait()
 
 
 def wait(simulator: Simulator, condition: Callable[[TrueState], bool]) -> TrueState:
@@ -159,11 +175,11 @@ def reset_while_driving(simulator: Simulator, process: subprocess.Popen[bytes]) 
     )
 
 
-def real_stop_time(name: str, seed: int) -> StopTime:
-    """One stop with a robot and a host of its own."""
+def real_stop_time(name: str, seed: int, *, watched: bool = False) -> StopTime:
+    """One stop with a robot and a host of its own; `watched` as for `host`."""
     with (
         ImpairedSimulator(LineProfile(seed=seed), truth_hz=TRUTH_HZ, seed=seed) as simulator,
-        host(simulator) as process,
+        host(simulator, watched=watched) as process,
     ):
         if name == "device reset":
             return reset_while_driving(simulator, process)

@@ -6,6 +6,7 @@ import fcntl
 import os
 import re
 import signal
+import struct
 import subprocess
 import termios
 import threading
@@ -37,6 +38,7 @@ class TypingTerminal:
     Args:
         arguments: Of the command.
         kitty: The terminal has the kitty keyboard protocol; its flags are in `flags`.
+        size: Columns and rows; None: not known to the terminal itself.
         environment: Added to this process's.
     """
 
@@ -44,6 +46,7 @@ class TypingTerminal:
         self,
         *arguments: str,
         kitty: bool = False,
+        size: tuple[int, int] | None = None,
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._kitty = kitty
@@ -52,12 +55,15 @@ class TypingTerminal:
         self.output = b""
         self._master, self._slave = os.openpty()
         self.before = self.attributes()
+        if size is not None:
+            self.resize(*size)
+        columns = {"COLUMNS": "100"} if size is None else {}
         self.process = subprocess.Popen(
             [*PROGRAM, *arguments],
             stdin=self._slave,
             stdout=self._slave,
             stderr=self._slave,
-            env={**os.environ, "COLUMNS": "100", "TERM": "xterm", **(environment or {})},
+            env={**os.environ, **columns, "TERM": "xterm", **(environment or {})},
             preexec_fn=_in_a_session_of_its_own,
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -66,6 +72,10 @@ class TypingTerminal:
     def attributes(self) -> list[object]:
         """The terminal's settings."""
         return list(termios.tcgetattr(self._slave))
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Change the window's size; its program gets SIGWINCH."""
+        fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("4H", rows, columns, 0, 0))
 
     def press(self, keys: bytes) -> None:
         os.write(self._master, keys)

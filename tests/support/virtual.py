@@ -10,7 +10,7 @@ from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.simulation.library import FwSim
+from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codes import StopMode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue

@@ -9,7 +9,7 @@ from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
-from wheelwire.simulation.impairment import Direction, Impairment
+from wheelwire.simulation.bad_line import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 

@@ -1,7 +1,8 @@
-"""`python -m support.wire_tap PORT`: a pseudo-terminal that leads to PORT, and sees the setpoints.
+"""`python -m support.wire_tap PORT`: a pseudo-terminal that leads to PORT, and sees what is asked.
 
-Each line on its standard input is answered by a line of JSON: when each velocity of the left wheel,
-in micrometres a second, was first asked for, by this computer's monotonic clock.
+Each line on its standard input is answered by a line of JSON, in times of this computer's monotonic
+clock: `asked`, when each velocity of the left wheel, in micrometres a second, was first asked for;
+`estops`, when each e-stop came.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import time
 import tty
 
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import SetWheelVelocity
+from wheelwire_protocol.types import Estop, SetWheelVelocity
 
 READ_SIZE = 4096
 
@@ -32,6 +33,7 @@ def main() -> None:
     say({"port": os.ttyname(slave)})
     decoder = Decoder()
     asked_s: dict[int, float] = {}
+    estops_s: list[float] = []
     while True:
         ready, _, _ = select.select([master, device, sys.stdin], [], [])
         if master in ready:
@@ -40,12 +42,15 @@ def main() -> None:
             for message in decoder.feed(data):
                 if isinstance(message, SetWheelVelocity):
                     asked_s.setdefault(round(message.left_mps * 1e6), now_s)
+                elif isinstance(message, Estop):
+                    estops_s.append(now_s)
         if device in ready:
             os.write(master, os.read(device, READ_SIZE))
         if sys.stdin in ready:
-            if not sys.stdin.readline():
+            question = sys.stdin.readline()
+            if not question:
                 return
-            say(asked_s)
+            say({"estops_s": estops_s} if question == "estops\n" else asked_s)
 
 
 if __name__ == "__main__":

@@ -5,14 +5,43 @@
 #include <optional>
 
 #include "board_keeper.hpp"
+#include "core_hash.hpp"
 #include "device.hpp"
 #include "ports.hpp"
 #include "power_stage.hpp"
+#include "recorder_keeper.hpp"
 
 using namespace wheelwire::capi;
 
 /// The C++ runtime's handler for a call of a pure virtual function.
 extern "C" [[noreturn]] __attribute__((visibility("hidden"))) void __cxa_pure_virtual() { abort(); }
+
+namespace {
+
+/// Apart from the core, for few cores have one.
+struct CoreRecorder {
+  static_assert(WHEELWIRE_RECORDER_SIZE == wheelwire::RecorderKeeper::kFlashSize);
+
+  CoreRecorder(const uint8_t* content, wheelwire_write forward, void* context)
+      : flash(content, forward, context) {}
+
+  void start(const wheelwire::Identity& identity, uint32_t board) {
+    const wheelwire::BoxOrigin origin{
+        .core = wheelwire::kCoreHash,
+        .release = static_cast<uint32_t>(identity.version_major << 16 |
+                                         identity.version_minor << 8 | identity.version_patch),
+        .git_hash = identity.git_hash,
+        .boot_id = identity.boot_id};
+    keeper.emplace(memory, flash, origin, identity.reset_reason, board);
+    keeper->start();
+  }
+
+  RecorderFlash flash;
+  uint32_t memory[wheelwire::box::kWords]{};
+  std::optional<wheelwire::RecorderKeeper> keeper;  // From the start on.
+};
+
+}  // namespace
 
 struct wheelwire_core {
   wheelwire_core(const wheelwire_identity& given, const Store& saved) : identity{}, store(saved) {
@@ -75,6 +104,7 @@ struct wheelwire_core {
   Contact contact;
   Battery battery;
   wheelwire::BoardFacts board;
+  CoreRecorder* recorder = nullptr;
   bool failed = false;
   std::optional<wheelwire::Device> device;  // From wheelwire_core_start() on.
 };
@@ -90,7 +120,10 @@ wheelwire_core* wheelwire_core_create(const wheelwire_identity* identity, const 
   return new (memory) wheelwire_core(*identity, Store(block, size, save, context));
 }
 
-void wheelwire_core_destroy(wheelwire_core* core) { free(core); }
+void wheelwire_core_destroy(wheelwire_core* core) {
+  if (core != nullptr) free(core->recorder);
+  free(core);
+}
 
 uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board, size_t size) {
   wheelwire::BoardDescription description;
@@ -119,6 +152,15 @@ void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record, size_t 
   core->latches.use(record, size, save, context);
 }
 
+int wheelwire_core_recorder(wheelwire_core* core, const uint8_t* content, wheelwire_write write,
+                            void* context) {
+  void* const memory = malloc(sizeof(CoreRecorder));
+  if (memory == nullptr) return 0;
+  free(core->recorder);
+  core->recorder = new (memory) CoreRecorder(content, write, context);
+  return 1;
+}
+
 void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
                           wheelwire_outputs* outputs) {
   core->encoders.left.start(inputs->left_ticks);
@@ -127,13 +169,21 @@ void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
   core->device.emplace(core->hal(), core->identity, core->specs, core->board);
   if (core->failed) core->device->report_driver_failure();
   core->device->start(inputs->now_us);
+  if (core->recorder != nullptr) {
+    core->recorder->start(core->identity, core->board.fingerprint);
+    core->device->record(core->recorder->keeper->black_box());
+    core->device->offer(*core->recorder->keeper);
+  }
   core->write(*outputs);
 }
 
 void wheelwire_core_step(wheelwire_core* core, const wheelwire_inputs* inputs,
                          wheelwire_outputs* outputs) {
   core->read(*inputs);
-  if (core->device) core->device->step(inputs->now_us);
+  if (core->device) {
+    core->device->step(inputs->now_us);
+    if (core->recorder != nullptr) core->recorder->keeper->step(*core->device, inputs->now_us);
+  }
   core->write(*outputs);
 }
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "byte_ring.hpp"
+#include "flash_region.hpp"
 #include "hal.hpp"
 #include "latches.hpp"
 #include "parameters.hpp"
@@ -135,6 +136,37 @@ class LatchRecord final : public LatchMemory {
   void* context_ = nullptr;
   uint8_t record_[Latches::kSize + 1];
   size_t size_ = 0;
+};
+
+/// The recorder's content, as flash would hold it; each change is passed on to the caller.
+class RecorderFlash final : public FlashRegion {
+ public:
+  RecorderFlash(const uint8_t* content, wheelwire_write forward, void* context)
+      : forward_(forward), context_(context) {
+    if (content != nullptr) {
+      memcpy(bytes_, content, sizeof bytes_);
+    } else {
+      memset(bytes_, 0xff, sizeof bytes_);
+    }
+  }
+
+  bool read(uint32_t offset, uint8_t* out, size_t size) override {
+    memcpy(out, bytes_ + offset, size);
+    return true;
+  }
+  bool write(uint32_t offset, const uint8_t* data, size_t size) override {
+    for (size_t i = 0; i < size; ++i) bytes_[offset + i] &= data[i];
+    return forward_(context_, offset, bytes_ + offset, size) != 0;
+  }
+  bool erase(uint32_t offset) override {
+    memset(bytes_ + offset, 0xff, kFlashSector);
+    return forward_(context_, offset, bytes_ + offset, kFlashSector) != 0;
+  }
+
+ private:
+  wheelwire_write forward_;
+  void* context_;
+  uint8_t bytes_[WHEELWIRE_RECORDER_SIZE];
 };
 
 /// The caller's record is enough: it survives whatever the process survives.

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 5
+#define WHEELWIRE_ABI 8
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -91,6 +91,20 @@ WHEELWIRE_EXPORT uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t par
 WHEELWIRE_EXPORT void wheelwire_core_latches(wheelwire_core* core, const uint8_t* record,
                                              size_t size, wheelwire_save save, void* context);
 
+/* Of the recorder's content, in bytes. */
+#define WHEELWIRE_RECORDER_SIZE 327680
+
+/* Stores a part of the recorder's content. Returns 1, or 0 on failure. */
+typedef int (*wheelwire_write)(void* context, uint32_t offset, const uint8_t* data, size_t size);
+
+/* A black box and a ledger, which hosts read by the messages of the group RECORDER. `content`: what
+ * was written last, WHEELWIRE_RECORDER_SIZE bytes, copied; NULL if nothing was. `write` is called
+ * for each part that changes, only while the wheels stand, once a step at most, and may wait: the
+ * step after it may be late. Call it before the start; without it there is none. Returns 1, or 0
+ * when out of memory. */
+WHEELWIRE_EXPORT int wheelwire_core_recorder(wheelwire_core* core, const uint8_t* content,
+                                             wheelwire_write write, void* context);
+
 /* Call once, when the pins are ready; then a step each period. Before the start the functions below
  * do nothing. */
 WHEELWIRE_EXPORT void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
@@ -129,6 +143,87 @@ typedef struct wheelwire_board_issue {
  * writes the first `capacity` of them to `issues`. */
 WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* board, size_t size,
                                               wheelwire_board_issue* issues, size_t capacity);
+
+/* A black box: what a robot was given in the last second or two, and what it did. */
+typedef struct wheelwire_box wheelwire_box;
+
+/* A box is that long, in bytes. */
+#define WHEELWIRE_BOX_SIZE 32768
+
+enum wheelwire_box_status {
+  WHEELWIRE_BOX_OPENED = 0,
+  WHEELWIRE_BOX_NONE = 1,    /* These bytes are no box. */
+  WHEELWIRE_BOX_DAMAGED = 2, /* They were one. */
+  WHEELWIRE_BOX_NO_MEMORY = 3
+};
+
+typedef struct wheelwire_box_head {
+  uint64_t stored_us; /* Device clock. */
+  uint32_t number;    /* Counts up over all boxes of a device. */
+  uint32_t boot_id;
+  uint32_t core; /* As wheelwire_core_hash(): only the same core can re-run the box. */
+  uint32_t release;
+  uint32_t git_hash;
+  uint32_t board; /* Fingerprint; 0: none. */
+  uint32_t faults;
+  uint8_t cause;
+  uint8_t reset_reason;
+} wheelwire_box_head;
+
+/* One record; which fields have a meaning depends on its kind, that of recorder/box_format.hpp. */
+typedef struct wheelwire_box_entry {
+  uint64_t t_us;        /* Of the step or message, or of the one that it came of. */
+  int16_t left_counter; /* Those of the newest step: raw, before inversion and swapping. */
+  int16_t right_counter;
+  int16_t left_duty_q15; /* On the outputs until that step. */
+  int16_t right_duty_q15;
+  uint16_t battery_mv;
+  uint32_t faults;
+  uint8_t kind;
+  uint8_t event; /* Of a transition, with the states before and after. */
+  uint8_t before;
+  uint8_t after;
+  uint8_t message_id; /* Of a message or a refusal. */
+  uint8_t code;       /* Of a refusal. */
+  uint8_t flag;       /* The contact is open; a write to flash was done. */
+  uint8_t body_size;
+  uint8_t body[80];
+} wheelwire_box_entry;
+
+/* What came of a re-run. */
+enum wheelwire_rerun_outcome {
+  WHEELWIRE_RERUN_SAME = 0,
+  WHEELWIRE_RERUN_DIFFERS = 1,
+  WHEELWIRE_RERUN_EMPTY = 2,
+  WHEELWIRE_RERUN_OTHER_CORE = 3,
+  WHEELWIRE_RERUN_UNREADABLE = 4,
+  WHEELWIRE_RERUN_NO_MEMORY = 5
+};
+
+typedef struct wheelwire_rerun {
+  uint64_t first_us; /* Device clock of the first and last step. */
+  uint64_t last_us;
+  uint64_t t_us; /* Of the first difference, with the step that it is in, counted from 1. */
+  double recorded;
+  double computed;
+  uint32_t steps;
+  uint32_t step;
+  char field[120]; /* "left_duty_q15", "robot.drive.left.velocity_umps"; "record": another kind. */
+} wheelwire_rerun;
+
+/* Of the core's sources. */
+WHEELWIRE_EXPORT uint32_t wheelwire_core_hash(void);
+/* Returns a wheelwire_box_status. */
+WHEELWIRE_EXPORT int wheelwire_box_open(const uint8_t* image, size_t size, wheelwire_box** box,
+                                        wheelwire_box_head* head);
+WHEELWIRE_EXPORT void wheelwire_box_close(wheelwire_box* box);
+/* The next record, from the oldest on; 0: there is none. */
+WHEELWIRE_EXPORT int wheelwire_box_next(wheelwire_box* box, wheelwire_box_entry* entry);
+/* Gives the inputs to this core again, in virtual time. Returns a wheelwire_rerun_outcome. Of
+ * another core's box it compares what the robot did, not its duties and state; `any_core` 0: it
+ * runs none. */
+WHEELWIRE_EXPORT int wheelwire_box_rerun(const wheelwire_box* box, int any_core,
+                                         wheelwire_rerun* result);
 
 /* The core's decoder, for a host: it knows every message, not only those that a device receives. */
 typedef struct wheelwire_decoder wheelwire_decoder;

@@ -79,6 +79,14 @@ class BoardKeeper {
   /// A new session: what the previous one wrote and did not restart for is not tried.
   void drop_candidate() { is_fresh_ = false; }
 
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("chip", chip_);
+    visit("state", state_);
+    visit("is_fresh", is_fresh_);
+    visit("fingerprint", fingerprint_);
+  }
+
  private:
   bool take(const uint8_t* packed, BoardState state);
   void take_built_in();

@@ -15,10 +15,35 @@ BoardFacts Device::facts_of(const BoardKeeper* keeper) {
 /// it, and just before the outputs are written: a setpoint that has just arrived counts, but drives
 /// nothing while the contact is open.
 void Device::step(uint64_t now_us) {
+  if (recorder() != nullptr) prepare_recorder();
   robot_.begin_step(now_us);
   server_.service_link(now_us);
   robot_.finish_step(now_us);
   server_.stream_state(now_us);
+}
+
+/// What follows does not belong to the step before it.
+void Device::prepare_recorder() {
+  recorder()->note_pause();
+  if (recorder()->wants_state()) recorder()->note_state(server_);
+}
+
+void Device::note_stall() {
+  if (recorder() != nullptr) recorder()->note_stall();
+  robot_.note_stall();
+}
+
+void Device::service_link(uint64_t now_us) {
+  if (recorder() != nullptr) recorder()->note_pause();
+  server_.service_link(now_us);
+}
+
+void Device::hang_up(uint64_t now_us) {
+  if (recorder() != nullptr) {
+    prepare_recorder();
+    recorder()->note_hang_up(now_us);
+  }
+  server_.hang_up(now_us);
 }
 
 }  // namespace wheelwire

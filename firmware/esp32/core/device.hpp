@@ -24,18 +24,37 @@ class Device {
 
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
   void start(uint64_t now_us) { robot_.start(now_us); }
+  /// From now on all is recorded. Call it after the start; the recorder must outlive the device.
+  void record(Recorder& recorder) { robot_.record(recorder); }
+  /// From now on hosts may read what it has stored; the archive must outlive the device.
+  void offer(BoxArchive& archive) { server_.offer(archive); }
   /// One control step: encoders, link, supervision, outputs, state stream.
   void step(uint64_t now_us);
   /// Reads and answers what the host sent, without waiting for the next step.
-  void service_link(uint64_t now_us) { server_.service_link(now_us); }
+  void service_link(uint64_t now_us);
   /// Call when the line reports that the host is gone, as a socket does: ends the session and stops
   /// the wheels. A UART reports no such thing; there the setpoint's deadline stops them.
-  void hang_up(uint64_t now_us) { server_.hang_up(now_us); }
+  void hang_up(uint64_t now_us);
   /// A motor or encoder peripheral did not start: FAULT until the next reset.
   void report_driver_failure() { robot_.report_failure(fault::kDriverFailed); }
 
+  // A control step in its parts, for a re-run: it has messages instead of a line.
+  void begin_step(uint64_t now_us) { robot_.begin_step(now_us); }
+  void serve(const Frame& frame, uint64_t now_us) { server_.serve(frame, now_us); }
+  void finish_step(uint64_t now_us) { robot_.finish_step(now_us); }
+  /// See the recorder's `StateWriter`.
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    server_.visit(visit);
+  }
+
   /// Whether the device is to restart. Its wheels stand still.
   bool is_restart_due(uint64_t now_us) const { return server_.is_restart_due(now_us); }
+
+  /// Whether the wheels stand; see Robot.
+  bool is_at_rest(uint64_t now_us) const { return robot_.is_at_rest(now_us); }
+  /// Something was written to flash: the next control step may be late.
+  void note_stall();
 
   uint32_t control_period_us() const { return robot_.control_period_us(); }
   bool on_trial() const { return robot_.on_trial(); }
@@ -44,12 +63,15 @@ class Device {
   WheelPair commanded() const { return robot_.commanded(); }
   SupervisorState state() const { return robot_.state(); }
   uint32_t faults() const { return robot_.faults(); }
+  uint64_t last_step_us() const { return robot_.last_step_us(); }
   bool has_session() const { return server_.has_session(); }
   /// When the active setpoint expires, device clock; 0: there is none.
   uint64_t deadline_us() const { return robot_.deadline_us(); }
 
  private:
   static BoardFacts facts_of(const BoardKeeper* keeper);
+  Recorder* recorder() const { return robot_.recorder(); }
+  void prepare_recorder();
 
   MessageServer server_;
   Robot robot_;

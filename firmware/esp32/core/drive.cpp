@@ -27,6 +27,13 @@ int32_t difference(int32_t a, int32_t b) {
   return greater(result, -INT32_MAX);
 }
 
+/// `slewed`, or one step towards the limit where a lowered one leaves the output above it.
+int32_t towards_limit(int32_t slewed, int32_t before, const ControlConfig& config) {
+  const int32_t limit = config.gains.limit_q15;
+  if (magnitude(slewed) <= limit) return slewed;
+  return step_towards(before, clamp(slewed, -limit, limit), config.duty_slew_q15);
+}
+
 /// What an encoder that fails may report is bounded here once: a correction is at most as large as
 /// the setpoint, so that no sum of the two overflows, however long the robot follows.
 int32_t plausible(int32_t measured_umps) {
@@ -104,14 +111,19 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     mode_ = mode;
     slewed_ = mode == ControlMode::kVelocity
                   ? WheelPair{plausible(left_.velocity_umps()), plausible(right_.velocity_umps())}
-                  : WheelPair{left_.duty_q15(), right_.duty_q15()};
+                  : WheelPair{left_.driven_q15(), right_.driven_q15()};
     command_ = slewed_;
     direction_ = {};
   }
   if (mode == ControlMode::kVelocity) {
     follow_velocity(target, config);
   } else {
-    slewed_ = approach(slewed_, target, config.duty_slew_q15);
+    const WheelPair before = slewed_;
+    slewed_ = approach(before, target, config.duty_slew_q15);
+    // `approach` keeps the ratio of the wheels' steps, so a wheel just above a lowered limit would
+    // stay there for as long as the other one has far to go.
+    slewed_ = {towards_limit(slewed_.left, before.left, config),
+               towards_limit(slewed_.right, before.right, config)};
     left_.drive_duty(slewed_.left, config.left_motor_inverted);
     right_.drive_duty(slewed_.right, config.right_motor_inverted);
   }

@@ -44,6 +44,27 @@ class Drive {
   const Wheel& right() const { return right_; }
   /// Of the faster wheel, at least 0.
   int32_t speed_umps() const;
+  /// Both wheels, as far as their encoders show.
+  bool is_still() const { return left_.is_still() && right_.is_still(); }
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("left", left_);
+    visit("right", right_);
+    visit("encoders_swapped", encoders_swapped_);
+    visit("mode", mode_);
+    visit("following", following_);
+    visit("slewed", slewed_);
+    visit("command", command_);
+    visit("direction", direction_);
+    visit("battery_mv", battery_mv_);
+    visit("supply_q12", supply_q12_);
+    visit("brake_until_us", brake_until_us_);
+    visit("stop_began", stop_began_);
+    const bool were_swapped = motors_swapped_;
+    visit("motors_swapped", motors_swapped_);
+    if (motors_swapped_ != were_swapped) left_.exchange_motors(right_);
+  }
 
  private:
   void follow_velocity(WheelPair target, const ControlConfig& config);

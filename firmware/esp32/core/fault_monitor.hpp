@@ -11,6 +11,14 @@ struct FaultThresholds {
   uint32_t stall_time_us;
   int32_t reversal_duty_q15;
   int32_t reversal_umps;
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("stall_duty_q15", stall_duty_q15);
+    visit("stall_time_us", stall_time_us);
+    visit("reversal_duty_q15", reversal_duty_q15);
+    visit("reversal_umps", reversal_umps);
+  }
 };
 
 enum class WheelFault : uint8_t { kNone, kNotCounting, kReversed, kImplausible };
@@ -33,6 +41,15 @@ class FaultMonitor {
   WheelFault update(const WheelOutput& output, int32_t ticks, int32_t measured_umps,
                     uint32_t period_us, const FaultThresholds& thresholds);
   void reset();
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("anchor_ticks", anchor_ticks_);
+    visit("still_us", still_us_);
+    visit("against", against_);
+    visit("lowest_umps", lowest_umps_);
+    visit("against_us", against_us_);
+  }
 
  private:
   bool not_counting(int32_t duty_q15, int32_t most_q15, int32_t ticks, uint32_t period_us,

@@ -13,6 +13,13 @@ struct Latches {
 
   bool operator==(const Latches&) const = default;
 
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("estop", estop);
+    visit("unarmed", unarmed);
+    visit("faults", faults);
+  }
+
   static constexpr size_t kSize = 12;
   /// Writes kSize bytes with a checksum.
   void encode(uint8_t* out) const;
@@ -35,9 +42,19 @@ class LatchKeeper {
     latches_ = latches;
     write_memory();
   }
-  /// Call while the wheels stand and nothing drives: writes to flash what has to be there. Returns
-  /// whether it did, which may have stalled the processor.
+  /// Call while the wheels stand, see Robot::is_at_rest: writes to flash what has to be there.
+  /// Returns whether it did, which may have stalled the processor.
   bool sync_at_rest(uint64_t now_us);
+  /// Of the last write to flash.
+  bool write_failed() const { return write_failed_; }
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("latches", latches_);
+    visit("is_stored", is_stored_);
+    visit("write_failed", write_failed_);
+    visit("next_note_us", next_note_us_);
+  }
 
  private:
   /// Between two notes of an e-stop in flash, which wears: a contact may chatter for hours.

@@ -12,7 +12,7 @@ constexpr uint64_t kRestartDelayUs = 50'000;
 void MessageServer::service_link(uint64_t now_us) {
   link_.renew_read_budget();
   Frame frame;
-  while (link_.receive(frame)) dispatch(frame, now_us);
+  while (link_.receive(frame)) serve(frame, now_us);
 }
 
 void MessageServer::hang_up(uint64_t now_us) {
@@ -21,7 +21,14 @@ void MessageServer::hang_up(uint64_t now_us) {
   robot_.end_session(SupervisorEvent::kStop, now_us);
 }
 
-void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
+void MessageServer::note_message(const Frame& frame, uint64_t now_us) {
+  Recorder& recorder = *robot_.recorder();
+  if (recorder.wants_state()) recorder.note_state(*this);
+  recorder.note_message(frame.id, frame.body, static_cast<size_t>(body_size(frame.id)), now_us);
+}
+
+void MessageServer::serve(const Frame& frame, uint64_t now_us) {
+  if (robot_.recorder() != nullptr) note_message(frame, now_us);
   switch (frame.id) {
     case Hello::kId:
       return on(Hello::decode(frame.body), now_us);
@@ -69,6 +76,12 @@ void MessageServer::dispatch(const Frame& frame, uint64_t now_us) {
       return once(BoardWrite::decode(frame.body), now_us);
     case BoardConfirm::kId:
       return once(BoardConfirm::decode(frame.body), now_us);
+    case BoxGet::kId:
+      return once(BoxGet::decode(frame.body), now_us);
+    case BoxRead::kId:
+      return once(BoxRead::decode(frame.body), now_us);
+    case LedgerGet::kId:
+      return once(LedgerGet::decode(frame.body), now_us);
   }
 }
 
@@ -326,6 +339,14 @@ void MessageServer::answer(uint16_t request_id, const Message& message) {
   link_.send_body(record.id, record.body, record.size);
 }
 
+/// Not kept for a repeat, which is carried out once more: the longest answers would take four times
+/// their size.
+void MessageServer::answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body,
+                                  size_t size) {
+  session_.pass(request_id);
+  link_.send_body(id, body, size);
+}
+
 void MessageServer::answer_value(uint16_t request_id, uint8_t parameter) {
   answer(request_id, ParameterValue{session_.id(), request_id, parameter,
                                     robot_.parameters().get(static_cast<ParameterId>(parameter))});
@@ -335,24 +356,37 @@ void MessageServer::conclude(uint8_t message_id, uint16_t request_id, RefusalCod
   if (refusal == RefusalCode::kNone)
     return answer(request_id, Ack{session_.id(), request_id, message_id});
   ++refused_;
+  if (robot_.recorder() != nullptr) robot_.recorder()->note_refusal(message_id, refusal);
   answer(request_id, Refuse{session_.id(), message_id, refusal, request_id});
 }
 
 void MessageServer::refuse(uint8_t message_id, uint32_t session_id, uint32_t reference,
                            RefusalCode code) {
   ++refused_;
+  if (robot_.recorder() != nullptr) robot_.recorder()->note_refusal(message_id, code);
   link_.send(Refuse{session_id, message_id, code, reference});
 }
 
 // --- groups, boards, restart ---------------------------------------------------------------------
 
+bool MessageServer::is_served(Group group) const {
+  switch (group) {
+    case Group::kBase:
+      return true;
+    case Group::kBoard:
+      return keeper_ != nullptr;
+    case Group::kRecorder:
+      return archive_ != nullptr;
+  }
+  return false;
+}
+
 void MessageServer::on(const GroupGet& request, uint64_t) {
-  const bool is_served =
-      request.group == Group::kBase || (request.group == Group::kBoard && keeper_ != nullptr);
-  answer(request.request_id, GroupInfo{.session_id = session_.id(),
-                                       .request_id = request.request_id,
-                                       .group = request.group,
-                                       .hash = is_served ? hash_of(request.group) : 0});
+  answer(request.request_id,
+         GroupInfo{.session_id = session_.id(),
+                   .request_id = request.request_id,
+                   .group = request.group,
+                   .hash = is_served(request.group) ? hash_of(request.group) : 0});
 }
 
 void MessageServer::on(const Restart& request, uint64_t now_us) {
@@ -360,8 +394,10 @@ void MessageServer::on(const Restart& request, uint64_t now_us) {
   if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
   if (refusal == RefusalCode::kNone && keeper_ != nullptr && keeper_->has_candidate()) {
     refusal = robot_.check_estop(now_us);
-    if (refusal == RefusalCode::kNone) refusal = keeper_->request_trial();
-    robot_.note_stall();
+    if (refusal == RefusalCode::kNone) {
+      refusal = keeper_->request_trial();
+      note_board_write(refusal);
+    }
   }
   if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
@@ -376,9 +412,7 @@ void MessageServer::on(const BoardGet& request, uint64_t) {
       .session_id = session_.id(), .request_id = request.request_id, .state = keeper_->state()}
       .encode(body);
   write_board(keeper_->board(), body + BoardValue::kSize - BoardDescription::kSize);
-  // Not kept for a repeat, which is answered afresh: the longest answer would take four times its
-  // size.
-  link_.send_body(BoardValue::kId, body, sizeof body);
+  answer_afresh(BoardValue::kId, request.request_id, body, sizeof body);
 }
 
 /// Why the board cannot be changed now. Else a board without the contact that is open would be a
@@ -389,13 +423,19 @@ RefusalCode MessageServer::check_board_change(uint64_t now_us) {
   return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
 }
 
+/// Any other refusal came before the write: it excuses no late step.
+void MessageServer::note_board_write(RefusalCode refusal) {
+  if (refusal == RefusalCode::kNone || refusal == RefusalCode::kStoreFailed)
+    robot_.note_write(refusal == RefusalCode::kNone);
+}
+
 void MessageServer::on(const BoardWrite& request, uint64_t now_us) {
   uint8_t body[BoardWrite::kSize];
   request.encode(body);
   RefusalCode refusal = check_board_change(now_us);
   if (refusal == RefusalCode::kNone) {
     refusal = keeper_->write(body + BoardWrite::kSize - BoardDescription::kSize);
-    robot_.note_stall();
+    note_board_write(refusal);
   }
   conclude(request.kId, request.request_id, refusal);
 }
@@ -404,12 +444,56 @@ void MessageServer::on(const BoardConfirm& request, uint64_t now_us) {
   RefusalCode refusal = check_board_change(now_us);
   if (refusal == RefusalCode::kNone) {
     refusal = keeper_->confirm(request.fingerprint);
-    robot_.note_stall();
+    note_board_write(refusal);
   }
   // Its pins are started as those of any board: when the device starts.
   if (refusal == RefusalCode::kNone && !keeper_->is_confirmed())
     restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
+}
+
+// --- the recorder --------------------------------------------------------------------------------
+
+/// Whether what is recorded may be read now; if not, the request is refused. Also with an emergency
+/// stop or a fault latched: just then it is wanted.
+bool MessageServer::is_readable(uint8_t message_id, uint16_t request_id) {
+  RefusalCode refusal = RefusalCode::kNone;
+  if (robot_.state() == SupervisorState::kDriving) refusal = RefusalCode::kNotStopped;
+  if (archive_ == nullptr) refusal = RefusalCode::kNotSupported;
+  if (refusal != RefusalCode::kNone) conclude(message_id, request_id, refusal);
+  return refusal == RefusalCode::kNone;
+}
+
+void MessageServer::on(const BoxGet& request, uint64_t) {
+  if (!is_readable(request.kId, request.request_id)) return;
+  BoxValue value{.session_id = session_.id(), .request_id = request.request_id, .age = request.age};
+  archive_->describe(value);
+  uint8_t body[BoxValue::kSize];
+  value.encode(body);
+  answer_afresh(BoxValue::kId, request.request_id, body, sizeof body);
+}
+
+void MessageServer::on(const BoxRead& request, uint64_t) {
+  if (!is_readable(request.kId, request.request_id)) return;
+  BoxPart part{.session_id = session_.id(),
+               .request_id = request.request_id,
+               .number = request.number,
+               .offset = request.offset};
+  auto* const data = reinterpret_cast<uint8_t*>(part.data);
+  part.size =
+      static_cast<uint8_t>(archive_->read(request.number, request.offset, data, sizeof part.data));
+  uint8_t body[BoxPart::kSize];
+  part.encode(body);
+  answer_afresh(BoxPart::kId, request.request_id, body, sizeof body);
+}
+
+void MessageServer::on(const LedgerGet& request, uint64_t now_us) {
+  if (!is_readable(request.kId, request.request_id)) return;
+  LedgerValue value{.session_id = session_.id(), .request_id = request.request_id};
+  archive_->count(value, now_us);
+  uint8_t body[LedgerValue::kSize];
+  value.encode(body);
+  answer_afresh(LedgerValue::kId, request.request_id, body, sizeof body);
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------

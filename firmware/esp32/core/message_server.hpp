@@ -5,6 +5,7 @@
 #include "board_keeper.hpp"
 #include "link.hpp"
 #include "protocol.hpp"
+#include "recorder.hpp"
 #include "robot.hpp"
 #include "session.hpp"
 
@@ -30,8 +31,12 @@ class MessageServer final : public RobotObserver {
   MessageServer(Robot& robot, ByteStream& line, const Identity& identity, BoardKeeper* keeper)
       : robot_(robot), link_(line), identity_(identity), keeper_(keeper) {}
 
+  /// From now on hosts may read what a recorder has stored.
+  void offer(BoxArchive& archive) { archive_ = &archive; }
   /// Reads and answers what the host has sent.
   void service_link(uint64_t now_us);
+  /// Carries out one message.
+  void serve(const Frame& frame, uint64_t now_us);
   /// Sends the robot's state when it is due. Call at the end of each control step.
   void stream_state(uint64_t now_us);
   /// Ends the session, and with it what its host commanded.
@@ -44,13 +49,24 @@ class MessageServer final : public RobotObserver {
            (keeper_ != nullptr && keeper_->is_overdue(now_us));
   }
 
+  bool has_keeper() const { return keeper_ != nullptr; }
+  bool has_archive() const { return archive_ != nullptr; }
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("boot_id", identity_.boot_id);
+    visit("capabilities", identity_.capabilities);
+    visit("session", session_);
+    visit("restart_us", restart_us_);
+    if (keeper_ != nullptr) visit("keeper", *keeper_);
+    visit("robot", robot_);
+  }
+
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;
 
  private:
-  void dispatch(const Frame& frame, uint64_t now_us);
-
+  void note_message(const Frame& frame, uint64_t now_us);
   void on(const Hello& hello, uint64_t now_us);
   void on(const Stop& stop, uint64_t now_us);
   void on(const Estop& estop, uint64_t now_us);
@@ -78,6 +94,9 @@ class MessageServer final : public RobotObserver {
   void on(const BoardGet& request, uint64_t now_us);
   void on(const BoardWrite& request, uint64_t now_us);
   void on(const BoardConfirm& request, uint64_t now_us);
+  void on(const BoxGet& request, uint64_t now_us);
+  void on(const BoxRead& request, uint64_t now_us);
+  void on(const LedgerGet& request, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message, uint64_t now_us);
@@ -89,6 +108,7 @@ class MessageServer final : public RobotObserver {
 
   template <typename Message>
   void answer(uint16_t request_id, const Message& message);
+  void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
   void answer_value(uint16_t request_id, uint8_t parameter);
   void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
@@ -97,12 +117,16 @@ class MessageServer final : public RobotObserver {
   void report_store();
   void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
   RefusalCode check_board_change(uint64_t now_us);
+  void note_board_write(RefusalCode refusal);
+  bool is_served(Group group) const;
+  bool is_readable(uint8_t message_id, uint16_t request_id);
 
   Robot& robot_;
   Link link_;
   Session session_;
   Identity identity_;
   BoardKeeper* keeper_;
+  BoxArchive* archive_ = nullptr;
   uint64_t restart_us_ = 0;  // 0: no restart was asked for
   uint32_t refused_ = 0;
   uint32_t state_interval_us_ = 0;  // 0: not streaming

@@ -12,6 +12,13 @@ struct Supply {
   int32_t nominal_mv;     ///< Behind the bridge, where the feed-forward holds.
   int32_t drop_mv;        ///< Lost in the bridge.
   int32_t unmeasured_mv;  ///< Battery voltage assumed where it is not measured.
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("nominal_mv", nominal_mv);
+    visit("drop_mv", drop_mv);
+    visit("unmeasured_mv", unmeasured_mv);
+  }
 };
 
 /// Nominal over present supply behind the bridge, x 4096.
@@ -37,6 +44,15 @@ class PlausibilityMonitor {
   bool update(int32_t duty_q15, int32_t measured_umps, bool ticked, int32_t supply_q12,
               uint32_t period_us, uint32_t time_us, const ControllerGains& gains);
   void reset();
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("slow_umps_q4", slow_umps_q4_);
+    visit("silence_us", silence_us_);
+    visit("excess_us", excess_us_);
+    visit("earlier_q4", earlier_q4_);
+    visit("impulse_q15", impulse_q15_);
+  }
 
  private:
   bool lasts(int32_t excess_q15, int32_t gain_q4, int32_t speed_umps, int32_t slow_q4,

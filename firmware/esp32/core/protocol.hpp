@@ -73,8 +73,9 @@ enum class RefusalCode : uint8_t {
 };
 
 enum class Group : uint8_t {
-  kBase = 0,   ///< Sessions, setpoints, stops, requests, state: what every device has.
-  kBoard = 1,  ///< Boards: which pins lead to which power stage and encoders.
+  kBase = 0,      ///< Sessions, setpoints, stops, requests, state: what every device has.
+  kBoard = 1,     ///< Boards: which pins lead to which power stage and encoders.
+  kRecorder = 2,  ///< Black boxes and ledger: what the device recorded of its stops.
 };
 
 enum class StopMode : uint8_t {
@@ -197,6 +198,8 @@ constexpr uint32_t hash_of(Group group) {
       return 0x5d587965;
     case Group::kBoard:
       return 0x4cd2f265;
+    case Group::kRecorder:
+      return 0x20fc1481;
   }
   return 0;
 }
@@ -312,6 +315,13 @@ enum class BoardFault : uint8_t {
   kLedOnStrap = 32,  ///< {function} = {pin}: the level of GPIO {pin} at reset selects how {chip}
                      ///< starts, and the LED pulls on it; if the chip does not start, or takes no
                      ///< firmware, choose another
+};
+
+enum class BoxCause : uint8_t {
+  kRequest = 0,  ///< Somebody asked for it.
+  kFault = 1,    ///< A fault.
+  kEstop = 2,    ///< An emergency stop.
+  kReset = 3,    ///< A panic or a watchdog reset the device.
 };
 
 /// Opens a session. Repeating it with the same nonce changes nothing.
@@ -1043,6 +1053,90 @@ struct BoardConfirm {
   }
 };
 
+/// Asks for what one of the stored black boxes is of; the answer is BoxValue.
+struct BoxGet {
+  static constexpr uint8_t kId = 0x30;
+  static constexpr size_t kSize = 7;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t age{};          ///< How many were stored after it; 0: the newest.
+
+  bool operator==(const BoxGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, age);
+  }
+
+  /// Reads kSize bytes.
+  static BoxGet decode(const uint8_t* in) {
+    BoxGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.age);
+    return message;
+  }
+};
+
+/// Asks for a part of a black box; the answer is BoxPart. Not while driving.
+struct BoxRead {
+  static constexpr uint8_t kId = 0x31;
+  static constexpr size_t kSize = 14;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t number{};      ///< Of the box.
+  uint32_t offset{};      ///< In bytes, from its beginning.
+
+  bool operator==(const BoxRead&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, number);
+    wire::put(out, offset);
+  }
+
+  /// Reads kSize bytes.
+  static BoxRead decode(const uint8_t* in) {
+    BoxRead message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.number);
+    wire::get(in, message.offset);
+    return message;
+  }
+};
+
+/// Asks for the counts that outlive a reset; the answer is LedgerValue.
+struct LedgerGet {
+  static constexpr uint8_t kId = 0x32;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const LedgerGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static LedgerGet decode(const uint8_t* in) {
+    LedgerGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -1655,6 +1749,178 @@ struct BoardValue {
   }
 };
 
+/// What a stored black box is of. With number 0 there is none of this age.
+struct BoxValue {
+  static constexpr uint8_t kId = 0xb0;
+  static constexpr size_t kSize = 51;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t box_count{};    ///< How many boxes are stored.
+  uint8_t age{};          ///< As asked.
+  uint8_t is_current{};   ///< 1: what it ends with is how the device stands now, or the reset that
+                          ///< began this boot.
+  uint32_t number{};      ///< Counts up over all boxes of the device, from 1.
+  uint32_t size{};        ///< In bytes.
+  BoxCause cause{};       ///< Why it was stored.
+  ResetReason reset_reason{};  ///< Of the boot in which it was stored.
+  uint32_t boot_id{};          ///< Of the boot in which it was recorded.
+  uint32_t core{};             ///< Hash of the core that recorded it.
+  uint32_t release{};          ///< Of the firmware: major << 16, minor << 8, patch.
+  uint32_t git_hash{};         ///< Of the firmware's commit; 0: unknown.
+  uint32_t board{};            ///< Fingerprint of the board; 0: none.
+  uint32_t faults{};           ///< Latched when it was stored.
+  uint64_t stored_us{};        ///< Device clock when it was stored. [us]
+
+  bool operator==(const BoxValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, box_count);
+    wire::put(out, age);
+    wire::put(out, is_current);
+    wire::put(out, number);
+    wire::put(out, size);
+    wire::put(out, cause);
+    wire::put(out, reset_reason);
+    wire::put(out, boot_id);
+    wire::put(out, core);
+    wire::put(out, release);
+    wire::put(out, git_hash);
+    wire::put(out, board);
+    wire::put(out, faults);
+    wire::put(out, stored_us);
+  }
+
+  /// Reads kSize bytes.
+  static BoxValue decode(const uint8_t* in) {
+    BoxValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.box_count);
+    wire::get(in, message.age);
+    wire::get(in, message.is_current);
+    wire::get(in, message.number);
+    wire::get(in, message.size);
+    wire::get(in, message.cause);
+    wire::get(in, message.reset_reason);
+    wire::get(in, message.boot_id);
+    wire::get(in, message.core);
+    wire::get(in, message.release);
+    wire::get(in, message.git_hash);
+    wire::get(in, message.board);
+    wire::get(in, message.faults);
+    wire::get(in, message.stored_us);
+    return message;
+  }
+};
+
+/// A part of a black box. With size 0 the device has no such box, or it is not that long.
+struct BoxPart {
+  static constexpr uint8_t kId = 0xb1;
+  static constexpr size_t kSize = 71;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t number{};      ///< As asked.
+  uint32_t offset{};      ///< As asked.
+  uint8_t size{};         ///< Bytes of the data that count; less at the end alone.
+  char data[56]{};        ///< The bytes, filled up with zeros.
+
+  bool operator==(const BoxPart&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, number);
+    wire::put(out, offset);
+    wire::put(out, size);
+    wire::put(out, data);
+  }
+
+  /// Reads kSize bytes.
+  static BoxPart decode(const uint8_t* in) {
+    BoxPart message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.number);
+    wire::get(in, message.offset);
+    wire::get(in, message.size);
+    wire::get(in, message.data);
+    return message;
+  }
+};
+
+/// What happened to the robot in its life, up to now. All counts wrap.
+struct LedgerValue {
+  static constexpr uint8_t kId = 0xb2;
+  static constexpr size_t kSize = 62;
+
+  uint32_t session_id{};                 ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};                 ///< Counts up in a session; the answer returns it.
+  uint32_t uptime_s{};                   ///< In all. [s]
+  uint32_t resets_unknown{};             ///< Starts for the reason UNKNOWN.
+  uint32_t resets_power_on{};            ///< Starts for the reason POWER_ON.
+  uint32_t resets_external{};            ///< Starts for the reason EXTERNAL.
+  uint32_t resets_software{};            ///< Starts for the reason SOFTWARE.
+  uint32_t resets_panic{};               ///< Starts for the reason PANIC.
+  uint32_t resets_task_watchdog{};       ///< Starts for the reason TASK_WATCHDOG.
+  uint32_t resets_interrupt_watchdog{};  ///< Starts for the reason INTERRUPT_WATCHDOG.
+  uint32_t resets_brownout{};            ///< Starts for the reason BROWNOUT.
+  uint32_t stops_session{};              ///< Drives that a new session ended.
+  uint32_t stops_stop{};                 ///< Drives that a stop ended.
+  uint32_t stops_deadline{};             ///< Drives that ended because a setpoint ran out.
+  uint32_t stops_estop{};                ///< Emergency stops.
+  uint32_t stops_fault{};                ///< Faults.
+
+  bool operator==(const LedgerValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, uptime_s);
+    wire::put(out, resets_unknown);
+    wire::put(out, resets_power_on);
+    wire::put(out, resets_external);
+    wire::put(out, resets_software);
+    wire::put(out, resets_panic);
+    wire::put(out, resets_task_watchdog);
+    wire::put(out, resets_interrupt_watchdog);
+    wire::put(out, resets_brownout);
+    wire::put(out, stops_session);
+    wire::put(out, stops_stop);
+    wire::put(out, stops_deadline);
+    wire::put(out, stops_estop);
+    wire::put(out, stops_fault);
+  }
+
+  /// Reads kSize bytes.
+  static LedgerValue decode(const uint8_t* in) {
+    LedgerValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.uptime_s);
+    wire::get(in, message.resets_unknown);
+    wire::get(in, message.resets_power_on);
+    wire::get(in, message.resets_external);
+    wire::get(in, message.resets_software);
+    wire::get(in, message.resets_panic);
+    wire::get(in, message.resets_task_watchdog);
+    wire::get(in, message.resets_interrupt_watchdog);
+    wire::get(in, message.resets_brownout);
+    wire::get(in, message.stops_session);
+    wire::get(in, message.stops_stop);
+    wire::get(in, message.stops_deadline);
+    wire::get(in, message.stops_estop);
+    wire::get(in, message.stops_fault);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -1704,6 +1970,12 @@ constexpr int body_size(uint8_t id) {
       return BoardWrite::kSize;
     case BoardConfirm::kId:
       return BoardConfirm::kSize;
+    case BoxGet::kId:
+      return BoxGet::kSize;
+    case BoxRead::kId:
+      return BoxRead::kSize;
+    case LedgerGet::kId:
+      return LedgerGet::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -1730,6 +2002,12 @@ constexpr int body_size(uint8_t id) {
       return Contradictions::kSize;
     case BoardValue::kId:
       return BoardValue::kSize;
+    case BoxValue::kId:
+      return BoxValue::kSize;
+    case BoxPart::kId:
+      return BoxPart::kSize;
+    case LedgerValue::kId:
+      return LedgerValue::kSize;
     default:
       return -1;
   }

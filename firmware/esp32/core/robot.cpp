@@ -25,7 +25,7 @@ void Robot::start(uint64_t now_us) {
   const Latches before = latches_.start();
   faults_ = before.faults;
   unarmed_ = before.unarmed;
-  quiet_since_us_ = now_us;
+  quiet_since_us_ = drove_us_ = now_us;
   apply(SupervisorEvent::kStarted, now_us);
   if (before.estop) apply(SupervisorEvent::kEstop, now_us);
   trip(0, now_us);
@@ -34,10 +34,14 @@ void Robot::start(uint64_t now_us) {
 // --- the control step ----------------------------------------------------------------------------
 
 void Robot::begin_step(uint64_t now_us) {
+  // The inputs first, so that a recorder has them before anything happens because of them.
+  counts_ = hal_.encoders.latch();
+  const uint16_t battery_mv = hal_.battery.millivolts();
+  if (recorder_ != nullptr) note_step(now_us, battery_mv);
   check_trial(now_us);
   if (parameters_changed_) apply_parameters();
-  latch();
-  drive_.note_battery(hal_.battery.millivolts(), config_);
+  if (config_.encoders_swapped) counts_ = counts_.exchanged();
+  drive_.note_battery(battery_mv, config_);
   trip(drive_.latch(counts_, config_) | check_timing(now_us), now_us);
 }
 
@@ -50,6 +54,28 @@ void Robot::finish_step(uint64_t now_us) {
 void Robot::latch() {
   counts_ = hal_.encoders.latch();
   if (config_.encoders_swapped) counts_ = counts_.exchanged();
+}
+
+void Robot::note_step(uint64_t now_us, uint16_t battery_mv) {
+  recorder_->note_step({.now_us = now_us,
+                        .t_us = counts_.t_us,
+                        .left_counter = counts_.left,
+                        .right_counter = counts_.right,
+                        .left_illegal = counts_.left_illegal,
+                        .right_illegal = counts_.right_illegal,
+                        .battery_mv = battery_mv,
+                        .left_duty_q15 = static_cast<int16_t>(drive_.left().duty_q15()),
+                        .right_duty_q15 = static_cast<int16_t>(drive_.right().duty_q15())});
+}
+
+void Robot::report_failure(uint32_t faults) {
+  failures_ |= faults;
+  if (recorder_ != nullptr) recorder_->note_failure(faults);
+}
+
+void Robot::note_write(bool done) {
+  note_stall();
+  if (recorder_ != nullptr) recorder_->note_store(done, hal_.store.faults());
 }
 
 uint32_t Robot::check_timing(uint64_t now_us) {
@@ -75,7 +101,9 @@ void Robot::trip(uint32_t faults, uint64_t now_us) {
 }
 
 bool Robot::contact_is_open() {
-  return board_.is_confirmed && config_.estop_input_enabled && hal_.estop.is_open();
+  const bool is_open = board_.is_confirmed && config_.estop_input_enabled && hal_.estop.is_open();
+  if (recorder_ != nullptr) recorder_->note_contact(is_open);
+  return is_open;
 }
 
 void Robot::check_contact(uint64_t now_us) {
@@ -110,7 +138,7 @@ void Robot::watch_standstill(uint64_t now_us) {
 
 /// Never while a wheel turns: writing to flash stalls the chip.
 void Robot::sync_latches(uint64_t now_us) {
-  if (drive_.speed_umps() == 0 && latches_.sync_at_rest(now_us)) note_stall();
+  if (is_at_rest(now_us) && latches_.sync_at_rest(now_us)) note_write(!latches_.write_failed());
 }
 
 /// So that a reset of the processor finds what was latched.
@@ -127,7 +155,9 @@ void Robot::apply(SupervisorEvent event, uint64_t now_us, StopMode mode) {
   const SupervisorState before = supervisor_.state();
   if (!supervisor_.apply(event)) return;
   if (before == SupervisorState::kDriving) drive_.begin_stop(mode, now_us, config_);
+  if (before == SupervisorState::kDriving) drove_us_ = now_us;
   note_latches();
+  if (recorder_ != nullptr) recorder_->note_transition(event, before, supervisor_.state(), faults_);
   observer_.on_transition({event, before, supervisor_.state()}, now_us);
 }
 
@@ -215,6 +245,7 @@ void Robot::apply_parameters() {
   parameters_changed_ = false;
   config_ = make_config(parameters_);
   contradictions_ = contradictions(parameters_, board_.max_pwm_hz);
+  if (recorder_ != nullptr) recorder_->note_parameters(parameters_, config_, contradictions_);
   drive_.note_parameters(config_);
   target_ = limited(setpoint_);
 }
@@ -280,7 +311,7 @@ RefusalCode Robot::check_save() const {
 }
 
 RefusalCode Robot::conclude_save(bool saved) {
-  note_stall();
+  note_write(saved);
   if (!saved) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kLoaded;
   return RefusalCode::kNone;
@@ -293,8 +324,9 @@ RefusalCode Robot::reset_parameters(uint64_t now_us) {
   if (refusal != RefusalCode::kNone) return refusal;
   parameters_.set_defaults();
   apply_parameters();
-  note_stall();
-  if (!hal_.store.erase()) return RefusalCode::kStoreFailed;
+  const bool erased = hal_.store.erase();
+  note_write(erased);
+  if (!erased) return RefusalCode::kStoreFailed;
   store_state_ = Parameters::Load::kEmpty;
   store_faults_ = hal_.store.faults();
   return RefusalCode::kNone;

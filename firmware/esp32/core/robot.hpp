@@ -9,6 +9,7 @@
 #include "latches.hpp"
 #include "parameters.hpp"
 #include "protocol.hpp"
+#include "recorder.hpp"
 #include "rolling.hpp"
 #include "supervisor.hpp"
 #include "trial.hpp"
@@ -21,6 +22,14 @@ struct Setpoint {
   WheelPair wheels;    ///< um/s or q15, by the mode.
   uint64_t expiry_us;  ///< Device clock.
   uint32_t command_seq;
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("mode", mode);
+    visit("wheels", wheels);
+    visit("expiry_us", expiry_us);
+    visit("command_seq", command_seq);
+  }
 };
 
 struct Transition {
@@ -49,6 +58,13 @@ struct BoardFacts {
   uint32_t max_pwm_hz = 0;   ///< Of its power stage; 0: not known.
   /// Otherwise its inputs mean nothing, the e-stop contact among them.
   bool is_confirmed = true;
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("fingerprint", fingerprint);
+    visit("max_pwm_hz", max_pwm_hz);
+    visit("is_confirmed", is_confirmed);
+  }
 };
 
 class Robot {
@@ -65,7 +81,7 @@ class Robot {
   void finish_step(uint64_t now_us);
   /// FAULT until the next reset, as flags of `fault`: a motor or encoder peripheral did not start,
   /// or there is no board.
-  void report_failure(uint32_t faults) { failures_ |= faults; }
+  void report_failure(uint32_t faults);
 
   /// Call it with every setpoint that is refused, here or before it came here: it shows that a
   /// program goes on sending.
@@ -89,8 +105,16 @@ class Robot {
   /// Why the board cannot be changed now: an e-stop is latched, or its contact is open. On a board
   /// that nobody confirmed neither counts, since that board drives nothing.
   RefusalCode check_estop(uint64_t now_us);
+  /// Whether the wheels stand: nothing has driven them for long enough that one whose encoder is
+  /// dead has run down, too, and no tick came of late. So long after a start as well, before which
+  /// the robot may have been rolling.
+  bool is_at_rest(uint64_t now_us) const {
+    return !supervisor_.may_drive() && drive_.is_still() && now_us - drove_us_ >= kRunDownUs;
+  }
   /// Something was written to flash: the next control step may be late.
   void note_stall() { stalled_ = true; }
+  /// As `note_stall`, with what came of it.
+  void note_write(bool done);
   RefusalCode try_parameters(TrialAction action, float timeout_s, uint64_t now_us);
 
   SupervisorState state() const { return supervisor_.state(); }
@@ -119,6 +143,9 @@ class Robot {
   /// By the wheels, as latched by the last step.
   const EncoderCounts& encoder_counts() const { return counts_; }
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
+  /// nullptr: nothing is recorded.
+  Recorder* recorder() const { return recorder_; }
+  void record(Recorder& recorder) { recorder_ = &recorder; }
 
   uint32_t control_period_us() const { return config_.period_us; }
   uint64_t last_step_us() const { return last_step_us_; }
@@ -127,8 +154,34 @@ class Robot {
   /// The longest time from one step to the next.
   uint32_t longest_interval_us() const { return longest_interval_us_; }
 
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("board", board_);
+    visit("supervisor", supervisor_);
+    visit("parameters_changed", parameters_changed_);
+    visit("unarmed", unarmed_);
+    visit("stalled", stalled_);
+    visit("failures", failures_);
+    visit("store_faults", store_faults_);
+    visit("faults", faults_);
+    visit("contradictions", contradictions_);
+    visit("last_step_us", last_step_us_);
+    visit("drove_us", drove_us_);
+    visit("quiet_since_us", quiet_since_us_);
+    visit("setpoint", setpoint_);
+    visit("target", target_);
+    visit("rolling", rolling_);
+    visit("config", config_);
+    visit("drive", drive_);
+    visit("latches", latches_);
+    visit("store_state", store_state_);
+    visit("parameters", parameters_);
+    visit("trial", trial_);
+  }
+
  private:
   void latch();
+  void note_step(uint64_t now_us, uint16_t battery_mv);
   uint32_t check_timing(uint64_t now_us);
   void trip(uint32_t faults, uint64_t now_us);
   bool contact_is_open();
@@ -151,9 +204,12 @@ class Robot {
   RefusalCode check_save() const;
   RefusalCode conclude_save(bool saved);
 
+  static constexpr uint64_t kRunDownUs = 2'000'000;
+
   // What each step uses comes first: RISC-V addresses only the first 2 KiB of an object directly.
   Hal hal_;
   RobotObserver& observer_;
+  Recorder* recorder_ = nullptr;
   BoardFacts board_;
   Supervisor supervisor_;
   bool parameters_changed_ = false;  // and not active yet
@@ -167,6 +223,7 @@ class Robot {
   uint64_t last_step_us_ = 0;
   uint32_t late_steps_ = 0;
   uint32_t longest_interval_us_ = 0;
+  uint64_t drove_us_ = 0;        // When the drive was last removed, or the robot started.
   uint64_t quiet_since_us_ = 0;  // A setpoint was last refused then, or a latch was cleared.
   Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
   WheelPair target_{};           // the setpoint's, within the limits

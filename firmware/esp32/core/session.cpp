@@ -19,6 +19,8 @@ bool Session::take_command(uint32_t command_seq) {
 }
 
 Session::Request Session::classify(uint16_t request_id, const Answer*& answer) const {
+  // First: one of the answers may be as old as a round of all ids.
+  if (static_cast<int16_t>(request_id - newest_request_) > 0) return Request::kNew;
   const size_t kept = answer_count_ < kAnswers ? answer_count_ : kAnswers;
   for (size_t i = 0; i < kept; ++i) {
     if (answers_[i].request_id == request_id) {
@@ -26,8 +28,7 @@ Session::Request Session::classify(uint16_t request_id, const Answer*& answer) c
       return Request::kRepeat;
     }
   }
-  const auto ahead = static_cast<int16_t>(request_id - newest_request_);
-  return ahead > 0 ? Request::kNew : Request::kOld;
+  return Request::kOld;
 }
 
 Answer& Session::record(uint16_t request_id) {

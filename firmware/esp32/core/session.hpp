@@ -38,8 +38,24 @@ class Session {
 
   /// kRepeat: already answered, with `answer`. kOld: its answer is gone; it must not be answered.
   Request classify(uint16_t request_id, const Answer*& answer) const;
+  /// A request was answered whose answer is not kept: a repeat of it is new, and all before it old.
+  void pass(uint16_t request_id) { newest_request_ = static_cast<uint16_t>(request_id - 1); }
   /// Makes room for the answer to a new request, in place of the oldest one.
   Answer& record(uint16_t request_id);
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("open", open_);
+    visit("nonce", nonce_);
+    visit("id", id_);
+    visit("clock_synchronised", clock_synchronised_);
+    visit("newest_command", newest_command_);
+    visit("newest_request", newest_request_);
+    auto count = static_cast<uint32_t>(answer_count_);
+    visit("answers", count);
+    answer_count_ = count;
+    for (Answer& answer : answers_) visit("answered", answer.request_id);
+  }
 
  private:
   static constexpr size_t kAnswers = 4;

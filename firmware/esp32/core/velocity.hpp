@@ -26,20 +26,55 @@ class VelocityEstimator {
 
   /// Ticks per second x 256, forward positive.
   int32_t ticks_per_s_q8() const { return rate_q8_; }
+  /// No tick came for half a second, or none yet. A speed of 0 alone says less: a wheel that turns
+  /// back, or was just pushed, has one for a moment.
+  bool is_still() const { return direction_ == 0; }
   /// How fast the wheel is falling behind, um/s, over the same interval as the velocity: so the lag
   /// of the measurement is not mistaken for an error while the setpoint ramps.
   int32_t falling_behind_umps() const { return falling_behind_umps_; }
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("direction", direction_);
+    visit("spacing_us", spacing_us_);
+    visit("dither_q16", dither_q16_);
+    visit("cycle_us", cycle_us_);
+    visit("silence_us", silence_us_);
+    visit("newest", newest_);
+    visit("baseline", baseline_);
+    visit("rate_q8", rate_q8_);
+    visit("falling_behind_umps", falling_behind_umps_);
+    auto count = static_cast<uint32_t>(count_);
+    visit("marks", count);
+    if (count > kMarks) return;
+    if (count != count_) first_ = 0;
+    count_ = count;
+    for (size_t i = 0; i < count; ++i) visit("mark", marks_[slot(i)]);
+  }
 
  private:
   struct Tick {
     uint32_t ticks;
     uint32_t t_us;
     uint32_t behind_q4;
+
+    template <typename Visitor>
+    void visit(Visitor& visit) {
+      visit("ticks", ticks);
+      visit("t_us", t_us);
+      visit("behind_q4", behind_q4);
+    }
   };
   /// Which tick was the newest one at `noted_us`.
   struct Mark {
     Tick newest;
     uint32_t noted_us;
+
+    template <typename Visitor>
+    void visit(Visitor& visit) {
+      visit("newest", newest);
+      visit("noted_us", noted_us);
+    }
   };
   static constexpr uint32_t kMarksPerWindow = 6;
   /// Longest baseline while waiting for a whole cycle of ticks, in windows.
@@ -54,10 +89,11 @@ class VelocityEstimator {
   void note(uint32_t t_us, uint32_t window_us);
   void drop_old(uint32_t t_us, uint32_t window_us, bool fine);
   void measure();
-  const Mark& mark(size_t index) const {
-    const size_t slot = first_ + index;
-    return marks_[slot < kMarks ? slot : slot - kMarks];
+  size_t slot(size_t index) const {
+    const size_t from_start = first_ + index;
+    return from_start < kMarks ? from_start : from_start - kMarks;
   }
+  const Mark& mark(size_t index) const { return marks_[slot(index)]; }
 
   Mark marks_[kMarks];  // oldest first, from first_
   size_t first_ = 0;

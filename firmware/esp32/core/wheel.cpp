@@ -72,6 +72,7 @@ void Wheel::drive_duty(int32_t duty_q15, bool motor_inverted) {
 }
 
 void Wheel::output(int32_t duty_q15, bool motor_inverted) {
+  reverses_ = (duty_q15 < 0 && duty_q15_ > 0) || (duty_q15 > 0 && duty_q15_ < 0);
   duty_q15_ = duty_q15;
   motor_->drive(static_cast<int16_t>(motor_inverted ? -duty_q15 : duty_q15));
 }
@@ -100,6 +101,7 @@ void Wheel::rest() {
   closed_loop_ = false;
   direction_ = 0;
   duty_q15_ = 0;
+  reverses_ = false;
 }
 
 }  // namespace wheelwire

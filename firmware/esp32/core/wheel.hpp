@@ -38,12 +38,32 @@ class Wheel {
 
   int32_t ticks() const { return total_.ticks(); }
   int32_t velocity_umps() const { return velocity_umps_; }
+  /// See VelocityEstimator.
+  bool is_still() const { return estimator_.is_still(); }
   int32_t duty_q15() const { return duty_q15_; }
+  /// What the winding gets: the stage pauses for a step before it drives the other way.
+  int32_t driven_q15() const { return reverses_ ? 0 : duty_q15_; }
   uint32_t saturated_steps() const { return controller_.saturated_steps(); }
   /// How far the wheel is behind the integral of its setpoint.
   int32_t behind_um() const { return following_.um(); }
   void trim_to(int32_t um) { following_.trim_to(um); }
   bool saturated() const { return controller_.saturated(); }
+
+  template <typename Visitor>
+  void visit(Visitor& visit) {
+    visit("total", total_);
+    visit("estimator", estimator_);
+    visit("controller", controller_);
+    visit("monitor", monitor_);
+    visit("following", following_);
+    visit("plausibility", plausibility_);
+    visit("closed_loop", closed_loop_);
+    visit("reverses", reverses_);
+    visit("yields", yields_);
+    visit("direction", direction_);
+    visit("velocity_umps", velocity_umps_);
+    visit("duty_q15", duty_q15_);
+  }
 
  private:
   int32_t error_umps(int32_t setpoint_umps, int32_t command_umps, const ControlConfig&) const;
@@ -58,6 +78,7 @@ class Wheel {
   FollowingError following_;
   PlausibilityMonitor plausibility_;
   bool closed_loop_ = false;
+  bool reverses_ = false;  // By the newest output.
   bool yields_ = false;    // At a setpoint of zero: to what seems to be a fault, or a push.
   int32_t direction_ = 0;  // Of the setpoint.
   int32_t velocity_umps_ = 0;

@@ -136,6 +136,9 @@ std::vector<Operation> messages() {
       make(Kind::kBoardWrite, {0, kLateBoard, 1}),
       make(Kind::kBoardConfirm, {0, 0}),
       make(Kind::kBoardConfirm, {0, 1}),
+      make(Kind::kBoxGet, {0, 0}),
+      make(Kind::kBoxRead, {0, 1, 0}),
+      make(Kind::kLedger, {0}),
       make(Kind::kRepeat, {0, 0}),
       make(Kind::kRepeat, {0, 1}),
   };

@@ -610,7 +610,7 @@ class Generator {
       case 5:
         return add(Kind::kGroup, {who, static_cast<double>(below(4))});
       case 6:
-        return add(Kind::kBoardGet, {who});
+        return read_long(who);
       case 7:
         return add(Kind::kContradictions, {who});
       case 8:
@@ -621,6 +621,20 @@ class Generator {
         return add(Kind::kRestart, {who});
       default:
         return add(Kind::kRepeat, {who, static_cast<double>(below(8))});
+    }
+  }
+
+  /// What the device answers afresh when it is repeated.
+  void read_long(double who) {
+    switch (below(4)) {
+      case 0:
+        return add(Kind::kBoxGet, {who, static_cast<double>(below(3))});
+      case 1:
+        return add(Kind::kBoxRead, {who, static_cast<double>(below(3)), one_of({0, 56, 32767})});
+      case 2:
+        return add(Kind::kLedger, {who});
+      default:
+        return add(Kind::kBoardGet, {who});
     }
   }
 

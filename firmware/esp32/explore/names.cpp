@@ -46,6 +46,9 @@ constexpr MessageName kMessages[] = {
     {BoardGet::kId, "BoardGet", BoardValue::kId},
     {BoardWrite::kId, "BoardWrite", Ack::kId},
     {BoardConfirm::kId, "BoardConfirm", Ack::kId},
+    {BoxGet::kId, "BoxGet", BoxValue::kId},
+    {BoxRead::kId, "BoxRead", BoxPart::kId},
+    {LedgerGet::kId, "LedgerGet", LedgerValue::kId},
     {DeviceHello::kId, "DeviceHello", 0},
     {WheelState::kId, "WheelState", 0},
     {Refuse::kId, "Refuse", 0},
@@ -59,6 +62,9 @@ constexpr MessageName kMessages[] = {
     {GroupInfo::kId, "GroupInfo", 0},
     {Contradictions::kId, "Contradictions", 0},
     {BoardValue::kId, "BoardValue", 0},
+    {BoxValue::kId, "BoxValue", 0},
+    {BoxPart::kId, "BoxPart", 0},
+    {LedgerValue::kId, "LedgerValue", 0},
 };
 
 const MessageName* find(uint8_t id) {

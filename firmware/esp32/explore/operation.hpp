@@ -40,6 +40,9 @@ enum class Kind : uint8_t {
   kBoardGet,
   kBoardWrite,
   kBoardConfirm,
+  kBoxGet,
+  kBoxRead,
+  kLedger,
   kRepeat,
   // The line.
   kNoise,

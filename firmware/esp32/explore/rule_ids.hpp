@@ -33,6 +33,7 @@ enum class Rule : uint8_t {
   kContactInputOfItsBoard,
   kLateStepIsAFault,
   kBoardStaysWhileEstopped,
+  kFlashOnlyAtRest,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

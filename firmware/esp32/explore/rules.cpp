@@ -40,6 +40,7 @@ constexpr RuleSpec kRules[] = {
     {Rule::kContactInputOfItsBoard, "S24", "contact-input-of-its-board"},
     {Rule::kLateStepIsAFault, "S25", "late-step-is-a-fault"},
     {Rule::kBoardStaysWhileEstopped, "S26", "board-stays-while-estopped"},
+    {Rule::kFlashOnlyAtRest, "S27", "flash-only-at-rest"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -50,6 +51,9 @@ constexpr uint64_t kAfterDisturbanceUs = 3'000'000;
 constexpr uint64_t kLatchNoteUs = 11'000'000;
 constexpr uint64_t kRollingUs = 1'000'000;
 constexpr uint64_t kMeasuredSlowUs = 300'000;
+/// Less than the firmware waits, by a control step at 100 Hz.
+constexpr uint64_t kStillUs = 480'000;
+constexpr uint64_t kRunDownUs = 1'980'000;
 /// What the firmware may take for the speed of a wheel that stopped a moment ago.
 constexpr double kMeasuredAtRestUmps = 20'000;
 /// A counter is exact up to half of its range.
@@ -206,6 +210,8 @@ void Judge::wheel_fault_in_time() {
 
 /// S07.
 void Judge::sound_robot_drives_on() {
+  // Values of a trial may have ended with its session in the step that latched the fault.
+  if (!memory_.default_protection) return;
   if (!is_clean() || !has_default_protection() || !world_.wired_as_believed) return;
   constexpr uint32_t kOfWheels = fault::kLeftNotCounting | fault::kRightNotCounting |
                                  fault::kLeftReversed | fault::kRightReversed |
@@ -576,6 +582,39 @@ void Judge::on_state(const WheelState& state) {
   }
 }
 
+// --- flash ---------------------------------------------------------------------------------------
+
+/// At the end of a control step: a tick that is undone before the next one is not seen.
+void Judge::follow_motion() {
+  const bool is_seen = world_.wired_as_believed && simulator_.board.wiring.both_on == 0 &&
+                       !simulator_.board.wiring.mixed;
+  for (const Side wheel : kSides) {
+    const sim::Quadrature& encoder = simulator_.board.encoders[wheel];
+    const int64_t moved = std::abs(encoder.shown_ticks() - memory_.seen_ticks[wheel]);
+    memory_.seen_ticks[wheel] = encoder.shown_ticks();
+    if (encoder.model.stuck != 0) memory_.hides_tick[wheel] = true;
+    if (moved == 0 || encoder.model.stuck != 0) continue;
+    // The first edge after a level was stuck changes both at once, which a counter takes for none.
+    const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
+    memory_.hides_tick[wheel] = false;
+    if (is_seen && is_counted) memory_.turned_us = now_us();
+  }
+  // On a board that is wired otherwise, windings do what they do.
+  const bool drives = world_.wired_as_believed && simulator_.board.drives();
+  if (drives || simulator_.state() == SupervisorState::kDriving) memory_.drove_us = now_us();
+}
+
+/// S27. A speed that is 0 for a moment is no standstill: a wheel turns back, or was just pushed.
+void Judge::flash_only_at_rest() {
+  const auto ago = [this](uint64_t us) {
+    return std::to_string((now_us() - us) / 1000) + " ms ago";
+  };
+  check(Rule::kFlashOnlyAtRest, now_us() - memory_.turned_us >= kStillUs,
+        "it writes to flash, and a wheel turned " + ago(memory_.turned_us));
+  check(Rule::kFlashOnlyAtRest, now_us() - memory_.drove_us >= kRunDownUs,
+        "it writes to flash, and it drove or started " + ago(memory_.drove_us));
+}
+
 // --- in order ------------------------------------------------------------------------------------
 
 void Judge::after_message() {
@@ -597,6 +636,7 @@ void Judge::after_message() {
 
 void Judge::after_call(bool stepped) {
   time_moves_the_state();
+  if (stepped) follow_motion();
   drive_only_in_driving();
   confirmed_board_only();
   driven_by_right();
@@ -640,6 +680,7 @@ void Judge::remember() {
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = witness_.values();
+  memory_.default_protection = has_default_protection();
   memory_.earlier_highest = memory_.highest;
   memory_.highest = memory_.values;
   memory_.hard_switches = simulator_.board.hard_switches();
@@ -647,14 +688,18 @@ void Judge::remember() {
 }
 
 void Judge::after_start() {
+  const std::array<bool, 2> hides_tick = memory_.hides_tick;  // A start does not turn the wheel.
   memory_ = {};
+  memory_.hides_tick = hides_tick;
   memory_.faults = simulator_.faults();
   memory_.step_us = now_us();
   memory_.values = memory_.highest = witness_.values();
   memory_.state = simulator_.state();
   memory_.hard_switches = simulator_.board.hard_switches();
   for (const Side wheel : kSides)
-    memory_.ticks[wheel].shown = simulator_.board.encoders[wheel].shown_ticks();
+    memory_.ticks[wheel].shown = memory_.seen_ticks[wheel] =
+        simulator_.board.encoders[wheel].shown_ticks();
+  memory_.turned_us = memory_.drove_us = now_us();
   const bool contact_off =
       witness_.board_confirmed() && witness_.board().estop >= 0 && value(kEstopInputEnabled) == 0;
   check(Rule::kContactInputOfItsBoard,

@@ -32,6 +32,7 @@ struct Memory {
   int restarting_steps = 0;  ///< It stopped a moment ago, and its slew begins anew.
   std::array<int32_t, 2> commanded_umps{};
   bool followed_duty = false;
+  bool default_protection = false;  ///< What protects the wheels had its default values.
   uint32_t faults = 0;
   uint64_t step_us = 0;
   Values values{};
@@ -52,6 +53,13 @@ struct Memory {
 
   // S09.
   uint64_t latch_due_us = 0;
+
+  // S27. When a level of the encoder last changed, and when a winding was last driven, or the chip
+  // started: it may roll.
+  std::array<int64_t, 2> seen_ticks{};
+  std::array<bool, 2> hides_tick{};  ///< A level was stuck, and is behind the other one.
+  uint64_t turned_us = 0;
+  uint64_t drove_us = 0;
 
   // S13.
   struct Ticks {
@@ -105,6 +113,8 @@ class Judge {
   void after_start();
   void on_state(const WheelState& state);
   void on_event(const Event& event);
+  /// The firmware writes to flash, and nobody asked for it.
+  void flash_only_at_rest();
 
  private:
   void check(Rule rule, bool holds, const std::string& otherwise) {
@@ -134,6 +144,7 @@ class Judge {
   void stops_as_asked(bool stepped);
   void rolling_is_reported();
   void follow_ticks();
+  void follow_motion();
   void remember();
 
   double target(sim::Side side) const;

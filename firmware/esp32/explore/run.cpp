@@ -43,6 +43,7 @@ Run::Run(const Scenario& scenario, Coverage& coverage)
   simulator_.board.store.watch = this;
   simulator_.board.board_store.watch = this;
   simulator_.board.latch_store.watch = this;
+  simulator_.board.recorder_flash.watch = this;
 }
 
 // --- time ----------------------------------------------------------------------------------------
@@ -206,6 +207,7 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
                                     ? Witness::Written::kBoard
                                     : Witness::Written::kLatch;
   world_.writes_flash = true;
+  if (what == Witness::Written::kLatch) judge_.flash_only_at_rest();
   if (cut_in_ == 0) {
     cut_in_ = -1;
     dead_ = true;
@@ -215,6 +217,12 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
   if (cut_in_ > 0) --cut_in_;
   if (what == Witness::Written::kLatch) witness_.notes_latch();
   return kDone;
+}
+
+void Run::on_flash() {
+  if (dead_) return;
+  world_.writes_flash = true;
+  judge_.flash_only_at_rest();
 }
 
 // --- operations ----------------------------------------------------------------------------------
@@ -329,6 +337,13 @@ void Run::message(const Operation& operation) {
       const uint32_t meant = fingerprint(witness_.board()) + static_cast<uint32_t>(integer(1));
       return send_request(host, BoardConfirm{.fingerprint = meant});
     }
+    case Kind::kBoxGet:
+      return send_request(host, BoxGet{.age = byte(1)});
+    case Kind::kBoxRead:
+      return send_request(host, BoxRead{.number = static_cast<uint32_t>(whole(values[1])),
+                                        .offset = static_cast<uint32_t>(whole(values[2]))});
+    case Kind::kLedger:
+      return send_request(host, LedgerGet{});
     case Kind::kRepeat:
       return send(host.repeated(whole(values[1])));
     default:

@@ -13,7 +13,7 @@
 
 namespace wheelwire::explore {
 
-class Run final : public sim::LineTap, public sim::StoreWatch {
+class Run final : public sim::LineTap, public sim::StoreWatch, public sim::FlashWatch {
  public:
   /// Of a scenario's seed and exceptions; its operations follow.
   Run(const Scenario& scenario, Coverage& coverage);
@@ -31,6 +31,7 @@ class Run final : public sim::LineTap, public sim::StoreWatch {
   void on_read(const uint8_t* data, size_t size) override;
   void on_write(const uint8_t* data, size_t size) override;
   sim::WriteFate fate_of_write(const sim::Store& store) override;
+  void on_flash() override;
 
  private:
   /// On its way to the device.

@@ -34,6 +34,11 @@ Head head_of(const Seen& message) {
 
 bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDuty::kId; }
 
+/// Whether a repeat of the request is carried out once more.
+bool is_answered_afresh(uint8_t id) {
+  return id == BoardGet::kId || id == BoxGet::kId || id == BoxRead::kId || id == LedgerGet::kId;
+}
+
 /// The board in a BoardWrite, which ends with it.
 const uint8_t* packed_board(const Seen& message) {
   return message.body.data() + message.body.size() - BoardDescription::kSize;
@@ -170,17 +175,30 @@ void Witness::read_request(uint32_t session_id, uint16_t request_id) {
     task_->codes = RefusalCode::kNoSession;
     return;
   }
-  for (const Kept& kept : kept_) {
-    if (kept.request_id != request_id) continue;
-    task_->is_repeat = task_->answers = true;
-    task_->exact = kept.answer;
+  if (static_cast<int16_t>(request_id - newest_request_) <= 0) {
+    for (const Kept& kept : kept_) {
+      if (kept.request_id != request_id) continue;
+      task_->is_repeat = task_->answers = true;
+      task_->exact = kept.answer;
+    }
     return;
   }
-  if (static_cast<int16_t>(request_id - newest_request_) <= 0) return;
   task_->is_new = task_->answers = true;
-  task_->records = task_->message.id != BoardGet::kId;
   if (task_->message.id == ParameterTrial::kId) expires_trial();
   task_->codes = request_codes(task_->message);
+  task_->records = !is_answered_afresh(task_->message.id) || !task_->codes.has(RefusalCode::kNone);
+}
+
+/// The answer to a new message; nullopt: it was lost on the way.
+void Witness::remembers(const std::optional<Seen>& answer) {
+  if (!task_->records && !is_answered_afresh(task_->message.id)) return;
+  newest_request_ = head_of(task_->message).request_id;
+  if (task_->records) {
+    kept_.push_back({newest_request_, answer});
+    if (kept_.size() > kKeptAnswers) kept_.pop_front();
+  } else {
+    --newest_request_;  // A repeat of it is a new one.
+  }
 }
 
 /// What outlasts a session cannot change now.
@@ -241,6 +259,11 @@ Codes Witness::request_codes(const Seen& message) const {
     }
     case ParameterTrial::kId:
       return codes(message.as<ParameterTrial>());
+    case BoxGet::kId:
+    case BoxRead::kId:
+    case LedgerGet::kId:
+      return simulator_.state() == SupervisorState::kDriving ? RefusalCode::kNotStopped
+                                                             : RefusalCode::kNone;
     case Restart::kId: {
       const Codes stopped = stopped_code();
       if (!stopped.empty()) return stopped;
@@ -375,11 +398,7 @@ Finding Witness::takes_effect(const Seen& answer) {
     if (answer.id != answer_to(message.id)) return wrong("another answer belongs to it");
     task_->carried_out = true;
   }
-  if (task_->is_new && task_->records) {
-    newest_request_ = head_of(message).request_id;
-    kept_.push_back({newest_request_, answer});
-    if (kept_.size() > kKeptAnswers) kept_.pop_front();
-  }
+  if (task_->is_new) remembers(answer);
   if (message.id == BoardWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
     fresh_candidate_ = false;
   // A save that fails for good leaves the values as they are set; so does a reset of them.
@@ -567,11 +586,7 @@ void Witness::presumes() {
   }
   if (!task_->codes.is_single()) lost_track_ = true;
   task_->carried_out = task_->codes.has(RefusalCode::kNone);
-  if (task_->records) {
-    newest_request_ = head_of(task_->message).request_id;
-    kept_.push_back({newest_request_, std::nullopt});
-    if (kept_.size() > kKeptAnswers) kept_.pop_front();
-  }
+  remembers(std::nullopt);
   if (task_->carried_out) acts(task_->message);
 }
 

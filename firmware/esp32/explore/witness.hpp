@@ -153,6 +153,7 @@ class Witness {
   void read_hello(const Hello& hello);
   void read_request(uint32_t session_id, uint16_t request_id);
   Codes setpoint_codes(uint64_t expiry_us, bool is_zero);
+  void remembers(const std::optional<Seen>& answer);
   Codes request_codes(const Seen& message) const;
   Codes codes(const ParameterSet& request) const;
   Codes codes(const ParameterTrial& request) const;

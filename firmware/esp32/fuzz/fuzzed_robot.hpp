@@ -7,6 +7,7 @@
 //   parameters are what they were and nothing is driven.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -25,6 +26,7 @@ class FuzzedRobot {
         device_({left_, right_, encoders_, line_, store, latches_, latch_store_, estop_, battery_},
                 identity(boot_id)) {
     device_.start(0);
+    device_.offer(archive_);
   }
 
   uint64_t now_us() const { return now_us_; }
@@ -110,6 +112,24 @@ class FuzzedRobot {
     REQUIRE(deadline_us <= oracle_.furthest_us());
   }
 
+  /// Nothing is read while the robot drives.
+  struct Archive final : BoxArchive {
+    explicit Archive(const Device& robot) : device(robot) {}
+    void describe(BoxValue& value) const override {
+      REQUIRE(device.state() != SupervisorState::kDriving);
+      value.box_count = 1;
+    }
+    size_t read(uint32_t, uint32_t, uint8_t* out, size_t capacity) override {
+      REQUIRE(device.state() != SupervisorState::kDriving);
+      std::fill_n(out, capacity, uint8_t{0});
+      return capacity;
+    }
+    void count(LedgerValue&, uint64_t) const override {
+      REQUIRE(device.state() != SupervisorState::kDriving);
+    }
+    const Device& device;
+  };
+
   DriveOracle oracle_;
   MemoryStore& store_;
   Values former_{};  // before the trial
@@ -123,6 +143,7 @@ class FuzzedRobot {
   FakeEstop estop_;
   FakeBattery battery_;
   Device device_;
+  Archive archive_{device_};
   uint64_t now_us_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include "device.hpp"
 #include "drive_watchdog.hpp"
 #include "either_line.hpp"
+#include "esp_attr.h"
 #include "esp_core_dump.h"
 #include "housekeeping.hpp"
 #include "identity.hpp"
@@ -12,7 +13,9 @@
 #include "latch_memory.hpp"
 #include "line.hpp"
 #include "nvs_store.hpp"
+#include "partition_flash.hpp"
 #include "pins.hpp"
+#include "recorder_keeper.hpp"
 #include "sdkconfig.h"
 #include "soc/soc_caps.h"
 #include "task_watchdog.hpp"
@@ -36,6 +39,9 @@ TwinStore store{parameter_slots[0], parameter_slots[1]};
 TwinStore board_store{board_slots[0], board_slots[1]};
 TwinStore latch_store{latch_slots[0], latch_slots[1]};
 RtcLatchMemory latches;
+PartitionFlash recorder_flash;
+/// Start-up code leaves it as it is, so that what was recorded outlives a panic and a watchdog.
+__NOINIT_ATTR uint32_t box_memory[box::kWords];
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
 ParameterSpec specs[kParameterCount];
 Battery battery;
@@ -121,7 +127,11 @@ void start() {
   // A robot that cannot drive safely still reports why.
   if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
 
-  static ControlTask control{device, line, dead_man, shared_state};
+  static RecorderKeeper recorder{box_memory, recorder_flash, origin_of(identity),
+                                 identity.reset_reason, keeper.fingerprint()};
+  const bool can_record = recorder_flash.start(RecorderKeeper::kFlashSize);
+  static ControlTask control{device, line, dead_man, shared_state,
+                             can_record ? &recorder : nullptr};
   housekeeping.start(has_battery, has_board ? keeper.board().led : -1);
   control.start();
 }

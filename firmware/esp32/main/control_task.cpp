@@ -66,8 +66,17 @@ bool ControlTask::start_robot() {
   const SlowOperation flash_read;
   const bool is_watched = watch_this_task();
   device_.start(now_us());
+  start_recorder();
   trial_.start();
   return is_watched;
+}
+
+/// After the device's start and before its first step or message.
+void ControlTask::start_recorder() {
+  if (recorder_ == nullptr) return;
+  recorder_->start();
+  device_.record(recorder_->black_box());
+  device_.offer(*recorder_);
 }
 
 IRAM_ATTR void ControlTask::on_timer(void* task) {
@@ -99,6 +108,7 @@ TickType_t ControlTask::until_late_step() const {
 void ControlTask::step() {
   stepped_us_ = now_us();
   device_.step(stepped_us_);
+  if (recorder_ != nullptr) recorder_->step(device_, now_us());
   trial_.step(device_, now_us());
   line_.push();
   dead_man_.feed(device_.state() == SupervisorState::kDriving);

@@ -6,16 +6,20 @@
 #include "esp_timer.h"
 #include "line.hpp"
 #include "ota_trial.hpp"
+#include "recorder_keeper.hpp"
 #include "shared_state.hpp"
 
 namespace wheelwire {
 
 class ControlTask {
  public:
-  ControlTask(Device& device, Line& line, DeadMan& dead_man, SharedState& state)
-      : device_(device), line_(line), dead_man_(dead_man), state_(state) {}
+  /// `recorder`: nullptr where the flash has no partition for one.
+  ControlTask(Device& device, Line& line, DeadMan& dead_man, SharedState& state,
+              RecorderKeeper* recorder)
+      : device_(device), line_(line), dead_man_(dead_man), state_(state), recorder_(recorder) {}
 
-  /// Creates the task. From here on it owns device, line and every port that the device uses.
+  /// Creates the task. From here on it owns device, line, recorder and every port that the device
+  /// uses.
   void start();
 
  private:
@@ -24,6 +28,7 @@ class ControlTask {
 
   bool prepare();
   bool start_robot();
+  void start_recorder();
   void serve();
   TickType_t until_late_step() const;
   void step();
@@ -34,6 +39,7 @@ class ControlTask {
   Line& line_;
   DeadMan& dead_man_;
   SharedState& state_;
+  RecorderKeeper* recorder_;
   OtaTrial trial_;
   esp_timer_handle_t timer_ = nullptr;
   uint32_t period_us_ = 0;

@@ -1,12 +1,16 @@
 // Drives the whole firmware for four seconds and prints its instruction counts as JSON.
 //
-// The bench's own HAL is counted, too; it only copies bytes and numbers.
+// The bench's own HAL is counted, too; it only copies bytes and numbers. With WHEELWIRE_RECORDED
+// the black box records the run.
 #include <stdio.h>
 
 #include "bench_hal.hpp"
 #include "counter.hpp"
 #include "device.hpp"
 #include "power_stage.hpp"
+#ifdef WHEELWIRE_RECORDED
+#include "black_box.hpp"
+#endif
 
 using namespace wheelwire;
 using namespace wheelwire::rv32;
@@ -50,6 +54,13 @@ struct Bench {
        .version_minor = 1,
        .version_patch = 0,
        .git_hash = 0}};
+#ifdef WHEELWIRE_RECORDED
+  uint32_t box_memory[box::kWords];
+  BlackBox black_box{box_memory, {}};
+  uint32_t segments() const { return black_box.segments(); }
+#else
+  static uint32_t segments() { return 0; }
+#endif
   uint64_t now_us = 0;
 
   /// Advances the world by a period, then runs a control step. Returns the step's count.
@@ -63,6 +74,9 @@ struct Bench {
 
   void connect() {
     device.start(now_us);
+#ifdef WHEELWIRE_RECORDED
+    device.record(black_box);
+#endif
     line.arrive(Hello{kNonce, schema::kVersion, schema::kHash});
     step();
     line.arrive(Ping{kSessionId, 1, now_us});
@@ -103,6 +117,7 @@ struct Result {
   Counts step_with_setpoint;
   Counts step_with_state;
   Counts step_with_both;
+  Counts step_with_segment;  ///< It begins one, whatever else it does.
   Counts receive_setpoint;
   Counts send_state;
 
@@ -126,12 +141,14 @@ bool run() {
       bench.line.arrive(message);
       result.receive_setpoint.add(link_bench.receive(message));
     }
+    const uint32_t segments = bench.segments();
     const uint32_t count = bench.step();
+    const bool begins_segment = bench.segments() != segments;
     WheelState state;
     const bool streamed = bench.line.take(state);
     if (streamed) result.send_state.add(link_bench.send(state));
     if (bench.device.state() != SupervisorState::kDriving) return false;
-    result.of_step(commanded, streamed).add(count);
+    (begins_segment ? result.step_with_segment : result.of_step(commanded, streamed)).add(count);
   }
   return true;
 }
@@ -154,6 +171,9 @@ int main() {
   print("step_with_setpoint", result.step_with_setpoint);
   print("step_with_state", result.step_with_state);
   print("step_with_both", result.step_with_both);
+#ifdef WHEELWIRE_RECORDED
+  print("step_with_segment", result.step_with_segment);
+#endif
   print("receive_setpoint", result.receive_setpoint);
   print("send_state", result.send_state);
   printf(" \"device_bytes\": %lu\n}\n",

@@ -9,11 +9,13 @@
 #include "board_rules.hpp"
 #include "clock.hpp"
 #include "counter.hpp"
+#include "flash.hpp"
 #include "hal.hpp"
 #include "line.hpp"
 #include "plant.hpp"
 #include "power_stage.hpp"
 #include "quadrature.hpp"
+#include "recorder_keeper.hpp"
 #include "store.hpp"
 #include "wired_board.hpp"
 
@@ -85,15 +87,18 @@ class SimulatedBoard final : public EncoderPort {
   Store board_store;
   RetainedMemory latches;
   Store latch_store;
+  Flash recorder_flash{RecorderKeeper::kFlashSize};
   EstopContact estop{*this};
   Battery battery;
   DeviceClock clock;
 
-  /// Keeps what is saved in this file, and the board and a latched e-stop in files beside it.
+  /// Keeps what is saved in this file; the board, a latched e-stop and what is recorded in files
+  /// beside it.
   void use_files(const std::string& path) {
     store.use_file(path);
     board_store.use_file(path + ".board");
     latch_store.use_file(path + ".latch");
+    recorder_flash.use_file(path + ".recorder");
   }
 
   Nanoseconds now() const { return now_; }

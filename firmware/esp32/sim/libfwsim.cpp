@@ -1,6 +1,8 @@
 #include "libfwsim.h"
 
+#include <cstring>
 #include <exception>
+#include <vector>
 
 #include "reset_reason.hpp"
 #include "simulator.hpp"
@@ -103,6 +105,18 @@ int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
   }
   return guarded([&] {
     *size = sim->simulator.board.line.host_read(out, capacity);
+    return FWSIM_OK;
+  });
+}
+
+int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size) {
+  if (sim == nullptr || size == nullptr || out == nullptr || capacity < wheelwire::kBoxImageSize) {
+    return FWSIM_BAD_ARGUMENT;
+  }
+  return guarded([&] {
+    const std::vector<uint32_t> image = sim->simulator.box_image();
+    std::memcpy(out, image.data(), wheelwire::kBoxImageSize);
+    *size = wheelwire::kBoxImageSize;
     return FWSIM_OK;
   });
 }

@@ -41,7 +41,8 @@ typedef struct fwsim_variable {
 FWSIM_EXPORT fwsim* fwsim_create(uint64_t seed);
 FWSIM_EXPORT void fwsim_destroy(fwsim* sim);
 
-/* Keeps the parameters in a file; call it before the first advance. */
+/* Keeps the parameters in a file, and what else is saved beside it; call it before the first
+ * advance. */
 FWSIM_EXPORT int fwsim_use_store(fwsim* sim, const char* path);
 
 /* Changes the default of the parameter with this id, from the next reset on. */
@@ -57,6 +58,10 @@ FWSIM_EXPORT int fwsim_advance_us(fwsim* sim, int64_t duration_us);
 FWSIM_EXPORT int fwsim_write(fwsim* sim, const uint8_t* data, size_t size);
 /* Bytes that have reached the host; *size is set to how many were read. */
 FWSIM_EXPORT int fwsim_read(fwsim* sim, uint8_t* out, size_t capacity, size_t* size);
+
+/* The black box of the device, WHEELWIRE_BOX_SIZE bytes as capi/wheelwire_core.h describes them:
+ * the last second or two, or those before a fault or an e-stop. */
+FWSIM_EXPORT int fwsim_box(fwsim* sim, uint8_t* out, size_t capacity, size_t* size);
 
 /* Resets the device; `reason` is as in DeviceHello's reset_reason. */
 FWSIM_EXPORT int fwsim_reset(fwsim* sim, int reason);

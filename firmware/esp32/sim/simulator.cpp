@@ -99,6 +99,11 @@ void Simulator::boot() {
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();
   device_->start(now_us);
+  recorder_.emplace(box_memory_.data(), board.recorder_flash, origin_of(identity_),
+                    identity_.reset_reason, keeper_->fingerprint());
+  recorder_->start();
+  device_->record(recorder_->black_box());
+  device_->offer(*recorder_);
   next_step_us_ = now_us + device_->control_period_us();
   observe();
 }
@@ -108,6 +113,7 @@ void Simulator::control_step() {
   if (device_->is_restart_due(board.device_us())) return reset(ResetReason::kSoftware);
   ++control_steps_;
   device_->step(board.device_us());
+  recorder_->step(*device_, board.device_us());
   next_step_us_ += device_->control_period_us();
   observe();
 }
@@ -122,9 +128,13 @@ void Simulator::service_link() {
 
 void Simulator::reset(ResetReason reason) {
   device_.reset();
+  recorder_.reset();
   keeper_.reset();
   board.reset();
-  if (loses_memory(reason)) board.latches.lose();
+  if (loses_memory(reason)) {
+    board.latches.lose();
+    std::fill(box_memory_.begin(), box_memory_.end(), 0);
+  }
   identity_.boot_id = static_cast<uint32_t>(random_.next());
   identity_.reset_reason = reason;
   record_.deadline_us = 0;
@@ -132,6 +142,27 @@ void Simulator::reset(ResetReason reason) {
   record_.standstill_us = 0;
   if (boot_text) board.line.emit_from_rom(rom_text(reason));
   observe();
+}
+
+std::vector<uint32_t> Simulator::box_image() {
+  std::vector<uint32_t> image(kBoxImageWords);
+  const bool is_closed = recorder_ && recorder_->black_box().is_closed();
+  const BoxHead* const stored = recorder_ && !is_closed ? recorder_->store().head(0) : nullptr;
+  if (stored != nullptr) {
+    recorder_->store().read(stored->number, 0, reinterpret_cast<uint8_t*>(image.data()),
+                            kBoxImageSize);
+    return image;
+  }
+  const BoxHead head{.cause = is_closed ? recorder_->black_box().cause() : BoxCause::kRequest,
+                     .reset_reason = identity_.reset_reason,
+                     .origin = origin_of(identity_),
+                     .board = keeper_ ? keeper_->fingerprint() : 0,
+                     .faults = faults(),
+                     .stored_us = board.device_us(),
+                     .check = box_check(box_memory_.data())};
+  head.encode(image.data());
+  std::copy(box_memory_.begin(), box_memory_.end(), image.begin() + BoxHead::kWords);
+  return image;
 }
 
 bool Simulator::preset(int parameter, float value) {

@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "board.hpp"
 #include "board_keeper.hpp"
+#include "box_image.hpp"
 #include "device.hpp"
 #include "random.hpp"
 
@@ -59,6 +61,10 @@ class Simulator {
   /// Since the simulator was created.
   uint64_t control_steps() const { return control_steps_; }
 
+  /// The newest black box: one that a fault or an e-stop ended, in memory or in flash. If there is
+  /// none, the last second or two.
+  std::vector<uint32_t> box_image();
+
   BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
 
   ResetReason reset_reason() const { return identity_.reset_reason; }
@@ -88,6 +94,8 @@ class Simulator {
   ParameterSpec specs_[kParameterCount];
   ParameterSpec boot_specs_[kParameterCount];  // With the defaults that the board gives.
   std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
+  std::vector<uint32_t> box_memory_ = std::vector<uint32_t>(box::kWords);
+  std::optional<RecorderKeeper> recorder_;
   std::optional<Device> device_;
   uint64_t next_step_us_ = 0;
   uint64_t control_steps_ = 0;

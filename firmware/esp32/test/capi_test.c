@@ -20,6 +20,13 @@ static int save(void* context, const uint8_t* block, size_t size) {
   return 1;
 }
 
+/* How much of the recorder was written. */
+static int write_part(void* context, uint32_t offset, const uint8_t* data, size_t size) {
+  (void)data;
+  *(size_t*)context += size;
+  return offset + size <= WHEELWIRE_RECORDER_SIZE;
+}
+
 /* protocol/vectors: an e-stop. */
 static const uint8_t kEstop[] = {0x00, 0x02, 0x03, 0x01, 0x06, 0x4d, 0x3c, 0x2b,
                                  0x1a, 0x01, 0x05, 0x86, 0x5b, 0x0a, 0x77, 0x00};
@@ -32,6 +39,9 @@ int main(void) {
   check(core != NULL, "a core");
   check(wheelwire_core_preset(core, 1, 0.05f) == 0, "a preset within its bounds");
   check(wheelwire_core_preset(core, 1, 50.0f) != 0, "a preset beyond its bounds");
+
+  size_t written = 0;
+  check(wheelwire_core_recorder(core, NULL, write_part, &written) == 1, "a recorder");
 
   wheelwire_inputs inputs = {.now_us = 1000};
   wheelwire_outputs outputs;
@@ -46,6 +56,11 @@ int main(void) {
   inputs.now_us = 11000;
   wheelwire_core_step(core, &inputs, &outputs);
   check(outputs.left.enable_q15 == 0 && outputs.right.enable_q15 == 0, "EN low in an e-stop");
+  check(written == 0, "nothing is written soon after a start");
+  for (; inputs.now_us < 15000000; inputs.now_us += 10000) {
+    wheelwire_core_step(core, &inputs, &outputs);
+  }
+  check(written >= WHEELWIRE_BOX_SIZE, "the e-stop's black box at rest");
   wheelwire_core_destroy(core);
 
   uint8_t bodies[256];

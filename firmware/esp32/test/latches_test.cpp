@@ -112,17 +112,45 @@ TEST(an_estop_survives_a_power_cut_once_the_wheels_stand) {
     first.step();
     CHECK(first.latch_store.block.empty());  // A write to flash never meets a turning wheel.
   }
-  first.run(1000);
+  first.run(3000);
   CHECK(!first.latch_store.block.empty());
   RobotBench second;
   survive_in_flash(first, second);
   second.open();
   CHECK(second.state() == SupervisorState::kEstopped);
+  second.run(3000);
   CHECK(second.clear_estop() == RefusalCode::kNone);
   RobotBench third;
   survive_in_flash(second, third);
   third.open();
   CHECK(third.state() == SupervisorState::kIdle);
+}
+
+TEST(a_wheel_that_turns_back_is_not_at_rest) {
+  RobotBench bench;
+  bench.open().run(3000);
+  bench.turn(1, 0);
+  bench.send(Estop{});
+  // Pushed back and forth: as it turns back its speed is 0 for a moment.
+  for (int i = 0; i < 3000; ++i) {
+    bench.turn(i / 40 % 2 == 0 ? 1 : -1, 0);
+    bench.step();
+    CHECK(bench.latch_store.block.empty());
+  }
+  bench.run(450);
+  CHECK(bench.latch_store.block.empty());
+  bench.run(100);
+  CHECK(!bench.latch_store.block.empty());
+}
+
+TEST(a_wheel_whose_encoder_is_dead_has_time_to_run_down) {
+  RobotBench bench;
+  bench.open().drive(0.2f, 0.2f, 100);
+  bench.send(Estop{});
+  bench.run(1990);
+  CHECK(bench.state() == SupervisorState::kEstopped && bench.latch_store.block.empty());
+  bench.run(20);
+  CHECK(!bench.latch_store.block.empty());
 }
 
 TEST(an_estop_that_chatters_wears_no_flash) {
@@ -145,7 +173,7 @@ TEST(a_flash_that_cannot_be_written_is_not_tried_at_every_step) {
   RobotBench bench;
   bench.latch_store.failing = true;
   bench.open().send(Estop{});
-  bench.run(100);
+  bench.run(3000);
   CHECK(bench.latch_store.block.empty());
   bench.latch_store.failing = false;
   bench.run(100);
@@ -164,6 +192,7 @@ TEST(a_record_that_cannot_be_read_is_an_estop) {
   flash.open();
   CHECK(flash.state() == SupervisorState::kEstopped);
   CHECK(flash.clear_estop() == RefusalCode::kNone);
+  flash.run(3000);
   RobotBench next;
   survive_in_flash(flash, next);
   next.open();

@@ -287,6 +287,24 @@ TEST(max_velocity_scales_velocity_setpoints) {
   CHECK(magnitude(bench.right.duty() + 3'277) <= 3);
 }
 
+TEST(each_wheel_falls_to_a_lowered_max_duty_at_the_slew_limit) {
+  RobotBench bench;
+  bench.open();
+  follow_duty(bench, 32'767, 4'000);
+  CHECK(bench.set(kMaxDuty, 0.1f) == RefusalCode::kNone);
+  CHECK(bench.set(kMaxDutyRatePerS, 0.5f) == RefusalCode::kNone);
+  bench.send(bench.duty(0, 32'767, 900'000));
+  int32_t before = magnitude(bench.right.duty());
+  CHECK(before > 3'277);
+  for (int i = 0; i < 60 && before > 3'277; ++i) {
+    bench.step();
+    const int32_t now = magnitude(bench.right.duty());
+    CHECK(now < before && before - now <= 17);
+    before = now;
+  }
+  CHECK(before <= 3'277);
+}
+
 TEST(max_duty_limits_the_velocity_loop) {
   for (const float mps : {0.4f, -0.4f}) {
     RobotBench bench;
@@ -315,6 +333,23 @@ TEST(duty_setpoints_slew_from_what_is_driven) {
   // 20 duty a second are 655 of 32767 a step.
   CHECK(magnitude(bench.left.duty() - 6'553) <= 10);
   CHECK(bench.left.duty() == bench.right.duty());
+}
+
+TEST(duty_that_begins_while_the_stage_pauses_begins_at_zero) {
+  bool paused = false;
+  for (int steps = 1; steps < 60; ++steps) {
+    RobotBench bench;
+    bench.open().drive(0.3f, 0.3f, 20);
+    bench.send(bench.velocity(-0.3f, -0.3f));
+    bench.run(steps);
+    const int before = bench.left.duty();
+    bench.send(bench.duty(0, 0));
+    bench.step();
+    const int now = bench.left.duty();
+    CHECK(magnitude(now) <= magnitude(before) + 656);
+    paused = paused || (before == 0 && bench.state() == SupervisorState::kDriving);
+  }
+  CHECK(paused);
 }
 
 TEST(after_a_stop_duty_begins_at_zero_again) {

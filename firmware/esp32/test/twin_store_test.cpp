@@ -158,3 +158,23 @@ TEST(what_is_too_long_is_refused) {
   CHECK(bench.save(Block(TwinStore::kCapacity, 7)));
   CHECK(bench.load() == Block(TwinStore::kCapacity, 7));
 }
+
+TEST(a_damaged_slot_is_told_of_whatever_is_in_the_other_one) {
+  for (const int damaged : {0, 1}) {
+    for (const bool is_other_damaged : {false, true}) {
+      Bench bench;
+      CHECK(bench.save(kOld) && bench.save(kNew));
+      Block& block = bench.slots[damaged].memory.block;
+      block.back() ^= 1;
+      Block& other = bench.slots[1 - damaged].memory.block;
+      if (is_other_damaged) {
+        other.back() ^= 1;
+      } else {
+        other.clear();  // never saved
+      }
+      CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
+      // The next save ends that.
+      CHECK(bench.save(kNew) && bench.load() == kNew && bench.faults == 0);
+    }
+  }
+}

@@ -28,6 +28,7 @@ from wheelwire.errors import InvalidArgument, RobotNotNamed
 from wheelwire.link.port_list import SerialPort, likely_boards
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from .output import print_note
 from .prompts import ask_yes_or_no
 
 _DEFAULT = f"default: ${ENVIRONMENT}, else the only board that is plugged in"
@@ -101,6 +102,33 @@ class Address:
         """
         name, options = driver_at(self.text, baud_rate=baud_rate, bare=bare)
         return open_driver(name, **options)
+
+    def open_to_look(
+        self, baud_rate: int | None = None, *, as_json: bool, listens: bool = True
+    ) -> BaseDriver:
+        """Open the robot for a command that only looks, stops or e-stops; changes nothing of it.
+
+        If another program holds it and offers its link, the command is attached to that, and says
+        so.
+
+        Args:
+            baud_rate: As of `open`.
+            as_json: The note is to be JSON.
+            listens: False for a command that only stops.
+
+        Raises:
+            WheelwireError: As `open`.
+        """
+        from wheelwire.drivers.attached import AttachedDriver, open_or_attach
+
+        name, options = driver_at(self.text, baud_rate=baud_rate, bare=True)
+        driver = open_or_attach(name, options, listens=listens)
+        if isinstance(driver, AttachedDriver):
+            holder = driver.holder
+            print_note(
+                f"attached to the link of {holder.name}, which holds {holder.port}", as_json=as_json
+            )
+        return driver
 
     def serial_port(self) -> str:
         """The serial port to write firmware to.
@@ -182,14 +210,14 @@ def resolve(
     if known := os.environ.get(ENVIRONMENT):
         if moves and not as_json:
             # The name is not on this command line: tell which robot is about to move.
-            _print_note(f"using {known}, named by {ENVIRONMENT}")
+            print_note(f"using {known}, named by {ENVIRONMENT}", as_json=False)
         return Address(known)
     port = _only_candidate()
     chosen = f"no robot was named; {port.device} is the only candidate ({port.note})"
     if moves and not yes:
         _confirm(port.device, chosen)
     elif not as_json:
-        _print_note(chosen)
+        print_note(chosen, as_json=False)
     return Address(port.device, port)
 
 
@@ -219,10 +247,6 @@ def _confirm(device: str, chosen: str) -> None:
         )
     if not ask_yes_or_no(f"{chosen}. Its wheels may move. Continue?"):
         raise RobotNotNamed(f"{device} was not used: name the robot")
-
-
-def _print_note(text: str) -> None:
-    typer.echo(f"wheelwire: {text}", err=True)
 
 
 def looks_like_address(text: str) -> bool:

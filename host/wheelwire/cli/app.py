@@ -21,14 +21,21 @@ from wheelwire_protocol.codes import RefusalCode
 
 from . import INTERRUPTED
 from .board import app as board_app
+from .doctor import doctor
 from .flash import flash
+from .help import help_page, lead_to_pages, more_about
 from .interruptions import Interrupted
-from .local import demo, mcu, ports, sim
+from .local import demo, mcu, ports
+from .log import app as log_app
 from .output import UsageError, print_error, print_interruption, show_help_alone
 from .parameters import app as parameters_app
-from .robot import clear, drive, estop, info, monitor
+from .robot import clear, drive, estop, info, monitor, restart, stop
 from .setup import setup
+from .sim import app as sim_app
+from .support import support
 from .teleop import teleop
+from .tune import tune
+from .why import why
 
 USAGE = 2
 _LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
@@ -39,10 +46,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (sim, ports, setup, info, drive, teleop, monitor, estop, clear, flash, demo, mcu):
+for command in (
+    *(ports, setup, tune, info, drive, teleop, monitor, stop, estop, clear, restart),
+    *(why, doctor, support, flash, demo, mcu),
+):
     app.command()(command)
+app.command("help")(help_page)
+app.add_typer(sim_app, name="sim")
 app.add_typer(parameters_app, name="params")
 app.add_typer(board_app, name="board")
+app.add_typer(log_app, name="log")
+lead_to_pages(app)
 
 
 @app.callback(invoke_without_command=True)
@@ -81,7 +95,8 @@ def _result(arguments: list[str]) -> int:
     try:
         return _run_app(arguments)
     except WheelwireError as error:
-        print_error(_message(error), type(error).__name__, error.exit_code, as_json=as_json)
+        kind = type(error).__name__
+        print_error(_message(error), kind, error.exit_code, as_json=as_json, more=more_about(kind))
         return error.exit_code
     except UsageError as error:
         print_error(_usage(error), "UsageError", USAGE, as_json=as_json)
@@ -99,7 +114,10 @@ def _run_app(arguments: list[str]) -> int:
         # Not standalone: there Click would print errors in a form of its own, and exit.
         code = app(arguments, prog_name="wheelwire", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be reported
-    except BrokenPipeError:
+    except (BrokenPipeError, SystemExit) as ended:
+        # Within a command Typer has made an exit of it.
+        if isinstance(ended, SystemExit) and not isinstance(ended.__context__, BrokenPipeError):
+            raise
         _discard_output()
         return 0  # `wheelwire monitor | head` is not an error
     except WheelwireError:

@@ -308,7 +308,7 @@ def read(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """Show the device's active board, as a file."""
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         state, found = _device_board(driver).read()
     if as_json:
         print_json({"state": state, "board": board_mapping(found) if found else None})

@@ -1,10 +1,8 @@
-"""Commands that need no robot: sim, ports, demo, mcu."""
+"""Commands that need no robot: ports, demo, mcu."""
 
 from __future__ import annotations
 
-import contextlib
 import os
-import signal
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,71 +12,9 @@ import typer
 from rich.console import Console
 
 from wheelwire.errors import OutputFailed
-from wheelwire.files.bad_line import load_profile
-from wheelwire.files.plant import load_plant
 from wheelwire.link.port_list import ports as serial_ports
-from wheelwire.simulation.impaired_simulator import ImpairedSimulator
-from wheelwire.simulation.impairment import LineProfile
-from wheelwire.simulation.simulator import find_simulator
 
 from .output import JsonFlag, console, print_facts, print_json, print_table
-
-DEFAULT_LINK = Path("/tmp/wheelwire")  # noqa: S108 - a name that a person can type
-
-
-def sim(
-    link: Annotated[Path, typer.Option(help="Path of the simulated port.")] = DEFAULT_LINK,
-    faults: Annotated[
-        str | None,
-        typer.Option(help="Simulate a bad serial line: a built-in profile's name or a YAML file."),
-    ] = None,
-    plant: Annotated[
-        str | None,
-        typer.Option(help="Simulate these motors: a built-in plant's name or a YAML file."),
-    ] = None,
-    arguments: Annotated[
-        list[str] | None,
-        typer.Argument(help="For wheelwire-fwsim: see `wheelwire sim -- --help`."),
-    ] = None,
-    as_json: JsonFlag = False,
-) -> None:
-    """Run a simulated robot with the firmware's real core until Ctrl-C."""
-    arguments = [*_plant_settings(plant), *(arguments or [])]
-    if faults is not None:
-        _sim_on_a_bad_line(link, load_profile(faults), arguments, as_json=as_json)
-        return
-    program = str(find_simulator())
-    announce = [] if as_json else ["--announce", _announcement(link)]
-    # exec, not a child: any signal that ends this command then ends the simulator, which removes
-    # its port.
-    os.execv(program, [program, "--link", str(link), *announce, *arguments])  # noqa: S606
-
-
-def _plant_settings(plant: str | None) -> list[str]:
-    if plant is None:
-        return []
-    return [f"--set={name}={value!r}" for name, value in load_plant(plant).settings.items()]
-
-
-def _announcement(port: str | Path) -> str:
-    return (
-        f"A simulated robot is running at {port}; Ctrl-C stops it. In another terminal:\n"
-        f"    wheelwire drive {port} --linear 0.2 --seconds 2"
-    )
-
-
-def _sim_on_a_bad_line(
-    link: Path, profile: LineProfile, arguments: list[str], *, as_json: bool
-) -> None:
-    # Like Ctrl-C, SIGTERM must leave the `with` block, which removes the port.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    with ImpairedSimulator(profile, link=link, arguments=arguments) as simulator:
-        if as_json:
-            print_json({"event": "ready", "port": simulator.port})
-        else:
-            console.print(_announcement(simulator.port), soft_wrap=True)
-        with contextlib.suppress(KeyboardInterrupt):
-            simulator.wait()
 
 
 def ports(as_json: JsonFlag = False) -> None:

@@ -85,9 +85,12 @@ def show_help_alone(context: typer.Context) -> None:
         raise typer.Exit(2)
 
 
-def print_error(message: str, kind: str, exit_code: int, *, as_json: bool) -> None:
-    """Print one line on stderr: what happened and what to do."""
+def print_error(message: str, kind: str, exit_code: int, *, as_json: bool, more: str = "") -> None:
+    """Print one line on stderr: what happened, what to do, and the command that says `more`."""
     error = {"error": kind, "message": message, "exit_code": exit_code}
+    if more:
+        error["more"] = more
+        message = f"{message} (more: {more})"
     print(json.dumps(error) if as_json else f"wheelwire: {message}", file=sys.stderr)  # noqa: T201
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
 from typing import Annotated, Any, cast
 
 import typer
@@ -12,8 +15,9 @@ from rich.padding import Padding
 
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import InvalidArgument
+from wheelwire.errors import InvalidArgument, OutputFailed, WheelwireError
 from wheelwire.files.parameters import ParameterFile, load_parameter_file
+from wheelwire.files.state import state_folder
 from wheelwire.link.info import DeviceInfo
 from wheelwire.parameters import Difference, ParameterInfo, differences, number_text
 from wheelwire_protocol.codes import Board, Fault, SupervisorState
@@ -31,7 +35,15 @@ from .address import (
     resolve,
 )
 from .interruptions import ended_by_signals
-from .output import JsonFlag, UsageError, console, print_json, print_table, show_help_alone
+from .output import (
+    JsonFlag,
+    UsageError,
+    console,
+    print_json,
+    print_note,
+    print_table,
+    show_help_alone,
+)
 from .prompts import ask_yes_or_no
 
 _FLASH_FAULTS = Fault.STORE_FULL | Fault.STORE_UNREADABLE
@@ -39,8 +51,6 @@ DIFFERENT = 22
 """Exit code of `params diff` if values differ."""
 TABLE_COLUMNS = 100
 """Narrower terminals get a list in place of a table."""
-
-RESTART = "press EN (or RST) on the board, or take its power away for a moment"
 
 app = typer.Typer()
 
@@ -96,7 +106,7 @@ def list_all(
 ) -> None:
     """List all parameters with value, unit, bounds and meaning."""
     # Bare: with a robot's file the values on the robot are shown, not replaced by the file's.
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         parameters = driver.parameters.list()
     if as_json:
         print_json(parameters)
@@ -130,7 +140,7 @@ def get(
 ) -> None:
     """Show one value."""
     robot, (name,) = split(context, arguments or (), "NAME")
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         value = driver.parameters[name]
     if as_json:
         print_json({name: value})
@@ -161,7 +171,8 @@ def set_value(
         print_json({name: in_force, "saved": save})
     else:
         console.print(
-            f"{name} = {in_force:g}, {_duration(name, saved=save, lasting=lasting)}", soft_wrap=True
+            f"{name} = {in_force:g}, {_duration(name, address.text, saved=save, lasting=lasting)}",
+            soft_wrap=True,
         )
 
 
@@ -172,16 +183,17 @@ def _number(text: str) -> float:
         return cast("float", text)  # the parameter's own check then says what is allowed
 
 
-def _duration(name: str, *, saved: bool, lasting: bool) -> str:
+def _duration(name: str, address: str, *, saved: bool, lasting: bool) -> str:
     """How long a value applies. `lasting`: the robot's core keeps running after this command."""
     if not lasting:
         return "saved" if saved else "for this command only: the robot's process ended with it"
     if not PARAMETER_BY_NAME[name].after_reset:
         return "saved" if saved else "until the next reset; --save keeps it"
+    restart = f"`wheelwire restart {address}`"
     if saved:
-        return f"saved; takes effect at the next start: {RESTART}"
+        return f"saved; takes effect at the next start: {restart}"
     return (
-        f"no effect: it acts only from the next start, and is lost then; use --save, then {RESTART}"
+        f"no effect: it acts only from the next start, and is lost then; use --save, then {restart}"
     )
 
 
@@ -224,39 +236,98 @@ def save_values(
 @app.command("reset")
 def reset_all(
     robot: RobotArgument = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Do not ask before the board is erased, too.")
-    ] = False,
+    copy: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the present values are written first, as `params export` does; default: a "
+            "new file in ~/.local/state/wheelwire.",
+            show_default=False,
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
 
-    Where the flash cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then
-    nothing drives until `wheelwire board write`. It asks before that.
+    A copy of the present values is written first; `params import` sets them again. Where the flash
+    cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives
+    until `wheelwire board write`.
     """
-    with resolve(robot, as_json=as_json).open(baud_rate) as driver:
-        damaged = driver.read().faults & _FLASH_FAULTS
-        if damaged and not yes:
-            _ask_to_erase(damaged)
-        driver.parameters.reset()
+    address = resolve(robot, as_json=as_json)
+    # Before the robot is opened, which stops it.
+    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise InvalidArgument(
+            "`params reset` asks first, and there is no terminal to ask on: add --yes. Nothing was "
+            "reset"
+        )
+    # Bare: the copy is of what the robot has, not of what its file would set.
+    with ended_by_signals() as ending, address.open(baud_rate, bare=True) as driver:
+        ending.outcome = "interrupted; nothing was reset"
+        present, device = driver.parameters.list(), _device(driver)
+        if not yes and not ask_yes_or_no(_reset_question(present, driver.read().faults)):
+            raise InvalidArgument("nothing was reset")
+        file = _write_copy(ParameterFile.of_robot(present, device), copy)
+        back = f"`wheelwire params import {address.text} {file} --save` sets the values of before"
+        ending.outcome = f"interrupted; {back}"
+        try:
+            driver.parameters.reset()
+        except WheelwireError:
+            print_note(f"a copy of the values is in {file}", as_json=as_json)
+            raise
     if as_json:
-        print_json({"reset": True})
+        print_json({"reset": True, "copy": str(file)})
     else:
-        console.print("all parameters reset to their defaults")
+        console.print(f"all parameters reset to their defaults; {back}", soft_wrap=True)
 
 
-def _ask_to_erase(damaged: Fault) -> None:
-    names = " and ".join(str(fault.name) for fault in Fault if fault in damaged)
-    text = (
-        f"{names}: where the flash cannot be opened, resetting the parameters erases the board, "
-        "too; afterwards nothing drives until `wheelwire board write`"
-    )
-    # The question goes to standard error; standard output may be a file or a pipe.
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise InvalidArgument(f"{text}. There is no terminal to ask on: add --yes to go on")
-    if not ask_yes_or_no(f"{text}. Go on?"):
-        raise InvalidArgument("nothing was reset")
+def _reset_question(present: Sequence[ParameterInfo], faults: Fault) -> str:
+    changed = [p.name for p in present if p.value != p.default]
+    values = f"{len(changed)} values differ from their defaults"
+    if len(changed) == 1:
+        values = f"{changed[0]} differs from its default"
+    text = f"{values}; what is saved is reset, too. "
+    if damaged := faults & _FLASH_FAULTS:
+        names = " and ".join(str(fault.name) for fault in Fault if fault in damaged)
+        text += (
+            f"{names}: where the flash cannot be opened, this erases the board, too; afterwards "
+            "nothing drives until `wheelwire board write`. "
+        )
+    return f"{text}Reset all parameters?"
+
+
+def _write_copy(values: ParameterFile, file: Path | None) -> Path:
+    """Write a file that is new; returns its path.
+
+    Raises:
+        OutputFailed: It exists, or cannot be written.
+    """
+    reset = "nothing was reset: name another file with --copy"
+    is_ours = False
+    try:
+        file = file or _new_copy(values.board_id)
+        with file.open("x", encoding="utf-8") as out:
+            is_ours = True
+            out.write(values.text())
+            out.flush()
+            os.fsync(out.fileno())  # from here on it may be the only copy
+    except FileExistsError as error:
+        raise OutputFailed(f"{file or error.filename} exists; {reset}") from error
+    except OSError as error:
+        if file is not None and is_ours:
+            file.unlink(missing_ok=True)
+        where = file or error.filename
+        raise OutputFailed(f"cannot write {where}: {error.strerror}; {reset}") from error
+    return file
+
+
+def _new_copy(board_id: str) -> Path:
+    from wheelwire.recording.writer import free_path  # here: no other command on values records
+
+    folder = state_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    now = datetime.now(timezone.utc)
+    return free_path(folder / f"params-{board_id or 'unknown'}-{now:%Y%m%d-%H%M%S}.yaml")
 
 
 def _complete_file(incomplete: str) -> Iterator[tuple[str, str]]:
@@ -283,7 +354,7 @@ def export(
 
     Write them to a file with `> FILE`; `params import` sets them on another robot.
     """
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         exported = ParameterFile.of_robot(driver.parameters.list(), _device(driver))
     if as_json:
         print_json(exported.as_mapping())
@@ -371,7 +442,7 @@ def diff(
     """
     robot, (file,) = split(context, arguments or (), "FILE")
     wanted = load_parameter_file(file)
-    with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
         parameters, device = driver.parameters.list(), _device(driver)
     found = differences(parameters, wanted.values)
     absent = [p.name for p in parameters if p.name not in wanted.values]

@@ -1,29 +1,44 @@
-"""Commands that talk to a robot: info, drive, monitor, estop, clear."""
+"""Commands that talk to a robot: info, drive, monitor, stop, estop, clear, restart."""
 
 from __future__ import annotations
 
 import math
 import time
-from typing import Annotated, NamedTuple
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from wheelwire.config import is_recording
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import DeviceRefused, DriverUnavailable, InvalidCommand
-from wheelwire.link.info import ActiveBoard
+from wheelwire.errors import (
+    DeviceRefused,
+    DriverUnavailable,
+    InvalidArgument,
+    InvalidCommand,
+    LinkClosed,
+    PortUnavailable,
+)
+from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
 from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
 
-from .address import BaudRateOption, RobotArgument, YesFlag, resolve
+from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import LinkNews, ended_by_a_loss, ended_by_signals, watch
 from .output import JsonFlag, console, print_facts, print_json, print_note, to_json_value
+from .view import can_show, show
+
+if TYPE_CHECKING:
+    from wheelwire.diagnosis import Stop
 
 COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
-PRINT_PERIOD_S = 0.2
+PRINT_PERIOD_S = 1.0
 CLEAR_TIMEOUT_S = 1.0
 """For a state frame that shows the result of a request; they come at 10 Hz or faster."""
 
@@ -35,8 +50,10 @@ def info(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
     """Show the connected board, its state and link quality."""
+    from wheelwire.diagnosis.device import ledger_counts, ledger_facts
+
     address = resolve(robot, as_json=as_json)
-    with address.open(baud_rate, bare=True) as driver:
+    with address.open_to_look(baud_rate, as_json=as_json) as driver:
         if not isinstance(driver, DeviceDriver):
             raise DriverUnavailable(
                 f"the driver of {address.text} has no information about its device; "
@@ -44,6 +61,7 @@ def info(
             )
         sample = driver.read()
         device_counters = driver.device_counters()
+        ledger = driver.recorder.read(boxes=False).ledger
         warnings = _warnings(driver)
         # After the requests above: the device is asked for its board while the session opens, and
         # has answered before them.
@@ -57,6 +75,7 @@ def info(
                 "faults": sample.faults,
                 "host_counters": statistics,
                 "device_counters": device_counters,
+                "ledger": None if ledger is None else ledger_counts(ledger),
                 "warnings": warnings,
             }
         )
@@ -68,7 +87,7 @@ def info(
         [
             ("chip", f"{device.board.name}, {device.board_id}"),
             ("board", _board(link.board)),
-            ("firmware", f"{device.release} {device.git_hash}".rstrip()),
+            ("firmware", _firmware(device)),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
             ("state", _state(sample.state, address.text)),
@@ -82,10 +101,15 @@ def info(
                 f"p99 {statistics.round_trip_p99_us / 1000:.2f} ms",
             ),
             ("clock error", f"at most {statistics.clock_error_us / 1000:.2f} ms"),
+            *([] if ledger is None else ledger_facts(ledger).items()),
         ],
     )
     for warning in warnings:
         console.print(f"warning: {warning}", soft_wrap=True)
+
+
+def _firmware(device: DeviceInfo) -> str:
+    return f"{device.release} {device.git_hash}".rstrip()
 
 
 def _board(board: ActiveBoard | None) -> str:
@@ -239,12 +263,29 @@ def _standstill(robot: BaseDriver, timeout_s: float = 3.0) -> WheelSample:
 def monitor(
     robot: RobotArgument = None,
     seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
+    plain: Annotated[
+        bool, typer.Option("--plain", help="Print lines; never take the whole screen.")
+    ] = False,
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Show wheel speeds, ticks and state. Sends no setpoint. Goes on when a lost link is back."""
+    """Show wheel speeds, duties, state, and why it stopped. Goes on when a lost link is back.
+
+    On a terminal it takes the whole screen: the last 20 s as plots, and keys that stop, clear,
+    tune, drive and record; ? explains them. Elsewhere it prints lines, and sends nothing.
+    A recording is shown as it was on its day.
+    """
     address = resolve(robot, as_json=as_json)
-    with address.open(baud_rate, bare=True) as driver:
+    if not (plain or as_json) and can_show():
+        show(address, seconds, baud_rate)
+        return
+    with (
+        address.open_to_look(baud_rate, as_json=as_json) as driver,
+        _ended_by_the_recording(address.text),
+    ):
+        if isinstance(driver, DeviceDriver):
+            with suppress(InvalidCommand):  # a recording: `why` names its stops
+                driver.watch_stops(partial(_print_stop, as_json=as_json))
         end = time.monotonic() + (seconds or math.inf)
         latched: SupervisorState | None = None
         for news in watch(driver, end):
@@ -258,8 +299,22 @@ def monitor(
             if news.state in _LATCHED and news.state is not latched:
                 console.print(_latched(news, address.text), soft_wrap=True)
             latched = news.state if news.state in _LATCHED else None
-            # A person can read no more than a few lines a second.
+            # A person, or a log, has no use for more.
             time.sleep(max(0.0, min(PRINT_PERIOD_S, end - time.monotonic())))
+
+
+def _print_stop(stop: Stop, *, as_json: bool) -> None:
+    print_note(f"{stop.sentence} Look first at {stop.look_at}.", as_json=as_json)
+
+
+@contextmanager
+def _ended_by_the_recording(address: str) -> Iterator[None]:
+    """A recording that has been shown to its end is no robot that was lost."""
+    try:
+        yield
+    except LinkClosed:
+        if not is_recording(address):
+            raise
 
 
 def estop(
@@ -267,27 +322,74 @@ def estop(
 ) -> None:
     """Emergency stop: stop the wheels and refuse to drive until `clear`."""
     # Here: only this command needs all of them, and each of its imports takes time.
+    from wheelwire.drivers.attached import AttachedDriver
     from wheelwire.drivers.l298n import L298NDriver
     from wheelwire.drivers.pigpio import PigpioDriver
     from wheelwire.drivers.serial import SerialDriver
 
     address = resolve(robot, as_json=as_json)
-    with address.open(baud_rate, bare=True) as driver:
-        driver.estop()
-        # A process that this command started ends with it, but its latch stays. A simulated robot
-        # is gone.
-        lasting = isinstance(driver, (SerialDriver, L298NDriver, PigpioDriver))
+    driver = _stopped(address, baud_rate, lambda robot: robot.estop(), as_json=as_json)
+    # A process that this command started ends with it, but its latch stays. A simulated robot is
+    # gone.
+    lasting = isinstance(driver, (AttachedDriver, SerialDriver, L298NDriver, PigpioDriver))
+    after = f"once {driver.holder.name}, has ended, " if isinstance(driver, AttachedDriver) else ""
     if as_json:
         print_json({"latched": SupervisorState.ESTOPPED if lasting else None})
     elif lasting:
         console.print(
-            f"stopped and latched; `wheelwire clear {address.text}` ends it", soft_wrap=True
+            f"stopped and latched; {after}`wheelwire clear {address.text}` ends it", soft_wrap=True
         )
     else:
         console.print(
             "stopped, but not latched: this robot is simulated by this command, and ended with it",
             soft_wrap=True,
         )
+
+
+def stop(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
+    """Stop the wheels. The next setpoint drives again: `estop` is what holds."""
+    from wheelwire.drivers.attached import AttachedDriver
+
+    address = resolve(robot, as_json=as_json)
+    driver = _stopped(address, baud_rate, lambda robot: robot.stop(), as_json=as_json)
+    if as_json:
+        print_json({"stopped": True})
+    elif isinstance(driver, AttachedDriver):
+        console.print(
+            f"stopped; the next setpoint of {driver.holder.name}, drives again: "
+            f"`wheelwire estop {address.text}` keeps it from driving",
+            soft_wrap=True,
+        )
+    else:
+        console.print("stopped")
+
+
+def _stopped(
+    address: Address, baud_rate: int | None, act: Callable[[BaseDriver], None], *, as_json: bool
+) -> BaseDriver:
+    """Stop the robot by `act`; returns the driver that did it, closed."""
+    if is_recording(address.text):
+        raise InvalidArgument(f"{address.text} is a recording, which nothing stops: name a robot")
+    try:
+        return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
+    except LinkClosed:  # whoever held the port ended just now: it is free, or the next one's
+        return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
+
+
+def _stopped_by_anyone(
+    address: Address, baud_rate: int | None, act: Callable[[BaseDriver], None], *, as_json: bool
+) -> BaseDriver:
+    try:
+        opened = address.open_to_look(baud_rate, as_json=as_json, listens=False)
+    except PortUnavailable as error:
+        raise PortUnavailable(error.port, f"{error.reason}. Nothing was sent") from error
+    except DriverUnavailable as error:
+        raise DriverUnavailable(f"{error}. Nothing was sent") from error
+    with opened as driver:
+        act(driver)
+    return driver
 
 
 def clear(
@@ -324,6 +426,61 @@ def clear(
             f"Fix the cause, then run `wheelwire clear {address.text}` again",
             soft_wrap=True,
         )
+
+
+def restart(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
+    """Restart the device, wait until it is back, and say what is active.
+
+    Values that were not saved are lost; a latched e-stop or fault stays latched. Refused while the
+    robot drives.
+    """
+    address = resolve(robot, as_json=as_json)
+    # Bare: a robot's file would set its values again, and they are not what the device has saved.
+    with address.open(baud_rate, bare=True) as driver:
+        if not isinstance(driver, DeviceDriver):
+            raise DriverUnavailable(f"the driver of {address.text} has no device to restart")
+        before = driver.info.device.boot_id
+        try:
+            driver.board.restart()
+        except DeviceRefused as error:
+            raise _restart_refused(error, address.text) from error
+        sample = driver.read()
+        while sample.boot_id == before:  # it was on its way
+            sample = driver.read()
+        device, board, warnings = driver.info.device, driver.info.board, _warnings(driver)
+    if as_json:
+        print_json(
+            {
+                "device": device,
+                "board": board,
+                "state": sample.state,
+                "faults": sample.faults,
+                "warnings": warnings,
+            }
+        )
+        return
+    print_facts(
+        f"Robot at {address.text} is back",
+        [
+            ("firmware", _firmware(device)),
+            ("board", _board(board)),
+            ("last start", device.reset_reason.doc),
+            ("state", _latched(sample, address.text)),
+        ],
+    )
+    for warning in warnings:
+        console.print(f"warning: {warning}", soft_wrap=True)
+
+
+def _restart_refused(error: DeviceRefused, address: str) -> DeviceRefused:
+    hint = ""
+    if error.code == RefusalCode.NOT_SUPPORTED:
+        hint = "Restart the program or the service that moves its pins."
+    elif error.code == RefusalCode.NOT_STOPPED:
+        hint = f"`wheelwire stop {address}` stops it."
+    return DeviceRefused(error.code, "to restart", hint=hint)
 
 
 def _clear_estop(robot: BaseDriver, address: str) -> None:

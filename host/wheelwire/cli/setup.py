@@ -25,6 +25,7 @@ from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import ended_by_a_loss, ended_by_signals
 from .output import JsonFlag, TimeLeft, check_writable, console, error_console, print_json
 from .prompts import ask
+from .sim import setting
 
 if TYPE_CHECKING:
     from wheelwire.commissioning.questions import Person, Question
@@ -112,7 +113,7 @@ def setup(
     robot keeps its previous parameters.
     """
     # Here, so that no other command waits until numpy is imported.
-    from wheelwire.commissioning.proof import check_picture
+    from wheelwire.commissioning.before_after import check_picture
     from wheelwire.commissioning.questions import AnswersFile, SimulatedPerson
     from wheelwire.commissioning.setup import Options, Progress
 
@@ -247,9 +248,9 @@ def _simulated_robot(
     """Raised and wired at random, or on the floor and set up but for its gains."""
     from wheelwire.drivers.mock import MockDriver
     from wheelwire.files.plant import load_plant
-    from wheelwire.simulation.library import FwSimError
+    from wheelwire.simulation.libfwsim import FwSimError
 
-    given = dict(map(_setting, settings))
+    given = dict(map(setting, settings))
     values = load_plant(plant).settings if plant is not None else {}
     values |= {"wheels_free": float(not on_the_floor)}
     # With a seed the wiring is random even if a part of it is given, which then takes precedence.
@@ -269,11 +270,3 @@ def _simulated_robot(
         for name, variable in SIZES.items():
             robot.parameters.set(name, robot.simulator.get(variable))
     return robot
-
-
-def _setting(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError as error:
-        raise InvalidArgument(f"--set {text}: give NAME=VALUE, with a number") from error

@@ -3,6 +3,6 @@
 `setup` leads through all of it: it asks by `questions`, and tries values as parameters on trial.
 `wiring` examines supply, contact and wheels, `counts` the encoders; `problems` names each defect.
 `identification` measures the motors by duty alone, `fits` models that, `gains` follow from it.
-`proof` compares a test drive before and after. All of them move the robot through `driving`.
+`before_after` compares a test drive before and after. All of them move the robot through `driving`.
 Data flow: driver -> samples (`driving`) -> findings -> parameters -> the robot, after a yes.
 """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,14 +16,15 @@ from ..drivers.transport_driver import DeviceDriver
 from ..errors import CommissioningFailed, DeviceRefused, GroupUnavailable, OutputFailed
 from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
+from ..files.state import state_folder
 from ..parameters import Trial, definition_of, number_text
+from .before_after import Proof, prove
 from .counts import COUNTS, ask_counts
 from .driving import BoardReset, Left, not_watching, untold
 from .gains import tuned
 from .identification import identify
 from .problems import FAULTED, SAGS, VOIDING, Problem, Unfit
 from .problems import named as fault_names
-from .proof import Proof, prove
 from .questions import KEEP, NO, YES, Person, Question, Say
 from .wiring import (
     Wiring,
@@ -78,8 +78,7 @@ class Progress:
     """
 
     def __init__(self, board_id: str, folder: Path | None = None) -> None:
-        state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-        self._file = (folder or Path(state) / "wheelwire") / f"setup-{board_id}.json"
+        self._file = (folder or state_folder()) / f"setup-{board_id}.json"
 
     def load(self) -> dict[str, dict[str, float]]:
         """Values of parameters by step; none if there is no unfinished set-up."""

@@ -11,7 +11,6 @@ from wheelwire_protocol.codes import Fault, SupervisorState
 
 from ..arguments import LONGEST_WAIT_S, is_number
 from ..errors import NO_FAULT, Expired, InvalidCommand, WheelwireError, shown
-from ..link.clock import host_clock_us
 from ..link.info import DeviceInfo, Health, LinkStatistics
 from ..link.latest_sample import Latest, LatestSample
 from ..link.news import Happening
@@ -221,7 +220,7 @@ class Driving(ABC):
 
     def _now_us(self) -> int:
         """The clock of stamps and expiries."""
-        return host_clock_us()
+        return self._latest_sample.now_us()
 
     def _expiry_us(self, ttl: float, stamp: float | None) -> int:
         """When a command of `stamp` expires. Called first: the call's own time counts too."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from difflib import get_close_matches
 from importlib import import_module
 from inspect import Parameter, signature
@@ -10,87 +11,87 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from ..errors import DriverUnavailable, InvalidArgument, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
     from pathlib import Path
 
-    from ..board import BoardDescription
     from .base import BaseDriver
     from .l298n import L298NDriver
     from .mock import MockDriver
+    from .options import arguments_of
     from .pigpio import PigpioDriver
+    from .replay import ReplayDriver
     from .serial import SerialDriver
 
 ENTRY_POINT_GROUP = "wheelwire.drivers"
+RECORD_VARIABLE = "WHEELWIRE_RECORD"
+"""Of the environment: where every robot that a program opens is recorded."""
 
 _BUILT_IN = {
     "l298n": "wheelwire.drivers.l298n:L298NDriver",
     "mock": "wheelwire.drivers.mock:MockDriver",
     "pigpio": "wheelwire.drivers.pigpio:PigpioDriver",
+    "replay": "wheelwire.drivers.replay:ReplayDriver",
     "serial": "wheelwire.drivers.serial:SerialDriver",
 }
 
 
-@overload
+if TYPE_CHECKING:
+
+    @overload
+    @arguments_of(SerialDriver)
+    def open_driver(name: Literal["serial"]) -> SerialDriver: ...
+    @overload
+    @arguments_of(L298NDriver)
+    def open_driver(name: Literal["l298n"]) -> L298NDriver: ...
+    @overload
+    @arguments_of(PigpioDriver)
+    def open_driver(name: Literal["pigpio"]) -> PigpioDriver: ...
+    @overload
+    @arguments_of(MockDriver)
+    def open_driver(name: Literal["mock"]) -> MockDriver: ...
+    @overload
+    @arguments_of(ReplayDriver)
+    def open_driver(name: Literal["replay"]) -> ReplayDriver: ...
+    @overload
+    def open_driver(
+        name: str, *args: Any, record: str | Path | None = None, **options: Any
+    ) -> BaseDriver: ...
+
+
 def open_driver(
-    name: Literal["serial"],
-    *,
-    port: str,
-    baud_rate: int = ...,
-    connect_timeout: float = ...,
-    stream_rate_hz: int | None = ...,
-    board_id: str | None = ...,
-    any_board: bool = ...,
-    board: str | Path | BoardDescription | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-) -> SerialDriver: ...
-@overload
-def open_driver(
-    name: Literal["l298n"],
-    *,
-    pins: BoardDescription | None = ...,
-    pwm_chip: int | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-    pwm_directory: Path = ...,
-    core_timeout_ms: int = ...,
-) -> L298NDriver: ...
-@overload
-def open_driver(
-    name: Literal["pigpio"],
-    *,
-    host: str = ...,
-    port: int = ...,
-    pins: BoardDescription | None = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-    core_timeout_ms: int = ...,
-) -> PigpioDriver: ...
-@overload
-def open_driver(
-    name: Literal["mock"],
-    *,
-    realtime: bool = ...,
-    parameters: Mapping[str, float] | None = ...,
-    store: Path | None = ...,
-) -> MockDriver: ...
-@overload
-def open_driver(name: str, **options: Any) -> BaseDriver: ...
-def open_driver(name: str, **options: Any) -> BaseDriver:
+    name: str, *args: Any, record: str | Path | None = None, **options: Any
+) -> BaseDriver:
     """Open a robot by the name of its driver.
 
     Args:
         name: A built-in driver, or one that an installed package offers as an entry point in the
             group `wheelwire.drivers`.
-        **options: The driver's own arguments; see its class.
+        *args: The driver's own arguments; see its class.
+        record: A file, or a folder, to which the robot's day is recorded, see docs/recording.md;
+            by default what the environment's `WHEELWIRE_RECORD` says, if it does.
+        **options: As `args`, by name.
 
     Raises:
         DriverUnavailable: No driver has this name, or what it needs is not installed or not there.
         InvalidArgument: The driver has no such option, or needs one that is missing.
+        RecordingError: The recording's file cannot be made.
         WheelwireError: What the driver itself raises.
     """
     make = driver_class(name)
-    check_options(name, make, options)
-    driver: BaseDriver = make(**options)
+    check_options(name, make, options, *args)
+    if record is None and RECORD_VARIABLE not in os.environ:
+        driver: BaseDriver = make(*args, **options)
+        return driver
+    from .recorded import record_opened, wanted_recording  # here, for most record nothing
+
+    recording = wanted_recording(record)  # first: a robot that moves is not opened for nothing
+    driver = make(*args, **options)
+    if recording is not None:
+        try:
+            record_opened(driver, recording, name, is_asked=record is not None)
+        except BaseException:
+            driver.close()
+            raise
     return driver
 
 
@@ -115,7 +116,7 @@ def driver_class(name: str) -> Any:
         ) from error
 
 
-def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
+def check_options(name: str, make: Any, options: dict[str, Any], *args: Any) -> None:
     """Raise `InvalidArgument` if `make` does not take these options."""
     # Before the call: a TypeError from inside the driver must not be mistaken for a wrong option.
     try:
@@ -130,7 +131,7 @@ def check_options(name: str, make: Any, options: dict[str, Any]) -> None:
                 f"driver {name!r} has no option {option!r}: {_suggestion(option, taken)}"
             )
     try:
-        expected.bind(**options)
+        expected.bind(*args, **options)
     except TypeError as error:
         known = ", ".join(taken)
         raise InvalidArgument(f"driver {name!r}: {error}; its options are: {known}") from None

@@ -12,6 +12,7 @@ class L298NDriver(PinDriver):
     Args:
         pins: The wiring; by default that of the guide for a Raspberry Pi 4B and an L298N.
         pwm_chip: Number of the kernel's PWM chip, where there are several.
+        tap: See `SerialDriver`.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
         pwm_directory: Where the kernel's PWM is.
@@ -26,4 +27,4 @@ class L298NDriver(PinDriver):
 
     @takes(L298NOptions)
     def __init__(self, options: L298NOptions) -> None:
-        super().__init__(options.checked())
+        super().__init__(options.checked(), tap=options.tap)

@@ -9,26 +9,33 @@ from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from ..errors import WheelwireError
 from ..link.connection import Link, LinkInfo
 from ..link.info import LinkStatistics
 from ..link.news import Happening
-from ..motion.kinematics import DifferentialDrive, WheelVelocities
+from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
+from ..samples import Setpoint
 from .driving import Driving
 
 if TYPE_CHECKING:
+    from ..diagnosis.watch import StopWatch
+    from ..link.attached import AttachedLink
+    from ..recording.replay import ReplayLink
     from ..simulation.virtual_link import VirtualLink
 
-GEOMETRY = tuple(
-    PARAMETER_BY_NAME[name].id
-    for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
-)
-"""Read from the device in each session, so that a robot's dimensions are stored in one place."""
 TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"].id
 
 _ESTOP_INPUT = PARAMETER_BY_NAME["estop_input_enabled"].id
-WATCHED = (*GEOMETRY, TTL_MAX, _ESTOP_INPUT, PARAMETER_BY_NAME["rearm_gap_s"].id)
-"""All that is read in each session. Whoever drives needs to know of the pause after a clear."""
+WATCHED = (
+    *GEOMETRY,
+    TTL_MAX,
+    _ESTOP_INPUT,
+    PARAMETER_BY_NAME["rearm_gap_s"].id,
+    PARAMETER_BY_NAME["nominal_supply_v"].id,
+)
+"""All that is read in each session. Whoever drives needs to know of the pause after a clear, and
+`wheelwire why` what supply is a low one."""
 
 CONTACT_IGNORED = (
     "The e-stop input is switched off although the board has a contact, which stops nothing: set "
@@ -44,9 +51,10 @@ _DOES_NOT_DRIVE = {
 class LinkedRobot(Driving):
     """A robot behind `_link`, which watches at least the parameters of `WATCHED`."""
 
-    _link: Link | VirtualLink
+    _link: Link | VirtualLink | ReplayLink | AttachedLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
     _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
+    _watch: StopWatch | None = None
 
     @property
     def info(self) -> LinkInfo:
@@ -56,11 +64,15 @@ class LinkedRobot(Driving):
     @property
     def geometry(self) -> DifferentialDrive:
         """The robot's current dimensions and limits, as the device has them."""
-        values = self._link.watched_values
+        try:
+            values = self._link.watched_values
+        except WheelwireError as error:
+            self._explain(error)
+            raise
         known, geometry = self._geometry  # set_velocity asks each time
         # By identity, which is enough: the link replaces the values as a whole.
         if geometry is None or values is not known:
-            geometry = DifferentialDrive(*[decimal_of_float32(values[p]) for p in GEOMETRY])
+            geometry = DifferentialDrive.of_device(values)
             # Both in one assignment: no thread finds new values beside the old geometry.
             self._geometry = values, geometry
         return geometry
@@ -87,6 +99,15 @@ class LinkedRobot(Driving):
     def sessions(self) -> int:
         """Number of sessions opened; cheaper than `statistics`."""
         return self._link.sessions
+
+    @property
+    def asked(self) -> Setpoint | None:
+        """What the wheels are asked for now, by this program or the one that holds the robot.
+
+        `left` and `right` in m/s, or as duties, -1..1, if `duty` is set. None once it has expired
+        or was stopped. Never waits.
+        """
+        return self._link.asked(self._latest_sample.now_us())
 
     @property
     def rolling_mps(self) -> float | None:
@@ -119,13 +140,31 @@ class LinkedRobot(Driving):
         self._link.listen(self._callbacks.listener, happening)
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
-        self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
+        try:
+            self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
+        except WheelwireError as error:
+            self._explain(error)
+            raise
 
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        self._link.drive_duty(left, right, expiry_us)
+        try:
+            self._link.drive_duty(left, right, expiry_us)
+        except WheelwireError as error:
+            self._explain(error)
+            raise
 
     def _check_link(self) -> None:
-        self._link.check()
+        try:
+            self._link.check()
+        except WheelwireError as error:
+            self._explain(error)
+            raise
+
+    def _explain(self, error: WheelwireError) -> None:
+        """Have the error carry the sentence of the stop that is behind it."""
+        from ..diagnosis.explanation import why  # here, for most programs meet no such error
+
+        error.why = why(error, self._watch)
 
     @property
     def _name(self) -> str:

@@ -9,31 +9,28 @@ from __future__ import annotations
 
 import os
 import socket
-from collections.abc import Mapping
 from functools import partial
+from inspect import signature
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..arguments import flag, path, timeout_s
-from ..errors import InvalidArgument, InvalidCommand, LinkLost, RequestTimeout
+from ..errors import InvalidArgument, LinkLost
 from ..link.connection import Link, LinkOptions
-from ..link.sample_iterator import SampleIterator
 from ..link.transports import SocketTransport, Transport
 from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
-from ..samples import WheelSample
-from ..simulation.library import FwSim
+from ..simulation.libfwsim import FwSim
 from ..simulation.simulator import Simulator
 from ..simulation.virtual_link import VirtualLink
-from .callbacks import InlineCallbacks
 from .linked import WATCHED
+from .options import MockOptions, takes
 from .transport_driver import DeviceDriver
 
 COUNTS = "counts_per_revolution"
 """A parameter; the simulated encoders have a variable of the same name."""
-
 
 _Driver = TypeVar("_Driver", bound="MockDriver")
 
@@ -45,7 +42,8 @@ class MockDriver(DeviceDriver):
         realtime: False for virtual time, which only one thread may use.
         parameters: Values that differ from the defaults, by name; the encoders count
             `counts_per_revolution`.
-        store: A file that keeps parameters which are saved at run time.
+        store: A file that keeps parameters which are saved at run time; the board and what the
+            robot has recorded of its stops are in files beside it.
 
     Raises:
         SimulatorNotFound: The simulator is not installed.
@@ -53,27 +51,18 @@ class MockDriver(DeviceDriver):
         ParameterOutOfRange: In `parameters`.
     """
 
-    def __new__(
-        cls: type[_Driver],
-        *,
-        realtime: bool = True,
-        parameters: Mapping[str, float] | None = None,  # noqa: ARG004 - of `__init__`
-        store: Path | None = None,  # noqa: ARG004
-    ) -> _Driver:
+    __signature__ = signature(MockOptions)
+
+    def __new__(cls: type[_Driver], *_args: Any, realtime: bool = True, **_options: Any) -> _Driver:
         """A robot in virtual time is of a class of its own."""
         is_virtual = cls is MockDriver and not flag("realtime", realtime)
         return cast("_Driver", object.__new__(VirtualMockDriver if is_virtual else cls))
 
-    def __init__(
-        self,
-        *,
-        realtime: bool = True,
-        parameters: Mapping[str, float] | None = None,
-        store: Path | None = None,
-    ) -> None:
-        if not flag("realtime", realtime):
+    @takes(MockOptions)
+    def __init__(self, options: MockOptions) -> None:
+        if not flag("realtime", options.realtime):
             raise InvalidArgument("a subclass for virtual time is one of VirtualMockDriver")
-        self._process = MockProcess(parameters, store)
+        self._process = MockProcess(options)
         super().__init__(partial(Link, self._process.options))
 
     @property
@@ -81,13 +70,13 @@ class MockDriver(DeviceDriver):
         """What a driver cannot know: the truth, and faults to inject, by `get` and `set`."""
         return self._process.simulator
 
-    def advance(self, seconds: float) -> None:  # noqa: ARG002 - virtual time has a use for it
+    def advance(self, seconds: float) -> None:
         """Let virtual time pass.
 
         Raises:
             InvalidCommand: Time is real.
         """
-        raise InvalidCommand("time passes by itself: give realtime=False to advance it")
+        self._link.advance(timeout_s("seconds", seconds))
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
@@ -103,25 +92,15 @@ class VirtualMockDriver(MockDriver):
 
     _link: VirtualLink
 
-    def __init__(
-        self,
-        *,
-        realtime: bool = False,  # noqa: ARG002 - it has selected this class
-        parameters: Mapping[str, float] | None = None,
-        store: Path | None = None,
-    ) -> None:
-        self._sim = _powered_on(checked_values(parameters), _converted(store))
+    @takes(MockOptions)
+    def __init__(self, options: MockOptions) -> None:
+        self._sim = _powered_on(checked_values(options.parameters), _converted(options.store))
         DeviceDriver.__init__(self, partial(VirtualLink, sim=self._sim, watched=WATCHED))
-        self._callbacks = InlineCallbacks()
 
     @property
     def simulator(self) -> FwSim:
         """As every mock driver's."""
         return self._sim
-
-    def advance(self, seconds: float) -> None:
-        """Let virtual time pass."""
-        self._link.advance(timeout_s("seconds", seconds))
 
     def unplug(self) -> None:
         """The robot is out of reach from now on."""
@@ -130,32 +109,6 @@ class VirtualMockDriver(MockDriver):
     def plug(self) -> None:
         """It is back in reach."""
         self._link.plug()
-
-    def read(self, timeout: float = 1.0) -> WheelSample:
-        """As every driver's; waiting makes time pass."""
-        end_us = self._link.now_us + round(timeout_s("timeout", timeout) * 1e6)
-        while True:
-            try:
-                # Without a wait in real time, in which nothing would come.
-                return super().read(0)
-            except (RequestTimeout, LinkLost):
-                # Reading waits through a reconnection, as in real time.
-                if self._link.now_us >= end_us:
-                    raise
-            self._link.advance(0.001)
-
-    def samples(self) -> SampleIterator:
-        """As every driver's; waiting makes time pass."""
-        return self._latest_sample.iterate(lambda _: self._link.advance(0.001))
-
-    def get_encoder_ticks(self) -> tuple[int, int]:
-        """As every driver's; waiting for the first sample makes time pass."""
-        if not self._latest_sample.is_current:
-            self.read()
-        return super().get_encoder_ticks()
-
-    def _now_us(self) -> int:
-        return self._link.now_us
 
 
 class _Transport(SocketTransport):
@@ -180,11 +133,9 @@ class MockProcess:
 
     simulator: Simulator
 
-    def __init__(
-        self, parameters: Mapping[str, float] | None = None, store: Path | None = None
-    ) -> None:
-        self._values = checked_values(parameters)
-        self._store = _converted(store)
+    def __init__(self, options: MockOptions) -> None:
+        self._values = checked_values(options.parameters)
+        self._store = _converted(options.store)
         self._plugged = True
 
     @property

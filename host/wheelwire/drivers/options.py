@@ -16,7 +16,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-from ..arguments import flag, path, text, timeout_s, whole
+from ..arguments import flag, is_number, path, text, timeout_s, whole
 from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
 from ..files.board import load_board
@@ -36,10 +36,13 @@ MAX_STREAM_RATE_HZ = 65_535
 """The largest value of the field. Each device has a lower limit of its own, set by its line."""
 MAX_CORE_TIMEOUT_MS = 60_000
 MAX_CHIP = 255
+MAX_REPLAY_SPEED = 1000
 PWM_DIRECTORY = Path("/sys/class/pwm")
 
 P = ParamSpec("P")
 _Options = TypeVar("_Options")
+_Name = TypeVar("_Name")
+_Result = TypeVar("_Result")
 
 
 def takes(
@@ -62,6 +65,13 @@ def takes(
     return with_options
 
 
+def arguments_of(
+    driver: Callable[P, object],
+) -> Callable[[Callable[[_Name], _Result]], Callable[Concatenate[_Name, P], _Result]]:
+    """For type checkers: a function of a driver's name takes the driver's arguments behind it."""
+    raise NotImplementedError(driver)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
     """What every link to a device takes; see `TransportDriver` and `SerialDriver`."""
@@ -71,6 +81,7 @@ class DeviceOptions:
     stream_rate_hz: int | None = None
     board_id: str | None = None
     any_board: bool = False
+    tap: bool = True
 
     def link_to(
         self,
@@ -108,6 +119,7 @@ class DeviceOptions:
             settings=settings,
             expected_board=expected,
             open_port=open_port,
+            tap=flag("tap", self.tap),
         )
 
 
@@ -175,12 +187,39 @@ class PinOptions:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class MockOptions:
+    """Those of `MockDriver`."""
+
+    realtime: bool = True
+    parameters: Mapping[str, float] | None = None
+    store: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """Those of `ReplayDriver`."""
+
+    file: str | Path
+    speed: float = 1.0
+
+    def checked(self) -> tuple[Path, float]:
+        """The same, checked."""
+        if not (is_number(self.speed) and 0 <= self.speed <= MAX_REPLAY_SPEED):
+            raise InvalidArgument(
+                f"speed = {shown(self.speed)}: give a number from 0, step by step, to "
+                f"{MAX_REPLAY_SPEED}"
+            )
+        return path("file", self.file), float(self.speed)
+
+
 @dataclass(frozen=True)
 class GpioOptions:
     """The section `gpio` of a robot's file."""
 
     _: KW_ONLY
     pwm_chip: int | None = None
+    tap: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,6 +245,8 @@ class PigpioOptions:
 
     host: str = "localhost"
     port: int = 8888
+    _: KW_ONLY
+    tap: bool = True
 
 
 @dataclass(frozen=True)

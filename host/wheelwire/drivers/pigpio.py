@@ -12,6 +12,7 @@ class PigpioDriver(PinDriver):
     Args:
         host: Where the daemon runs.
         port: Its TCP port.
+        tap: See `SerialDriver`.
         pins: The wiring; by default that of the guide for a Raspberry Pi 4B and an L298N.
         parameters: Values that differ from the defaults, by name.
         store: A file that keeps parameters which are saved at run time.
@@ -26,4 +27,4 @@ class PigpioDriver(PinDriver):
 
     @takes(PigpioDriverOptions)
     def __init__(self, options: PigpioDriverOptions) -> None:
-        super().__init__(options.checked())
+        super().__init__(options.checked(), tap=options.tap)

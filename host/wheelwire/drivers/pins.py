@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from functools import partial
 
 from ..link.connection import Link, LinkOptions
@@ -20,19 +21,22 @@ class PinProcess:
 
     Args:
         settings: Of that process.
+        tap: See `SerialDriver`.
 
     Attributes:
         limits: What the wiring cannot do, in sentences; logged once as warnings.
     """
 
-    def __init__(self, settings: McuSettings) -> None:
+    def __init__(self, settings: McuSettings, *, tap: bool) -> None:
         self.limits: tuple[str, ...] = ()
         self._settings = settings
+        self._tap = tap
 
     @property
     def options(self) -> LinkOptions:
         """Of the link to it."""
-        return DeviceOptions().link_to(self._settings.backend, self._open)
+        options = DeviceOptions(tap=self._tap).link_to(self._settings.backend, self._open)
+        return replace(options, identity=self._settings.identity)
 
     def _open(self, _baud_rate: int) -> Transport:
         transport = launch(self._settings)
@@ -49,14 +53,16 @@ class PinDriver(DeviceDriver):
 
     Args:
         settings: Of that process.
+        tap: See `SerialDriver`.
 
     Raises:
         DriverUnavailable: The pins cannot be had, or what they need is not installed.
         ConfigurationError: The pins or the store do not fit.
+        InvalidArgument: `tap` is no bool.
     """
 
-    def __init__(self, settings: McuSettings) -> None:
-        self._process = PinProcess(settings)
+    def __init__(self, settings: McuSettings, *, tap: bool) -> None:
+        self._process = PinProcess(settings, tap=tap)
         super().__init__(partial(Link, self._process.options))
 
     @property

@@ -23,6 +23,8 @@ class SerialDriver(DeviceDriver):
             all free ports that they match are opened to ask who is there.
         any_board: Whether to go on with another board than the first, where the port leads to one
             after a reconnection. Without it that raises `WrongBoard`, until the first is back.
+        tap: Whether this user's other programs on this computer may look, stop and e-stop
+            meanwhile.
         board: What the device must be wired to: a built-in board's name, a board's file, or a
             description. A device that is on another board is not driven: opening it, and every
             call after it came back so, raises `BoardMismatch`. None: whichever is confirmed.

@@ -8,37 +8,30 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any
 
-from wheelwire_protocol.codes import Contradiction
-from wheelwire_protocol.types import (
-    ClearEstop,
-    ClearFault,
-    Contradictions,
-    ContradictionsGet,
-    ControlCounters,
-    ControlCountersGet,
-    LinkCounters,
-    LinkCountersGet,
-)
+from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
-from ..errors import LinkClosed, LinkLost, WheelwireError
+from ..errors import InvalidCommand, LinkClosed, LinkLost, WheelwireError
 from ..link.connection import Link
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..parameters import Parameters
 from .base import BaseDriver
-from .callbacks import Inbox, ThreadCallbacks
+from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
+from .device_recorder import DeviceRecorder
 from .linked import LinkedRobot
 from .options import TransportOptions, takes
+from .requests import AwaitableDevice, DeviceLink, Requests, blocking
 
 if TYPE_CHECKING:
-    from ..simulation.virtual_link import VirtualLink
+    from pathlib import Path
 
-DeviceLink: TypeAlias = "Link | VirtualLink"
-
+    from ..diagnosis import Stop
+    from ..diagnosis.watch import StopWatch
+    from ..recording.recorder import Recorder
 
 _opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
 
@@ -63,16 +56,19 @@ class DeviceDriver(LinkedRobot, BaseDriver):
 
     def __init__(self, make_link: Callable[[LatestSample], DeviceLink]) -> None:
         super().__init__()
-        self._link: DeviceLink = make_link(self._latest_sample)
-        link = self._link
+        self._link = link = make_link(self._latest_sample)
+        if link.in_virtual_time:
+            self._callbacks = InlineCallbacks()
         if not _opened_later.get():
             link.open()
         inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, _close, inbox, link)
+        self._awaited = AwaitableDevice(Requests(link))
         self._parameters = DeviceParameters(link)
         # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
+        self._recorders: list[Recorder] = []
 
     @property
     def parameters(self) -> Parameters:
@@ -84,18 +80,61 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         """The board that the device has stored."""
         return DeviceBoard(self._link)
 
-    def device_counters(self) -> LinkCounters:
-        """What the device has counted at its end of the link since its reset."""
-        return cast("LinkCounters", self._link.request(LinkCountersGet(0, 0)))
+    @property
+    def recorder(self) -> DeviceRecorder:
+        """What the device has recorded of its stops."""
+        return DeviceRecorder(self._link)
 
-    def contradictions(self) -> Contradiction:
-        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
-        answer = cast("Contradictions", self._link.request(ContradictionsGet(0, 0)))
-        return Contradiction(answer.active)
+    def note(self, name: str, value: Any) -> None:
+        """Have a recording say this of the program that uses the robot.
 
-    def control_counters(self) -> ControlCounters:
-        """What the device's control loop and encoders have counted since its reset."""
-        return cast("ControlCounters", self._link.request(ControlCountersGet(0, 0)))
+        Args:
+            name: A name; a replay has the newest value of each name.
+            value: What JSON can hold.
+        """
+        self._link.note({name: value})
+
+    def record(self, path: str | Path, driver: str | None = None) -> Recorder:
+        """Record all that crosses the link from now on, until the robot is closed.
+
+        Args:
+            path: The file; a folder: a file in it that is named by the time. No file is
+                overwritten: the new one's name gets a number.
+            driver: What the file calls the driver; its class by default.
+
+        Raises:
+            InvalidCommand: The robot is in virtual time, or is a recording.
+            RecordingError: The file cannot be made, or the package `mcap` is not installed.
+        """
+        from .recorded import start  # here, for most programs record nothing
+
+        recorder = start(self._link, path, driver or type(self).__name__)
+        self._recorders.append(recorder)
+        return recorder
+
+    def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
+        """Have each stop of the robot reported with its cause, until the robot is closed.
+
+        Errors that the robot raises meanwhile have the same sentence in `why`.
+
+        Args:
+            report: Called some 60 ms after a stop, in a thread of its own.
+
+        Raises:
+            InvalidCommand: The robot is in virtual time, or is a recording.
+        """
+        from ..diagnosis.watch import StopWatch  # here, for most programs ask for none
+
+        if self._link.in_virtual_time:
+            raise InvalidCommand(f"{self._link.name}: only a robot in real time can be watched")
+        self._watch = watch = StopWatch(self._link, report)
+        return watch
+
+    clear_estop = blocking(AwaitableDevice.clear_estop)
+    clear_fault = blocking(AwaitableDevice.clear_fault)
+    device_counters = blocking(AwaitableDevice.device_counters)
+    contradictions = blocking(AwaitableDevice.contradictions)
+    control_counters = blocking(AwaitableDevice.control_counters)
 
     def latest_control_counters(self) -> ControlCounters | None:
         """As `control_counters`, without waiting: the newest answer to an earlier call."""
@@ -123,14 +162,6 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         """Stop both wheels and latch; otherwise as `stop`."""
         self._link.estop()
 
-    def clear_estop(self) -> None:
-        """End the emergency stop; `DeviceRefused` while its cause lasts."""
-        self._link.request(ClearEstop(0, 0))
-
-    def clear_fault(self) -> None:
-        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
-        self._link.request(ClearFault(0, 0))
-
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Safe to call more than once."""
         # Also for those who call this in place of `close`: iterators then end.
@@ -138,6 +169,8 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         self._latest_sample.close()
         # Not by the finalizer: one that was interrupted would do nothing the next time.
         self._link.close()
+        for recorder in self._recorders:
+            recorder.close()
         self._finalizer.detach()
         self._callbacks.wait()
 
@@ -162,6 +195,7 @@ class TransportDriver(DeviceDriver):
             for 0.2 s, the next sample of a fast stream may be 10 ms old.
         board_id: Accept only this board; see `SerialDriver`.
         any_board: See `SerialDriver`; with `open_transport` any board is accepted.
+        tap: See `SerialDriver`.
         parameters: Values that the device is given whenever a session opens, by name; it saves
             none of them.
 

@@ -114,6 +114,6 @@ def _feedforward(rpm: Any, parameters: Mapping[str, Any]) -> float:
         raise ConfigurationError(f"{MAX_RPM} = {shown(rpm)}: it must be a number above 0")
     defaults = {name: PARAMETER_BY_NAME[name].default for name in ("wheel_radius", _STATIC)}
     section = Section({**defaults, **parameters}, PARAMETER_BY_NAME, "parameters")
-    # v0 = w0 r, from "The four equations" in docs/drivers.md.
+    # v0 = w0 r, from "The four equations" in docs/pi-pins.md.
     no_load_mps = rpm * 2 * math.pi / 60 * parameter_value(section, "wheel_radius")
     return (1 - parameter_value(section, _STATIC)) / float(no_load_mps)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from wheelwire_protocol.types import Ping, Pong
 
@@ -201,6 +201,21 @@ class ClockEstimator:
         """True once there was an exchange; the conversions need one."""
         return bool(self.conversion.lines)
 
+    @property
+    def readings(self) -> Sequence[tuple[int, int, int]]:
+        """What remains of the exchanges, for `resumed`."""
+        return list(self._readings)
+
+    @classmethod
+    def resumed(cls, readings: Iterable[Sequence[int]]) -> ClockEstimator:
+        """An estimator that goes on from the readings of another."""
+        estimator = cls()
+        for reading in readings:
+            estimator._readings.append(_Reading(*reading))
+        if estimator._readings:
+            estimator._estimate()
+        return estimator
+
     def add(self, exchange: Exchange) -> None:
         """Take one exchange into the estimate."""
         reading = _Reading.of(exchange)
@@ -210,6 +225,9 @@ class ClockEstimator:
         elif self._has_enough(reading.host_us):
             return
         self._readings.append(reading)
+        self._estimate()
+
+    def _estimate(self) -> None:
         # The constant offset is surest just after a quick exchange, the fit between them.
         lines = [_constant_offset(self._readings)]
         if len(self._readings) >= FIT_FROM:
@@ -331,6 +349,25 @@ class Synchroniser:
     _last_id: int = 0
     """Numbered apart from requests: an id far ahead of the last request's counts as an old one."""
     _open: dict[int, int] = field(default_factory=dict)
+
+    def snapshot(self) -> dict[str, Any]:
+        """What `resumed` takes."""
+        return {
+            "due_us": self.due_us,
+            "sent_us": self.sent_us,
+            "last_id": self._last_id,
+            "open": list(self._open.items()),
+            "readings": self.clock.readings,
+        }
+
+    @classmethod
+    def resumed(
+        cls, session_id: int, send: Callable[[Ping], None], known: dict[str, Any]
+    ) -> Synchroniser:
+        """One that goes on where another was, behind its first burst."""
+        clock = ClockEstimator.resumed(known["readings"])
+        times = known["due_us"], known["sent_us"]
+        return cls(session_id, send, *times, clock, 0, known["last_id"], dict(known["open"]))
 
     @property
     def ready(self) -> bool:

@@ -17,21 +17,24 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.types import SetDuty
 
 from ..errors import (
     BoardMismatch,
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
+    InvalidCommand,
     LinkLost,
     PortUnavailable,
     ProtocolMismatch,
     RequestTimeout,
     WheelwireError,
 )
+from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import ActiveBoard, DeviceInfo, ExpectedBoard, LinkStatistics
 from .latest_sample import LatestSample
@@ -40,9 +43,12 @@ from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .session import Phase, Session
+from .state_stream import DUTY_SCALE
+from .tap import Tap, TapReader
 from .waiting import Notifier
 
 if TYPE_CHECKING:
+    from .tap_server import TapServer
     from .transports import Transport
 
 Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
@@ -92,6 +98,8 @@ class LinkOptions:
         open_port: Opens the transport in place of `port`, at a baud rate or without one; called
             again whenever it was lost, in a thread of its own. It may raise any WheelwireError.
             It decides which board is the right one: any is.
+        tap: Whether other programs of this computer may look, stop and e-stop; see `tap_server`.
+        identity: What these programs find the robot by; empty: by its port.
     """
 
     port: str
@@ -104,6 +112,8 @@ class LinkOptions:
     settings: Mapping[int, float] | None = None
     expected_board: ExpectedBoard | None = None
     open_port: OpenPort | None = None
+    tap: bool = False
+    identity: str = ""
 
     def session(self) -> Session:
         """A session that is prepared as they say."""
@@ -126,10 +136,18 @@ class SessionView(ABC):
     """What a link knows by its session, in real time and in virtual time alike."""
 
     _session: Session
+    in_virtual_time: bool = False
+    """Whether time passes only in its `advance`."""
 
     @abstractmethod
     def _check_alive(self) -> None:
         """Raise why the link has ended, if it has."""
+
+    @property
+    def _device(self) -> DeviceInfo:
+        if self._session.device is None:
+            raise self._session.error
+        return self._session.device
 
     @property
     def sessions(self) -> int:
@@ -140,6 +158,17 @@ class SessionView(ABC):
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
         return self._session.rolling_mps
+
+    def asked(self, now_us: int) -> Setpoint | None:
+        """The newest setpoint of whoever drives; None once it has expired or was stopped."""
+        newest = self._session.setpoints.newest  # once: another thread may replace it
+        if newest is None or newest[1] <= now_us:
+            return None
+        asked = newest[0]
+        if isinstance(asked, SetDuty):
+            left, right = asked.left_duty_q15, asked.right_duty_q15
+            return Setpoint(left / DUTY_SCALE, right / DUTY_SCALE, duty=True)
+        return Setpoint(asked.left_mps, asked.right_mps, duty=False)
 
     @property
     def watched_values(self) -> Mapping[int, float]:
@@ -161,10 +190,32 @@ class SessionView(ABC):
         self.check()
         return self._session.values.get(parameter)
 
+    def advance(self, seconds: float) -> None:  # noqa: ARG002 - virtual time has a use for it
+        """Let virtual time pass.
+
+        Raises:
+            InvalidCommand: Time is real.
+        """
+        raise InvalidCommand(
+            "time passes by itself: give realtime=False, or a replay speed=0, to advance it"
+        )
+
     def check(self) -> None:
         """Raise why the link is not open, if it is not."""
         self._check_alive()
         self._session.check_open()
+
+    @property
+    def tap(self) -> Tap:
+        """Passes on what crosses the link."""
+        return self._session.tap
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """Say something of the program to whoever listens to the tap."""
+        self.tap.note(what, self._clock_us())
+
+    def _clock_us(self) -> int:
+        return host_clock_us()
 
     def release_trial(self) -> None:
         """The application has left its trial of parameters."""
@@ -186,6 +237,7 @@ class Link(SessionView):
         self.changed = Notifier()
         self._options = options
         self._session = options.session()
+        self._tap_server: TapServer | None = None
         self._withdrawn: set[RequestDone] = set()
         """Posted by somebody who has given up; one call into C each, so nothing is locked."""
         # Weakly: the port's thread must not keep alive what nobody else refers to any more.
@@ -243,6 +295,10 @@ class Link(SessionView):
             raise self._why_not_open()
         # Decided does not mean open: a device may have refused for good.
         self.check()
+        if self._options.tap:
+            from .tap_server import offer  # here, for what it imports opens ports
+
+            self._tap_server = offer(self)
 
     def watch(self, parameters: Sequence[int]) -> None:
         """Have the values of these parameters in each session; to be called before it is opened."""
@@ -251,6 +307,8 @@ class Link(SessionView):
     def finish(self) -> None:
         """Begin to stop the robot and close the port, without waiting."""
         self._loop.finish()
+        if self._tap_server is not None:
+            self._tap_server.finish()
 
     @property
     def has_ended(self) -> bool:
@@ -259,7 +317,7 @@ class Link(SessionView):
 
     def close(self) -> None:
         """Stop the robot, close the port and end the thread. Safe to call more than once."""
-        self._loop.finish()
+        self.finish()
         if threading.current_thread() is self._thread:
             return  # called by the garbage collector; the thread ends when it returns to its loop
         # Not join() alone: when a signal handler's exception interrupts it, it may consider the
@@ -267,6 +325,8 @@ class Link(SessionView):
         ended = self.changed.wait_for(lambda: self._loop.end is not None, CLOSE_TIMEOUT_S)
         if ended and self._thread.is_alive():  # it may also have ended without a thread
             self._thread.join(CLOSE_TIMEOUT_S)  # it is a daemon in any case
+        if self._tap_server is not None:
+            self._tap_server.close()
 
     # --- what is known ---------------------------------------------------------------------------
 
@@ -276,11 +336,14 @@ class Link(SessionView):
         return self._loop.port or self._options.port
 
     @property
+    def identity(self) -> str:
+        """What other programs of this computer find the robot by."""
+        return self._options.identity or self.name
+
+    @property
     def info(self) -> LinkInfo:
         """Port, baud rate and device."""
-        device, loop = self._session.device, self._loop
-        if device is None:
-            raise self._session.error
+        device, loop = self._device, self._loop
         # Not the port's own rate: during a search that is one of those that are tried.
         rate, board = loop.policy.search.rate, self._session.board
         return LinkInfo(loop.port, rate, loop.low_latency, device, board)
@@ -380,6 +443,27 @@ class Link(SessionView):
                 listener((happening, result))
 
         self._loop.call(begin, answered)
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """Have `reader` get all that crosses the link; before it is opened or at any time after."""
+        if not self._thread.is_alive():
+            self._session.listen(reader, host_clock_us())
+            return
+
+        def listen(done: Done, now_us: int) -> None:
+            self._session.listen(reader, now_us)
+            done(None)
+
+        self._loop.call(listen, lambda _: None)
+
+    def leave_tap(self, reader: TapReader) -> None:
+        """`reader` gets nothing more."""
+
+        def leave(done: Done, _now_us: int) -> None:
+            self._session.leave(reader)
+            done(None)
+
+        self._loop.call(leave, lambda _: None)
 
     def _write_at_once(self, copy: bytes | None) -> None:
         """Write a stop's copy: the port's thread sends the one that is acknowledged.

@@ -116,6 +116,11 @@ class BootHistory:
         # More than frames on their way can belong to; it must not grow with each reset.
         self._boots: deque[int] = deque(maxlen=8)
 
+    @property
+    def ids(self) -> list[int]:
+        """The last ones, in order."""
+        return list(self._boots)
+
     def enter(self, boot_id: int) -> None:
         """A session with this boot was opened."""
         if self.is_new(boot_id):

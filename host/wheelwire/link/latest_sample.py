@@ -15,7 +15,7 @@ from wheelwire_protocol.types import WheelState
 from ..errors import RequestTimeout, WheelwireError
 from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
-from .sample_iterator import SampleIterator
+from .sample_iterator import QUEUE_US, SampleIterator
 from .state_stream import Measurement
 from .waiting import Notifier
 
@@ -46,12 +46,16 @@ class LatestSample:
 
     Attributes:
         now_us: The clock that samples are stamped with.
+        queue_us: How long an iterator holds a sample for a slow reader, on that clock.
+        wait_for: Waits for a sample, as `Notifier.wait_for`.
         changed: Wakes who waits for a sample.
     """
 
     def __init__(self) -> None:
         self.now_us = host_clock_us
+        self.queue_us = QUEUE_US
         self.changed = Notifier()
+        self.wait_for = self.changed.wait_for
         self.notify_all = self.changed.notify_all
         """Wakes who waits for what was put."""
         self._last: WheelState | None = None
@@ -122,9 +126,9 @@ class LatestSample:
         """The driver is about to be closed: iterators then end instead of failing."""
         self._closed = True
 
-    def iterate(self, wait: Callable[[Callable[[], bool]], None] | None = None) -> SampleIterator:
-        """All samples from now on; `wait`: see `SampleIterator`."""
-        iterator = SampleIterator(wait or self._wait_for)
+    def iterate(self) -> SampleIterator:
+        """All samples from now on."""
+        iterator = SampleIterator(self._wait_for, self.queue_us)
         # Weakly: one that was abandoned in the middle of a loop is no longer filled.
         self._iterators.append(ref(iterator))
         if self._failure is not None:  # possibly before it was listed
@@ -214,12 +218,12 @@ class LatestSample:
         return (measurement,) if self.now_us() <= measurement.arrived_us + limit_us else ()
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
-        self.changed.wait_for(ready, ITERATOR_WAIT_S)
+        self.wait_for(ready, ITERATOR_WAIT_S)
 
     def _wait(self, timeout_s: float, ready: Callable[[], bool]) -> None:
         self._asked_us = host_clock_us()
         if not ready():
-            self.changed.wait_for(lambda: ready() or self._failure is not None, timeout_s)
+            self.wait_for(lambda: ready() or self._failure is not None, timeout_s)
             # Again: the wait may have been long, and its caller is about to ask for the next.
             self._asked_us = host_clock_us()
 

@@ -16,7 +16,7 @@ from serial.tools import list_ports
 PSEUDO_TERMINALS = "/dev/pts/"
 """Where they are; each has a program instead of a device at its other end."""
 
-_BRIDGES = {
+BRIDGES = {
     (0x10C4, 0xEA60): "CP210x: an ESP32 board, or an RPLidar (same ids); identify by handshake",
     (0x1A86, 0x7523): "CH340: an ESP32 board, or an Arduino clone",
     (0x1A86, 0x55D4): "CH9102: an ESP32 board",
@@ -59,7 +59,7 @@ def list_serial_ports(by_path: Path = Path("/dev/serial/by-path")) -> list[Seria
     stable = _stable_names(by_path)
     found = []
     for port in list_ports.comports():
-        note = _BRIDGES.get((port.vid, port.pid), "")
+        note = BRIDGES.get((port.vid, port.pid), "")
         found.append(
             SerialPort(
                 device=port.device,
@@ -122,6 +122,14 @@ def final_name(device: str | Path) -> str:
         return str(Path(device).resolve())
     except FileNotFoundError:
         return str(device)
+
+
+def absolute_port(port: str) -> str:
+    """A port as any program of this computer would name it, whichever of its names was given."""
+    scheme, _, path = port.partition(":") if port.startswith("unix:") else ("", "", port)
+    if "/" not in path or "://" in path:  # a driver's name, a URL
+        return port
+    return f"{scheme}:{final_name(path)}" if scheme else final_name(path)
 
 
 def _has_open(process: Path, target: str) -> bool | None:

@@ -29,6 +29,7 @@ from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
 from .setpoints import REPEAT_AFTER_US
+from .tap import Kind
 from .waiting import Notifier
 
 if TYPE_CHECKING:
@@ -210,7 +211,7 @@ class PortLoop:
         if transport is None:
             raise LinkLost("the port is gone; the setpoint was not sent")
         # Behind what waits, or a newer setpoint would overtake an older one.
-        if self._output or self._frames or transport.write(frame) < len(frame):
+        if self._output or self._frames or self._put(transport, frame) < len(frame):
             self._frames.append(frame)
             self.wake()
         elif now_us > self._turned_us + REPEAT_AFTER_US:
@@ -439,7 +440,15 @@ class PortLoop:
         while self._frames:  # other threads append meanwhile
             self._output += self._frames.popleft()
         if self._output:
-            self._output = self._output[transport.write(self._output) :]
+            self._output = self._output[self._put(transport, self._output) :]
+
+    def _put(self, transport: Transport, data: bytes) -> int:
+        """Write what the port takes of `data`; returns how much that was."""
+        written = transport.write(data)
+        tap = self._session.tap
+        if tap.readers and written:
+            tap.put(Kind.SENT, host_clock_us(), data[:written])
+        return written
 
     def _queue_output(self) -> None:
         """Queue the session's output, or drop it if the port has accepted nothing for long.
@@ -480,7 +489,9 @@ class PortLoop:
 
     def _renew(self, now_us: int) -> None:
         """The computer slept, so the estimate of the device's clock is wrong."""
-        error = LinkLost("the computer was suspended; a new session is being opened")
+        error = LinkLost(
+            "the computer was suspended; a new session is being opened", causes=("host_frozen",)
+        )
         self._session.renew(error, now_us)
         self._work_pending, self._due_us = True, 0
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -17,6 +17,10 @@ from wheelwire_protocol.types import (
     BoardGet,
     BoardValue,
     BoardWrite,
+    BoxGet,
+    BoxPart,
+    BoxRead,
+    BoxValue,
     ClearEstop,
     ClearFault,
     Contradictions,
@@ -26,6 +30,8 @@ from wheelwire_protocol.types import (
     Estop,
     GroupGet,
     GroupInfo,
+    LedgerGet,
+    LedgerValue,
     LinkCounters,
     LinkCountersGet,
     ParameterEntry,
@@ -64,6 +70,9 @@ RequestMessage: TypeAlias = (
     | BoardGet
     | BoardWrite
     | BoardConfirm
+    | BoxGet
+    | BoxRead
+    | LedgerGet
 )
 Answer: TypeAlias = (
     Ack
@@ -74,6 +83,9 @@ Answer: TypeAlias = (
     | Contradictions
     | GroupInfo
     | BoardValue
+    | BoxValue
+    | BoxPart
+    | LedgerValue
 )
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
@@ -100,6 +112,9 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     ContradictionsGet: Contradictions,
     GroupGet: GroupInfo,
     BoardGet: BoardValue,
+    BoxGet: BoxValue,
+    BoxRead: BoxPart,
+    LedgerGet: LedgerValue,
 }
 
 
@@ -162,6 +177,17 @@ class RequestQueue:
         """Count ids from the start: the device has forgotten the previous session's."""
         # No request is left to be dropped: the end of the previous session has aborted them all.
         self._last_ids.clear()
+
+    def snapshot(self) -> list[tuple[bool, int]]:
+        """What `resume` takes: the last ids, as if the requests that wait had theirs."""
+        ids = dict(self._last_ids)
+        for request in self._waiting:
+            ids[request.urgent] = (ids.get(request.urgent, 0) + 1) % ID_MODULUS
+        return list(ids.items())
+
+    def resume(self, ids: Iterable[tuple[bool, int]]) -> None:
+        """Count on behind the ids of a snapshot."""
+        self._last_ids = dict(ids)
 
     def submit(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send `message`, now or after those before it; its request_id is filled in.
@@ -248,6 +274,15 @@ class RequestQueue:
         self._finish(key, error, now_us)
         return True
 
+    def places(self, done: Done) -> list[int]:
+        """Where `done` waits, among the requests that are open and those that wait."""
+        return [place for place, request in enumerate(self._all) if request.done == done]
+
+    def waiting_at(self, places: Iterable[int]) -> list[Done]:
+        """Who waits at these places."""
+        requests = self._all
+        return [requests[place].done for place in places if place < len(requests)]
+
     def withdraw(self, done: Done) -> None:
         """Whoever waited for `done` has given up.
 
@@ -269,11 +304,15 @@ class RequestQueue:
     def abort(self, error: WheelwireError) -> None:
         """End all requests with `error`."""
         # Cleared first: a `done` may submit again, to the next session's queue.
-        requests = [*self._open.values(), *self._waiting]
+        requests = self._all
         self._open.clear()
         self._waiting.clear()
         for request in requests:
             request.done(error)
+
+    @property
+    def _all(self) -> list[_Request]:
+        return [*self._open.values(), *self._waiting]
 
     def _begin_next(self, now_us: int) -> None:
         if self._waiting and not self.waits_in_order:

@@ -25,10 +25,13 @@ class SampleIterator:
         dropped: Samples that were not taken in time.
     """
 
-    def __init__(self, wait: Callable[[Callable[[], bool]], None]) -> None:
+    def __init__(
+        self, wait: Callable[[Callable[[], bool]], None], queue_us: int = QUEUE_US
+    ) -> None:
         """`wait` returns when its argument holds, or after a bounded time; see `BaseDriver`."""
         self.dropped = 0
         self._wait = wait
+        self._queue_us = queue_us
         # Each in a list of its own: whoever takes it out of that has it, though another thread may
         # be about to do the same.
         self._queue: deque[list[Measurement]] = deque()
@@ -41,7 +44,7 @@ class SampleIterator:
         queue.append([measurement])
         with suppress(IndexError):  # whoever iterates was quicker
             # By time, not by number: the stream rate is the device's.
-            while (oldest := queue[0])[0].arrived_us < measurement.arrived_us - QUEUE_US:
+            while (oldest := queue[0])[0].arrived_us < measurement.arrived_us - self._queue_us:
                 oldest.pop()
                 self.dropped += 1
                 with suppress(ValueError):  # whoever iterates has just passed over it

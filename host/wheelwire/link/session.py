@@ -7,6 +7,8 @@ watched parameters fetched, and the device's board compared with the expected on
 after that the session is open. It ends when the port closes, when
 the device falls silent or is reset, and when the device no longer knows the session.
 
+All that decides what it does goes by its tap first, so that it can be done again (`tap.Kind`).
+
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
 time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
 any other may ask for a setpoint's frame meanwhile, to write it itself. That needs no lock: what it
@@ -16,12 +18,16 @@ uses of the session is one object, which is replaced as a whole.
 from __future__ import annotations
 
 import enum
+import json
 import logging
+import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 from itertools import count
+from typing import Any
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
@@ -36,13 +42,15 @@ from wheelwire_protocol.codes import (
     TrialAction,
 )
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.framing import Encoder
+from wheelwire_protocol.framing import Encoder, encode_frame
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
     BoardConfirm,
     BoardGet,
     BoardValue,
+    BoxPart,
+    BoxValue,
     ClearEstop,
     ClearFault,
     Contradictions,
@@ -53,6 +61,7 @@ from wheelwire_protocol.types import (
     GroupGet,
     GroupInfo,
     Hello,
+    LedgerValue,
     LinkCounters,
     ParameterEntry,
     ParameterGet,
@@ -92,6 +101,7 @@ from .news import Happening, News
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
 from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
+from .tap import Kind, Tap, TapReader
 from .trial import HeldTrial
 
 HELLO_PERIOD_US = 30_000
@@ -145,6 +155,8 @@ class Session:
         frames_received: Good frames of known messages, since the start.
         setpoints: Makes the frames of setpoints, for any thread.
         news: What has happened, in order; whoever serves the session takes it out.
+        tap: Passes on what this session is given.
+        warn: Takes what the user should know, as `logging.warning` does.
     """
 
     def __init__(
@@ -170,7 +182,11 @@ class Session:
         self.bytes_received = 0
         self.frames_received = 0
         self.news: deque[News] = deque()
+        self.tap = Tap()
+        self.warn: Callable[..., None] = _LOG.warning
 
+        self._joining: list[TapReader] = []
+        """Who listens as soon as the session is not being prepared any more."""
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
         self._watched = tuple(watched)
@@ -199,6 +215,8 @@ class Session:
         """The session's; 0 outside one."""
         self._boot_id: int | None = None
         """The device's; None outside a session."""
+        self._hello: DeviceHello | None = None
+        """What began the newest session."""
         self._command_seqs = count(1)
         self._boots = BootHistory()
         self._liveness = Liveness(0)
@@ -208,7 +226,7 @@ class Session:
         self._requests = RequestQueue(self._send)
         self._trial = HeldTrial()
         # The reason is replaced at each loss, so it is looked up when it is needed.
-        self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error)
+        self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error, self.tap)
         self._state_stream = StateStream()
         # Of no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
@@ -226,7 +244,15 @@ class Session:
             Contradictions: self._on_answer,
             GroupInfo: self._on_answer,
             BoardValue: self._on_answer,
+            BoxValue: self._on_answer,
+            BoxPart: self._on_answer,
+            LedgerValue: self._on_answer,
         }
+
+    @property
+    def id(self) -> int:
+        """The session's id on the wire; 0 outside one."""
+        return self._id
 
     def statistics(self, now_us: int) -> LinkStatistics:
         """A snapshot of all counters."""
@@ -263,6 +289,7 @@ class Session:
 
     def connect(self, now_us: int) -> None:
         """The port is open: say hello. Sequence numbers restart, and queued output is dropped."""
+        self._report(Kind.CONNECTED, now_us)
         self._frames_sent_before += self._encoder.encoded
         # A new encoder, not the old one restarted: another thread may be encoding a setpoint.
         self._encoder = Encoder()
@@ -274,20 +301,24 @@ class Session:
 
     def renew(self, error: WheelwireError, now_us: int) -> None:
         """Begin a new session if one was begun: its state is no longer valid."""
+        self._report(Kind.RENEWED, now_us, str(error).encode())
         if self._in_session:
             self._begin_hello(error, now_us)
 
     def disconnect(self, error: WheelwireError) -> None:
         """The port is gone: every open request fails with `error`."""
+        self._report(Kind.DISCONNECTED, self.tap.host_us, str(error).encode())
         self._end(error)
         # The rest was meant for this device; another may be behind the next port.
         self._output.clear()
+        self._join()
 
     def receive(self, data: bytes, now_us: int, *, every_state: bool = False) -> list[Measurement]:
         """Process bytes, whatever they are; returns what was measured anew.
 
         That is the newest of the state frames that arrive together, or with `every_state` each.
         """
+        self._report(Kind.RECEIVED_EACH if every_state else Kind.RECEIVED, now_us, data)
         # Noise counts: bytes without an answer tell a foreign device from a silent one.
         self.bytes_received += len(data)
         if now_us >= self._recent.due_us:
@@ -324,10 +355,14 @@ class Session:
 
     def advance(self, now_us: int) -> None:
         """Do what is due: hello, pings, repeats, the end of a session whose device is silent."""
+        self._report(Kind.ADVANCED, now_us)
         if self.phase is Phase.HELLO:
             self._say_hello(now_us)
         elif self._in_session and now_us >= self._liveness.silent_us:
-            silent = LinkLost("the device fell silent; saying hello until it answers")
+            silent = LinkLost(
+                "the device fell silent; saying hello until it answers",
+                causes=("cable_pulled", "power_lost"),
+            )
             self._begin_hello(silent, now_us)
         if self._in_session:
             self._requests.advance(now_us)
@@ -387,11 +422,13 @@ class Session:
 
     def stop(self, mode: StopMode, done: Done, now_us: int) -> None:
         """Void the setpoint and stop. Without a session the stop is sent unacknowledged."""
+        self._report(Kind.STOP, now_us, bytes([mode]))
         # Numbered from the setpoints' counter, so that those still on their way are void.
         self._stop(Stop(self._id, 0, next(self._command_seqs), mode), done, now_us)
 
     def estop(self, done: Done, now_us: int) -> None:
         """Stop and latch. Without a session it is sent unacknowledged."""
+        self._report(Kind.STOP, now_us, b"\xff")
         self._stop(Estop(self._id, 0), done, now_us)
 
     def request(self, message: RequestMessage, done: Done, now_us: int) -> None:
@@ -401,6 +438,8 @@ class Session:
             LinkLost: The session is not open.
             DeviceRefused: It belongs to a trial of parameters that was lost.
         """
+        if self.tap.readers:
+            self.tap.put(Kind.REQUEST, now_us, encode_frame(message, 0))
         self.check_open()
         # A revert passes the check: it is how an application leaves a trial that was lost.
         reverts = isinstance(message, ParameterTrial) and message.action == TrialAction.REVERT
@@ -414,6 +453,7 @@ class Session:
 
     def release_trial(self) -> None:
         """The application has left its trial of parameters; from any thread."""
+        self._report(Kind.RELEASED, self.tap.host_us)
         self._trial.release()
 
     def standing_news(self, happening: Happening) -> News | None:
@@ -430,7 +470,19 @@ class Session:
 
     def withdraw(self, done: Done) -> None:
         """Whoever waits for `done` has given up: no copy of the request is sent any more."""
+        if self.tap.readers:
+            which = self._requests.places(done)
+            self.tap.put(Kind.WITHDRAWN, self.tap.host_us, struct.pack(f"<{len(which)}I", *which))
         self._requests.withdraw(done)
+
+    def withdraw_places(self, places: Sequence[int]) -> None:
+        """As `withdraw`, by what `RequestQueue.places` has said of another session like this."""
+        for done in self._requests.waiting_at(places):
+            self._requests.withdraw(done)
+
+    def use_nonce(self, nonce: int) -> None:
+        """Continue with the nonce that another session like this has drawn."""
+        self._nonce = nonce
 
     def _stop(self, message: Stop | Estop, done: Done, now_us: int) -> None:
         # First, so that no repeat of an earlier setpoint goes out behind the stop.
@@ -459,8 +511,10 @@ class Session:
         self.unanswered_since_us = now_us + pause_us
         # A new one, so that a late answer to a previous hello cannot begin this session.
         self._nonce = self._draw_nonce()
+        self._report(Kind.NONCE, now_us, struct.pack("<I", self._nonce))
         self._hello_due_us = now_us + pause_us
         self._say_hello(now_us)
+        self._join()
 
     def _say_hello(self, now_us: int) -> None:
         if now_us >= self._hello_due_us:
@@ -502,6 +556,7 @@ class Session:
         except ValueError:
             self._invalid += 1
         else:
+            self._hello = hello
             self._begin(device, now_us)
 
     def _check_board(self, found: DeviceInfo) -> None:
@@ -606,6 +661,7 @@ class Session:
             self.phase = Phase.OPEN
             self.error = self.error.with_traceback(None)  # as in `_end`
             self.news.append((Happening.OPENED, self.device))
+            self._join()
 
     def _collect_watched(self) -> None:
         """Replace the watched values, unless a device's answers have left one out."""
@@ -677,7 +733,7 @@ class Session:
             return
         if event.code == EventCode.ROLLING:
             self.rolling_mps = event.speed_mps
-            _LOG.warning(
+            self.warn(
                 "the robot rolls at %.2f m/s although nothing drives it: on a slope, set stop_mode "
                 "to 3 (brake until driven) and block the wheels",
                 event.speed_mps,
@@ -701,7 +757,10 @@ class Session:
         self._refused += 1
         # Not reported to one request alone: the end of the session fails them all.
         if refuse.code == RefusalCode.NO_SESSION:
-            error = LinkLost("the device no longer knows this session; opening a new one")
+            error = LinkLost(
+                "the device no longer knows this session; opening a new one",
+                causes=("no_session",),
+            )
             self._begin_hello(error, now_us)
             return
         if refuse.message_id in SETPOINT_IDS:
@@ -757,8 +816,125 @@ class Session:
 
     def _begin_after_trial(self, now_us: int) -> None:
         """The device has reverted a trial by itself: all that is known of its values is void."""
-        expired = LinkLost("a trial of parameters was not renewed in time; a new session is opened")
+        expired = LinkLost(
+            "a trial of parameters was not renewed in time; a new session is opened",
+            causes=("trial_expired",),
+        )
         self._begin_hello(expired, now_us)
+
+    # --- the tap -------------------------------------------------------------------------------
+
+    def listen(self, reader: TapReader, now_us: int) -> None:
+        """Have `reader` get all that the session is given, and first how it is now.
+
+        At once, or as soon as the session is not being prepared any more.
+        """
+        self.tap.host_us = now_us
+        self._joining.append(reader)
+        self._join()
+
+    def leave(self, reader: TapReader) -> None:
+        """`reader` gets nothing more, and if it was not given the start yet, nothing at all."""
+        self._joining = [one for one in self._joining if one is not reader]
+        self.tap.remove(reader)
+
+    def _join(self) -> None:
+        # What is asked for while a session is prepared is in no snapshot.
+        while self._joining and self.phase is not Phase.PREPARING:
+            self.tap.add(self._joining.pop(), json.dumps(self._snapshot()).encode())
+
+    def _report(self, kind: Kind, now_us: int, data: bytes = b"") -> None:
+        if self.tap.readers:
+            self.tap.put(kind, now_us, data)
+
+    def _snapshot(self) -> dict[str, Any]:
+        """What `resume` needs; counters start anew, and what is being asked for is left out."""
+        board, expected = self.board, self._expected_board
+        snapshot: dict[str, Any] = {
+            "phase": self.phase.name,
+            "error": str(self.error),
+            "nonce": self._nonce,
+            "count": self.count,
+            "stream_rate_hz": self._stream_rate_hz,
+            "watched": self._watched,
+            "settings": list(self._settings.items()),
+            "any_board": self._any_board,
+            "expected_board": expected,
+            "hello": self._hello,
+            "boots": self._boots.ids,
+            "latched": self._latched,
+        }
+        if self.phase is Phase.OPEN:
+            liveness, stream = self._liveness, self._state_stream
+            snapshot |= {
+                "values": list(self.values.items()),
+                "board": board and [board.name, board.state, board.fingerprint, board.has_contact],
+                "clock": self._synchroniser.snapshot(),
+                "liveness": [liveness.heard_us, liveness.state_us],
+                "stream": stream.snapshot(),
+                "requests": self._requests.snapshot(),
+                "supervisor": self.setpoints.supervisor,
+                "faults": self.setpoints.faults,
+                "command_seq": next(copy(self._command_seqs)),
+            }
+        return snapshot
+
+    @classmethod
+    def resumed(cls, snapshot: bytes, nonce: Callable[[], int]) -> Session:
+        """A session that goes on where the one of a record START was.
+
+        Raises:
+            ValueError: It is none of this release.
+        """
+        try:
+            known = json.loads(snapshot)
+            expected = known["expected_board"]
+            session = cls(
+                nonce,
+                known["stream_rate_hz"],
+                known["watched"],
+                any_board=known["any_board"],
+                settings=dict(known["settings"]),
+                expected_board=None if expected is None else ExpectedBoard(*expected),
+            )
+            session._resume(known)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"it is the start of no session of this release: {error!r}") from error
+        return session
+
+    def _resume(self, known: dict[str, Any]) -> None:
+        self.phase, self._nonce = Phase[known["phase"]], known["nonce"]
+        self.error = LinkLost(known["error"])
+        self._latched = Fault(known["latched"])
+        for boot_id in known["boots"]:
+            self._boots.enter(boot_id)
+        if known["hello"] is None:
+            return
+        self._hello = hello = DeviceHello(*known["hello"])
+        self.device, self.count = DeviceInfo.from_hello(hello), known["count"]
+        if self.phase is not Phase.OPEN:
+            return
+        self._id, self._boot_id = self._nonce ^ hello.boot_id, hello.boot_id
+        self.values = dict(known["values"])
+        if known["board"] is not None:
+            name, state, fingerprint, has_contact = known["board"]
+            self.board = ActiveBoard(name, BoardState(state), fingerprint, has_contact)
+        self._board_is_known = True
+        self._synchroniser = Synchroniser.resumed(self._id, self._send, known["clock"])
+        self._liveness.heard_us, self._liveness.state_us = known["liveness"]
+        self._state_stream.resume(*known["stream"])
+        self._requests.resume(known["requests"])
+        if known["supervisor"] is not None:
+            self.setpoints.supervisor = SupervisorState(known["supervisor"])
+        self.setpoints.faults = Fault(known["faults"])
+        self._command_seqs = count(known["command_seq"])
+        self._prepared = True
+        self.setpoints.opened = OpenSession(
+            self._id, self._synchroniser.clock, self._command_seqs, self._encoder
+        )
+        if REARM_GAP.id in self.values:
+            self.setpoints.take_rearm_gap(self.values[REARM_GAP.id])
+        self._collect_watched()
 
     # --- sending -------------------------------------------------------------------------------
 

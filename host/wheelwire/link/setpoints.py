@@ -7,6 +7,7 @@ both touch is replaced in one assignment.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
 from itertools import count
 from typing import Any, NamedTuple, TypeAlias
@@ -21,11 +22,15 @@ from ..errors import NO_FAULT, DeviceRefused, Expired, WheelwireError
 from .clock import ClockEstimator
 from .requests import COPY_ID
 from .state_stream import DUTY_SCALE
+from .tap import Kind, Tap
 from .trial import HeldTrial
 
 REPEAT_AFTER_US = 20_000
 """Time for a state frame to show that the setpoint arrived, at 100 frames a second."""
 REARM_GAP = PARAMETER_BY_NAME["rearm_gap_s"]
+
+ASKED = struct.Struct("<ddq")
+"""Left, right and expiry of a setpoint, as the application asked for it."""
 
 Setpoint: TypeAlias = SetWheelVelocity | SetDuty
 
@@ -59,6 +64,7 @@ class SetpointSender:
         send: Takes a message for the line: the repeats.
         trial: The trial of parameters; no setpoint goes out once it is lost.
         why_closed: Gives the reason why no session is open.
+        tap: Passes on what is asked for.
 
     Attributes:
         opened: The open session; None while there is none. Replaced as a whole.
@@ -69,6 +75,7 @@ class SetpointSender:
         refused_us: When the last refusal came.
         rearm_gap_us: The pause after which a device that is unarmed drives again, as far as known.
         moves_until_us: Until when the device may obey a setpoint that moves it; 0: it was stopped.
+        newest: The newest setpoint, and when it expires on the host's clock; None after a stop.
     """
 
     def __init__(
@@ -76,6 +83,7 @@ class SetpointSender:
         send: Callable[[AnyMessage], None],
         trial: HeldTrial,
         why_closed: Callable[[], WheelwireError],
+        tap: Tap,
     ) -> None:
         self.opened: OpenSession | None = None
         self.repeated = 0
@@ -85,9 +93,11 @@ class SetpointSender:
         self.refused_us = 0
         self.rearm_gap_us = _microseconds(REARM_GAP.default)
         self.moves_until_us = 0
+        self.newest: tuple[Setpoint, int] | None = None
         self._send = send
         self._trial = trial
         self._why_closed = why_closed
+        self._tap = tap
         self._refusal: int | None = None
         self._zero_seq = 0
         """Of the newest setpoint of this session that asked for standstill."""
@@ -113,6 +123,7 @@ class SetpointSender:
 
     def clear(self) -> None:
         """What was refused or latched is past, and what was sent is void."""
+        self.newest = None
         self._unseen = None
         self._refusal = None
         self.supervisor = None
@@ -121,6 +132,7 @@ class SetpointSender:
     def void(self) -> None:
         """What was sent is not to be sent again."""
         self._unseen = None
+        self.newest = None
 
     def on_stop(self) -> None:
         """A stop goes out: what was sent before it, or refused, is past.
@@ -129,6 +141,7 @@ class SetpointSender:
         the device already.
         """
         self._unseen = None
+        self.newest = None
         self._refusal = None
 
     def velocity_frame(
@@ -146,10 +159,14 @@ class SetpointSender:
                 or a fault is latched, or a trial of parameters was lost. After UNARMED zero is
                 sent, and does not raise.
         """
+        if self._tap.readers:
+            self._tap.put(Kind.VELOCITY, now_us, ASKED.pack(left_mps, right_mps, expiry_us))
         return self._frame(SetWheelVelocity, left_mps, right_mps, expiry_us, now_us)
 
     def duty_frame(self, left: float, right: float, expiry_us: int, now_us: int) -> bytes:
         """A duty setpoint, -1..1; otherwise as `velocity_frame`."""
+        if self._tap.readers:
+            self._tap.put(Kind.DUTY, now_us, ASKED.pack(left, right, expiry_us))
         left_q15, right_q15 = round(left * DUTY_SCALE), round(right * DUTY_SCALE)
         return self._frame(SetDuty, left_q15, right_q15, expiry_us, now_us)
 
@@ -162,6 +179,8 @@ class SetpointSender:
         opened = self.opened
         if opened is None:
             return None
+        if self._tap.readers:
+            self._tap.put(Kind.STOP_COPY, self._tap.host_us, bytes([255 if mode is None else mode]))
         if mode is None:
             return opened.encoder.encode(Estop(opened.id, COPY_ID))
         command_seq = next(opened.command_seqs)
@@ -249,6 +268,7 @@ class SetpointSender:
         self.moves_until_us = sure_us if left or right else 0
         # Before it is written: the state frame that shows it may come at any moment after.
         self._unseen = setpoint, sure_us, now_us + REPEAT_AFTER_US
+        self.newest = setpoint, sure_us
         return opened.encoder.encode(setpoint)
 
     def _take_unarmed(self, *, is_zero: bool, now_us: int) -> bool:

@@ -84,6 +84,14 @@ class StateStream:
         self._t_us = 0
         self._arrived_us = 0
 
+    def snapshot(self) -> tuple[int | None, int, int]:
+        """What `resume` takes: the newest frame's boot, its latch and its arrival."""
+        return self._boot_id, self._t_us, self._arrived_us
+
+    def resume(self, boot_id: int | None, t_us: int, arrived_us: int) -> None:
+        """Go on behind the frame of a snapshot."""
+        self._boot_id, self._t_us, self._arrived_us = boot_id, t_us, arrived_us
+
     def newest(
         self, states: Iterable[WheelState], clock: ClockEstimator, now_us: int
     ) -> Measurement | None:

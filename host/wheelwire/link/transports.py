@@ -88,7 +88,8 @@ class Transport(ABC):
 
     def lost(self, error: OSError | termios.error | None = None) -> LinkLost:
         """The error of a lost other end; `error` is how that was noticed, if by one."""
-        return LinkLost(self.gone if error is None else f"{self.gone}: {_text(error)}")
+        text = self.gone if error is None else f"{self.gone}: {_text(error)}"
+        return LinkLost(text, causes=("cable_pulled",))
 
     def set_baud_rate(self, baud_rate: int) -> None:  # noqa: B027 - a socket has none
         """Change the baud rate, where there is one."""

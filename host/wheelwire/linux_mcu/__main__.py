@@ -74,6 +74,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     from .core import McuLoop, active_parameters, make_core
     from .gpio import open_gpio
     from .line import ConnectedLine, Line, ListeningLine
+    from .recorder import keep_recorder
 
     # First: from here on a signal ends the loop, with the wheels stopped, and not the process.
     end_signal = _open_end_signal()
@@ -87,6 +88,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
     started = False
     try:
         core = make_core(settings, heartbeat)
+        keep_recorder(core, settings, heartbeat)
         limits = (*gpio.limits, *([limit] if limit else []))
         # Before anybody hears that the robot is ready: nothing may drive unguarded.
         _await_guard(heartbeat)

@@ -60,9 +60,7 @@ def latch_file(settings: McuSettings) -> LatchFile:
     Raises:
         ConfigurationError: There is no directory in which it would be safe.
     """
-    # By the pins, which two robots of one computer cannot share; behind a pigpiod by its address.
-    place = f"-{settings.host}-{settings.port}" if settings.backend == "pigpio" else ""
-    name = f"{settings.backend}-{settings.board.fingerprint():08x}{place}.latch"
+    name = f"{settings.identity}.latch"
     return LatchFile(runtime_directory() / name.replace(os.sep, "_"))
 
 

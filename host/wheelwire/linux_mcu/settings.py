@@ -46,6 +46,12 @@ class McuSettings:
     listen: str | None = None
     parent: int | None = None
 
+    @property
+    def identity(self) -> str:
+        """Of the robot, by its pins, which two robots cannot share; behind a pigpiod with that."""
+        place = f"-{self.host}-{self.port}" if self.backend == "pigpio" else ""
+        return f"{self.backend}-{self.board.fingerprint():08x}{place}"
+
     def to_json(self) -> str:
         """The settings as one line of JSON, with the board in its packed form."""
         # JSON knows neither the board's enumerations nor its set of pins.

@@ -40,9 +40,9 @@ class PoseCovariance:
     def update(self, update: OdometryUpdate, wheel_separation: float) -> Matrix:
         """Propagate over one update of the odometry; returns the new matrix, 3 by 3.
 
-        P <- F_p P F_p' + F_d S F_d', with S = diag(k_r |ds_r|, k_l |ds_l|). Across a reset of the
-        device the pose stays, and S is of what may have been driven unseen: the wheels stopped at
-        the same time, sooner or later, and each rolled out a little differently.
+        `P <- F_p P F_p' + F_d S F_d'`, with `S = diag(k_r |ds_r|, k_l |ds_l|)`. Across a reset of
+        the device the pose stays, and S is of what may have been driven unseen: the wheels stopped
+        at the same time, sooner or later, and each rolled out a little differently.
         """
         heading = update.pose.heading_rad
         if update.rebased:

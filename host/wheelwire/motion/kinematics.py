@@ -6,11 +6,21 @@ REP-103: x forward, counter-clockwise positive. v = (r + l) / 2, w = (r - l) / w
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+
 from ..arguments import is_number
 from ..errors import ParameterOutOfRange
+from ..parameters import decimal_of_float32
+
+GEOMETRY = tuple(
+    PARAMETER_BY_NAME[name].id
+    for name in ("wheel_separation", "wheel_radius", "counts_per_revolution", "max_velocity_mps")
+)
+"""The parameters of a device that say how its robot is built."""
 
 
 class Twist(NamedTuple):
@@ -58,6 +68,11 @@ class DifferentialDrive:
             unlimited = field.name == "max_velocity_mps" and value == math.inf
             if not unlimited and not (is_number(value) and value > 0):
                 raise ParameterOutOfRange(field.name, value, "a positive finite number")
+
+    @classmethod
+    def of_device(cls, values: Mapping[int, float]) -> DifferentialDrive:
+        """As the device has it, by the values of `GEOMETRY`."""
+        return cls(*[decimal_of_float32(values[parameter]) for parameter in GEOMETRY])
 
     @property
     def metres_per_tick(self) -> float:

@@ -18,7 +18,7 @@ from typing import Any
 from wheelwire.errors import PortUnavailable
 from wheelwire.link.clock import host_clock_us
 
-from .impairment import ImpairedLine, LineEvent, LineProfile
+from .bad_line import ImpairedLine, LineEvent, LineProfile
 from .simulator import Simulator
 
 READ_SIZE = 1 << 16

@@ -213,9 +213,9 @@ class Simulator:
             self.close()
             raise
 
-    def wait(self) -> None:
-        """Wait until the process ends by itself."""
-        self._running().wait()
+    def wait(self) -> int:
+        """Wait until the process ends by itself; returns its exit code."""
+        return self._running().wait()
 
     def close(self) -> None:
         """End the process, which removes the port and the link to it."""

@@ -191,18 +191,30 @@ class Teleop:
             self.speed = int(key) or SPEEDS
 
     def _clear(self) -> None:
-        self._robot.read()  # it may be older than the last e-stop
-        state = self._robot.read().state
-        if state is SupervisorState.ESTOPPED:
-            self._robot.clear_estop()
-        elif state is SupervisorState.FAULT:
-            self._robot.clear_fault()
-        else:
+        ended = clear(self._robot)
+        if ended is None:
             self._say("nothing is latched")
             return
         # A clear alone restarts nothing. All keys were let go above: a motion needs a new press.
         self._robot.set_velocity(0.0, 0.0, self._longest_s)
-        self._say(f"{state.name} cleared")
+        self._say(f"{ended.name} cleared")
+
+
+def clear(robot: BaseDriver) -> SupervisorState | None:
+    """End what is latched; returns what it was, or None if nothing is.
+
+    Raises:
+        WheelwireError: As `clear_estop` and `clear_fault`.
+    """
+    robot.read()  # it may be older than the last e-stop
+    state = robot.read().state
+    if state is SupervisorState.ESTOPPED:
+        robot.clear_estop()
+    elif state is SupervisorState.FAULT:
+        robot.clear_fault()
+    else:
+        return None
+    return state
 
 
 def drive(robot: BaseDriver, terminal: Terminal, speed: int = DEFAULT_SPEED) -> None:

@@ -6,7 +6,7 @@ import enum
 from collections.abc import Iterable
 
 from ..board import CODES as BOARD_CODES
-from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
@@ -217,7 +217,7 @@ def generate() -> str:
     for flags in FLAGS:
         lines += _flags(flags)
     lines += _group_hashes()
-    for enumeration in BOARD_CODES:
+    for enumeration in (*BOARD_CODES, *RECORDER_CODES):
         lines += cpp_enumeration(enumeration)
     for message in MESSAGES:
         lines += _message(message)

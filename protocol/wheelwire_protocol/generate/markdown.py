@@ -7,12 +7,14 @@ from collections.abc import Iterable
 from itertools import chain
 
 from ..board import CODES as BOARD_CODES
-from ..codes import ENUMERATIONS, FLAGS, DocumentedEnum, DocumentedFlag, Group
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, DocumentedFlag, Group
 from ..message import Field, Message
 from ..messages import MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
 from .text import banner
 from .wire_layout import layout_hash
+
+_ENUMERATIONS = (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES)
 
 FRAMING_SIZE = 3
 """Bytes a frame has beyond its payload: one COBS code, two delimiters."""
@@ -23,8 +25,8 @@ together is in [SPEC.md](SPEC.md).
 
 Sizes are in bytes: *body* is the fields alone, *frame* is all that is sent, with id, seq, CRC, COBS
 and delimiters. Types are little-endian and packed: `u16` is an unsigned, `i16` a signed integer of
-16 bits, `f32` an IEEE 754 binary32, `char[n]` n bytes of ASCII filled up with zeros. A *frozen*
-message has the same layout in every protocol version."""
+16 bits, `f32` an IEEE 754 binary32, `char[n]` n bytes, of a name its ASCII filled up with zeros. A
+*frozen* message has the same layout in every protocol version."""
 
 
 def wire_type(field: Field) -> str:
@@ -142,7 +144,7 @@ def _parameters() -> list[str]:
 
 
 def _contents(from_host: list[Message], from_device: list[Message]) -> list[str]:
-    codes = ", ".join(_anchor(e.__name__) for e in (*ENUMERATIONS, *BOARD_CODES, *FLAGS))
+    codes = ", ".join(_anchor(e.__name__) for e in (*_ENUMERATIONS, *FLAGS))
     return [
         "**From the host**",
         "",
@@ -195,7 +197,7 @@ def generate() -> str:
         *chain.from_iterable(map(_message, from_device)),
         "## Codes",
         "",
-        *chain.from_iterable(map(_enumeration, (*ENUMERATIONS, *BOARD_CODES))),
+        *chain.from_iterable(map(_enumeration, _ENUMERATIONS)),
         *chain.from_iterable(map(_flags, FLAGS)),
         *_parameters(),
     ]

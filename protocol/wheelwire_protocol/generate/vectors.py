@@ -48,7 +48,8 @@ def _typical(field: Field) -> int | float | bytes:
     if field.is_text:
         return b"Wheelwire".ljust(field.subcon.length, b"\0")
     if field.unit is not Unit.NONE:
-        return _TYPICAL[field.unit]
+        typical = _TYPICAL[field.unit]
+        return typical if field.format == "f" else int(typical)
     if field.enumeration:
         return int(max(field.enumeration))
     return 0.5 if field.format == "f" else 7

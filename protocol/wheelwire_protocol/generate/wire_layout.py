@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import enum
 import hashlib
+from collections.abc import Iterable
 
 from .. import board
-from ..codes import ENUMERATIONS, FLAGS, Group
+from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Group
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS
 
 CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
     Group.BOARD: board.CODES,
+    Group.RECORDER: RECORDER_CODES,
 }
+# A new group is no change of BASE, or each would part all hosts from all devices before it.
+_GROUPS_OF_BASE = (Group.BASE, Group.BOARD)
 
 
 def wire_layout(group: Group = Group.BASE) -> str:
@@ -25,8 +29,15 @@ def wire_layout(group: Group = Group.BASE) -> str:
     ]
     if group is Group.BASE:
         lines += [f"{p.id} {p.name} {p.kind.value} {p.unit.value}" for p in PARAMETERS]
-    lines += [f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in e) for e in CODES[group]]
+    lines += [
+        f"{e.__name__} " + " ".join(f"{m.name}={m.value}" for m in _members(e))
+        for e in CODES[group]
+    ]
     return "\n".join(lines)
+
+
+def _members(codes: type[enum.Enum]) -> Iterable[enum.Enum]:
+    return _GROUPS_OF_BASE if codes is Group else codes
 
 
 def layout_hash(group: Group = Group.BASE) -> int:

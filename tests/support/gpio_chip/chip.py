@@ -75,8 +75,10 @@ class Chip:
             connection.sendall(f"{self._claim(gpio, connection, arguments[1])}\n".encode())
         elif gpio.owner is connection and command == "set":
             gpio.level = float(arguments[1])
-        elif gpio.owner is connection and command == "pull":
-            gpio.pull = arguments[1]
+        elif command == "pull":
+            if gpio.owner is connection:
+                gpio.pull = arguments[1]
+            connection.sendall(b"\n")
         elif gpio.owner is connection and command == "free":
             gpio.owner, gpio.output, gpio.level = None, False, 0.0  # the pull-down's
         self._changed()

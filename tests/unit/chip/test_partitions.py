@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,13 @@ def rows() -> list[tuple[str, str, str, int, int]]:
 
 def test_the_table_is_the_one_that_boards_have() -> None:
     assert rows() == LAYOUT
+
+
+def test_the_recorder_uses_all_of_its_partition() -> None:
+    keeper = (FIRMWARE / "recorder" / "recorder_keeper.hpp").read_text()
+    size = re.search(r"static_assert\(kFlashSize == (\d+) \* 1024\);", keeper)
+    assert size
+    assert ("recorder", int(size[1]) * KIB) in [(name, n) for name, *_, n in rows()]
 
 
 def test_partitions_do_not_overlap_and_end_with_4_mib() -> None:

@@ -24,13 +24,15 @@ PUT_IN = {
     "info": (),
     "monitor": (),
     "estop": (),
+    "stop": (),
     "params list": (),
     "params get": ("wheel_radius",),
     "params set": ("wheel_radius", "0.03"),
     "params save": ("wheel_radius",),
-    "params reset": (),
+    "params reset": ("--yes",),
+    "restart": (),
 }
-MOVING = {"drive": ("--linear", "0.1"), "clear": ()}
+MOVING = {"drive": ("--linear", "0.1"), "clear": (), "tune": ()}
 
 
 @pytest.fixture

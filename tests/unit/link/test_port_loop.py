@@ -18,7 +18,8 @@ from wheelwire.link.port_policy import FIRST_PAUSE_S
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier
-from wheelwire_protocol.types import Estop, Hello, SetDuty, Stop
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import AnyMessage, Estop, Hello, SetDuty, Stop
 
 pytestmark = pytest.mark.timeout(20)
 
@@ -242,3 +243,185 @@ def test_calls_learn_at_once_that_there_is_no_session() -> None:
     rig = Rig(port, call_once)
     rig.loop.run()
     assert [type(outcome) for outcome in before_the_next_attempt] == [LinkLost]
+
+
+class Narrow(Port):
+    """Takes as many bytes as there is room for."""
+
+    def __init__(self, device: FakeDevice) -> None:
+        super().__init__(device)
+        self.room = 1 << 30
+        self.refusals = 0
+
+    def write(self, data: bytes) -> int:
+        taken = data[: self.room]
+        self.room -= len(taken)
+        if not taken:
+            self.refusals += 1
+            return 0
+        return super().write(taken)
+
+
+def finish(rig: Rig) -> None:
+    rig.loop.finish()
+
+
+class Blocked(Rig):
+    """A loop whose port is blocked once its session is open; then it makes these calls, in order.
+
+    Each one is made in a turn of its own, after the loop has tried to write what waits.
+    """
+
+    def __init__(self, *calls: Callable[[Blocked], None]) -> None:
+        self.device = FakeDevice()
+        self.narrow = Narrow(self.device)
+        super().__init__(self.narrow)
+        self.size = 0
+        """Of a setpoint's frame."""
+        self._left = [*calls, finish]
+        self._mark = 0
+
+    def run(self) -> list[AnyMessage]:
+        """Until the calls are made; returns what the port took since it was blocked."""
+        self.loop.call(self._next, ignore)
+        self.loop.run()
+        return Decoder().feed(self.taken)
+
+    @property
+    def taken(self) -> bytes:
+        return b"".join(self.narrow.written[self._mark :])
+
+    def _next(self, _done: object, _now_us: int) -> None:
+        if self.session.phase is Phase.OPEN:
+            if not self._mark:
+                self._mark = len(self.narrow.written)
+                self.device.mute = True
+                self.narrow.room = 0
+            self._left.pop(0)(self)
+        if self._left:
+            # Through another thread, so that the turn ends, and writes, before the next call.
+            threading.Timer(0.002, self.loop.call, (self._next, ignore)).start()
+
+    def setpoint(self, left: float) -> bytes:
+        now_us = host_clock_us()
+        return self.session.setpoints.duty_frame(left, 0.0, now_us + 60_000_000, now_us)
+
+    def send(self, left: float) -> None:
+        frame = self.setpoint(left)
+        self.size = len(frame)
+        self.loop.send(frame, host_clock_us())
+
+    def estop(self) -> None:
+        self.session.estop(ignore, host_clock_us())
+
+
+def opened(room: int) -> Callable[[Blocked], None]:
+    def open_up(rig: Blocked) -> None:
+        rig.narrow.room = room
+
+    return open_up
+
+
+WIDE = 1 << 30
+
+
+def a_turn(_rig: Blocked) -> None:
+    """One more, in which the loop writes what waits."""
+
+
+def place_of(messages: list[AnyMessage], kind: type[AnyMessage]) -> int:
+    return next(place for place, message in enumerate(messages) if isinstance(message, kind))
+
+
+@pytest.mark.parametrize("part", [0, 5])
+def test_a_new_setpoint_neither_overtakes_nor_splits_what_waits(part: int) -> None:
+    """The port takes a part of an e-stop, and has room again when a setpoint is given."""
+
+    def drive(rig: Blocked) -> None:
+        rig.narrow.room = WIDE
+        rig.send(0.1)
+
+    def estop(rig: Blocked) -> None:
+        rig.narrow.room = part
+        rig.estop()
+
+    messages = Blocked(estop, drive).run()
+    # Split by another frame, the first e-stop would be lost: the one found would be a repeat.
+    assert isinstance(messages[0], Estop)
+    assert place_of(messages, Estop) < place_of(messages, SetDuty)
+
+
+@pytest.mark.parametrize("part", [0, 5])
+def test_setpoints_that_wait_are_written_in_their_order(part: int) -> None:
+    def drive(rig: Blocked) -> None:
+        rig.narrow.room = part
+        rig.send(0.1)
+        rig.narrow.room = WIDE
+        for left in (0.2, 0.3):
+            rig.send(left)
+
+    messages = Blocked(drive).run()
+    numbers = [message.command_seq for message in messages if isinstance(message, SetDuty)]
+    assert numbers == sorted(numbers)
+    assert len(set(numbers)) == 3  # the loop may repeat the last one
+
+
+def test_a_setpoint_waits_behind_the_stop_that_came_before_it() -> None:
+    """A blocked port: the stop is asked for, then another thread of the program drives on."""
+    messages = Blocked(
+        lambda rig: rig.estop(), lambda rig: rig.send(0.1), opened(WIDE), a_turn
+    ).run()
+    assert place_of(messages, Estop) < place_of(messages, SetDuty)
+
+
+def fill(rig: Blocked) -> int:
+    """Give setpoints until one is refused; returns how many were taken."""
+    for taken in range(1000):
+        try:
+            rig.loop.check_room()
+        except LinkLost:
+            return taken
+        rig.send(0.1)
+    raise AssertionError("the setpoints pile up")
+
+
+def test_before_a_blocked_port_so_many_setpoints_wait_and_a_stop_still_finds_room() -> None:
+    taken: list[int] = []
+    rig = Blocked(
+        lambda rig: taken.append(fill(rig)),
+        lambda rig: taken.append(fill(rig)),  # the loop has moved them to its output
+        lambda rig: rig.estop(),
+        opened(WIDE),
+        a_turn,
+    )
+    messages = rig.run()
+    place = place_of(messages, Estop)
+    # By their numbers: the loop repeats the newest one.
+    ahead = {message.command_seq for message in messages[:place] if isinstance(message, SetDuty)}
+    assert len(ahead) == sum(taken) > 10
+    # By hand: half of 4096 bytes.
+    assert len(ahead) * rig.size <= 2048 + rig.size
+
+
+def test_behind_requests_that_wait_no_setpoint_is_taken() -> None:
+    def ask(rig: Blocked) -> None:
+        for _ in range(200):
+            rig.estop()
+
+    taken: list[int] = []
+    Blocked(ask, lambda rig: taken.append(fill(rig))).run()
+    assert taken == [0]
+
+
+@pytest.mark.parametrize("part", [1, 7, 20])
+def test_what_a_port_takes_in_parts_arrives_whole_and_once(part: int) -> None:
+    rig = Blocked(lambda rig: rig.estop(), *[opened(part)] * 20, opened(WIDE), a_turn)
+    messages = rig.run()
+    estops = [message for message in messages if isinstance(message, Estop)]
+    assert isinstance(messages[0], Estop)
+    # Repeats are whole frames too: nothing of the line is lost between them.
+    decoder = Decoder()
+    decoder.feed(rig.taken)
+    assert (decoder.counters.bad_crc, decoder.counters.bad_cobs) == (0, 0)
+    assert len(estops) >= 1
+    assert decoder.counters.frames == len(messages)

@@ -4,7 +4,7 @@ from support.virtual_line import VirtualLine
 from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.link.requests import RequestQueue
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Impairment
+from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import RefusalCode, StopMode
 from wheelwire_protocol.types import (

@@ -4,7 +4,7 @@ from support.fake_device import FakeDevice, Request
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
 from wheelwire.link.session import Phase
-from wheelwire.simulation.impairment import Impairment
+from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id, schema_hash
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.framing import Encoder

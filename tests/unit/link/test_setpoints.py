@@ -5,7 +5,7 @@ import pytest
 from support.fake_device import FakeDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, Expired
-from wheelwire.simulation.impairment import Impairment
+from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME

@@ -59,6 +59,8 @@ def test_any_call_may_be_interrupted_by_a_stop(driver: SerialDriver, name: str) 
     assert step > 20
 
 
+# Of one that was just made: no handler runs there, but this test interrupts every instruction.
+@pytest.mark.filterwarnings("ignore:coroutine .* was never awaited:RuntimeWarning")
 @pytest.mark.parametrize("name", CALLS)
 def test_an_exception_out_of_a_handler_leaves_a_link_that_goes_on(
     driver: SerialDriver, name: str
@@ -189,7 +191,7 @@ def test_a_storm_of_interrupts(mode: str) -> None:
     # A named error may come of a busy computer, now and then.
     assert sum(result.report["errors"].values()) < result.report["interrupts"] / 10
     assert result.unsent == []
-    assert (result.report["alive"], result.report["left"]) == (1, 0)
+    assert (result.report["alive"], result.report["left"]) == (2, 0)  # the port's and the tap's
     assert result.report["longest_s"] < LONGEST_S
 
 

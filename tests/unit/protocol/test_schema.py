@@ -81,3 +81,9 @@ def test_the_ids_of_a_group_are_in_its_range() -> None:
     for message in MESSAGES:
         number = message.id & 0x7F
         assert (0x20 <= number <= 0x2F) == (message.group is Group.BOARD)
+        assert (0x30 <= number <= 0x3F) == (message.group is Group.RECORDER)
+
+
+def test_the_groups_of_devices_in_the_field_are_as_they_were() -> None:
+    assert schema_hash() == 0x5D587965
+    assert schema_hash(Group.BOARD) == 0x4CD2F265

@@ -225,16 +225,23 @@ def test_an_estop_that_was_not_acknowledged_is_told_again_in_the_same_session(
     assert robot.told[0] == "estop"
 
 
+@pytest.mark.parametrize("first", ["estop", "clear_estop"])
 def test_an_estop_that_is_set_while_one_is_cleared_holds(
-    connection: RobotConnection, robot: RecordingRobot, monkeypatch: pytest.MonkeyPatch
+    connection: RobotConnection,
+    robot: RecordingRobot,
+    monkeypatch: pytest.MonkeyPatch,
+    first: str,
 ) -> None:
-    """By another thread, while the robot's answer is awaited."""
+    """By another thread: whichever of the two the robot got first, it ends latched."""
     connection.estop()
     clear = robot.clear_estop
 
     def interrupted() -> None:
-        clear()
+        if first == "clear_estop":
+            clear()
         connection.estop()
+        if first == "estop":
+            clear()
 
     monkeypatch.setattr(robot, "clear_estop", interrupted)
     connection.clear_estop()
@@ -348,15 +355,27 @@ def test_a_command_is_limited_but_a_stop_is_not(
     assert robot.told[-1][1:3] == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("event", ["estop", "clear_fault", "session"])
+@pytest.mark.parametrize(
+    "event", ["stop", "standstill", "estop", "clear_estop", "clear_fault", "refusal", "session"]
+)
 def test_after_a_stop_the_acceleration_begins_at_zero(
     connection: RobotConnection, robot: RecordingRobot, event: str
 ) -> None:
     drive(connection, Twist(0.4, 0.0))
     connection.tuning = ACCELERATION
-    if event == "estop":
+    if event == "stop":
+        connection.stop()
+    elif event == "standstill":
+        connection.note_standstill()
+    elif event == "estop":
         connection.estop()
         connection.clear_estop()
+    elif event == "clear_estop":  # one that was set elsewhere
+        connection.clear_estop()
+    elif event == "refusal":
+        robot.error = DeviceRefused(RefusalCode.EXPIRED, "the setpoint")
+        assert ignored(connection) is Ignored.REFUSED
+        robot.error = None
     elif event == "clear_fault":
         connection.clear_fault()
     else:

@@ -43,12 +43,15 @@ def statuses(
     silence: LinkLost | None = None,
     ignored: Ignored | None = None,
     ignored_types: tuple[str, ...] = (),
+    stop: str = "",
 ) -> dict[str, Any]:
     connection = RobotConnection(cast("BaseDriver", robot or Robot()), {}, Tuning(), lambda: None)
     if ignored is not None:
         connection.ignored[ignored] += 1
     newest = newest or sample()
-    state = of_robot(newest, silence, None, 1, ResetWatch(), prepared=True, estopped=False)
+    state = of_robot(
+        newest, silence, None, 1, ResetWatch(), prepared=True, estopped=False, stop=stop
+    )
     found = diagnostics.open_statuses(
         "robot1/hardware_robot",
         "mock",
@@ -64,6 +67,16 @@ def statuses(
 
 def values(status: Any) -> dict[str, str]:
     return {pair.key: pair.value for pair in status.values}
+
+
+@pytest.mark.parametrize("state", [SupervisorState.ESTOPPED, SupervisorState.FAULT])
+def test_a_latched_robot_says_why(state: SupervisorState) -> None:
+    sentence = "Left wheel was held fast while driven. Look first at what touches the wheel."
+    newest = sample(state=state, faults=Fault.LEFT_NOT_COUNTING)
+    robot = statuses(newest=newest, stop=sentence)["robot"]
+    assert (robot.level, robot.message) == (ERROR, sentence)
+    assert values(robot)["stop"] == sentence
+    assert statuses(newest=newest)["robot"].message
 
 
 def test_without_a_robot_there_is_the_reason() -> None:

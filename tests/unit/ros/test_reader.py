@@ -50,6 +50,7 @@ def events(*script: Any, count: int) -> list[Any]:
     seen: queue.Queue[Any] = queue.Queue()
     robot = cast("BaseDriver", ScriptedRobot(*script))
     reader = SampleReader(robot, seen.put, lambda: seen.put("change"), seen.put)
+    reader.begin()
     try:
         return [seen.get(timeout=TIMEOUT_S) for _ in range(count)]
     finally:

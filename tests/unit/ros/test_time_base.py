@@ -1,11 +1,11 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import pytest
 
-from wheelwire_ros.time_base import WAITING_FOR_CLOCK, TimeBase
+from wheelwire_ros.time_base import AHEAD_NS, WAITING_FOR_CLOCK, Offset, TimeBase
 
 OFFSET_NS = 1_700_000_000_123_456_789
 
@@ -75,7 +75,11 @@ def test_a_step_of_the_ros_clock_is_followed() -> None:
     base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns)
     clocks.offset_ns += 3_000_000_000
     base.measure()
-    assert abs(ros_ns(base, 1.0) - (4_000_000_000 + OFFSET_NS)) <= 1000
+    before_ns = clocks.now_ns
+    assert abs(ros_ns(base, before_ns / 1e9) - (before_ns + OFFSET_NS)) <= 2000
+    clocks.now_ns += 2 * AHEAD_NS
+    after_ns = before_ns + AHEAD_NS + 100_000
+    assert abs(ros_ns(base, after_ns / 1e9) - (after_ns + OFFSET_NS + 3_000_000_000)) <= 2000
 
 
 def test_nothing_is_converted_until_the_simulated_clock_runs() -> None:
@@ -165,3 +169,30 @@ def test_a_recording_that_begins_anew_is_followed() -> None:
     assert stamp is not None
     assert 0 < stamp < 2 * 10**9
     assert base.rate > 0
+
+
+def test_an_offset_stays_while_another_is_as_good() -> None:
+    clocks, noted = Clocks([]), list[Sequence[Offset]]()
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns, note_offsets=noted.append)
+    first = ros_ns(base, 4.5)
+    clocks.offset_ns += 10_000
+    base.measure()
+    assert ros_ns(base, 4.5) == first
+    clocks.offset_ns += 50_000
+    base.measure()
+    assert len(noted) == 2
+    before, after = noted[-1]
+    assert [before] == list(noted[0])
+    assert after.offset_ns - before.offset_ns == 60_000
+    assert after.from_ns > clocks.now_ns
+
+
+def test_samples_of_a_recording_keep_the_stamps_of_their_day() -> None:
+    """By the offsets of that day, each for the stamps from one on, however late that is."""
+    clocks = Clocks([])
+    of_the_day = [Offset(0, 17_000_000_000)]
+    base = TimeBase(clocks.ros_ns, Log(), clocks.monotonic_ns, recorded_offsets=lambda: of_the_day)
+    assert ros_ns(base, 4.5) == 21_500_000_000
+    of_the_day.append(Offset(5_000_000_000, 18_000_000_000))
+    assert ros_ns(base, 4.9) == 21_900_000_000
+    assert ros_ns(base, 5.0) == 23_000_000_000

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from wheelwire.simulation.impairment import Direction, Impairment
+from wheelwire.simulation.bad_line import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import Ping

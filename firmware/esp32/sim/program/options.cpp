@@ -61,7 +61,8 @@ The first line on standard output is JSON and names the port.
   --announce TEXT    write TEXT once the port is open, instead of the first line of JSON
   --baud-rate N      of the chip; a host at another rate receives and sends garbage
                      (default: 0, any rate works, as on USB)
-  --store FILE       keep saved parameters in FILE (default: in memory)
+  --store FILE       keep saved parameters in FILE; the board, a latched e-stop and what the
+                     recorder stores in files beside it (default: in memory)
   --seed N           seed of boot ids and encoder errors (default: random)
   --set NAME=VALUE   set a variable before power-on; may be repeated
   --truth-hz N       write the robot's true state N times a second, as lines of JSON, and

@@ -6,8 +6,11 @@
 #include "check.hpp"
 #include "esp_task_wdt.h"
 #include "memory_store.hpp"
+#include "partition_flash.hpp"
 #include "pins.hpp"
+#include "recorder_keeper.hpp"
 #include "stage_boards.hpp"
+#include "task_watchdog.hpp"
 #include "wired_robot.hpp"
 
 using namespace wheelwire;
@@ -38,13 +41,39 @@ struct NoBattery final : BatterySense {
 
 struct End {};
 
+/// A robot at rest, with all that a task needs.
+struct Rig {
+  const BoardDescription board = board_of(Stage::kEnableIn1In2);
+  WiredRobot robot{board};
+  SilentLine line;
+  MemoryStore store;
+  MemoryLatches latches;
+  MemoryStore latch_store;
+  NoBattery battery;
+  Device device{{.left_motor = robot.left_motor,
+                 .right_motor = robot.right_motor,
+                 .encoders = robot.encoders,
+                 .line = line,
+                 .store = store,
+                 .latches = latches,
+                 .latch_store = latch_store,
+                 .estop = robot.estop,
+                 .battery = battery},
+                Identity{}};
+
+  bool start() {
+    fake_matrix = {};
+    return take_pins(BoardState::kStored, board) && robot.start(Parameters{});
+  }
+};
+
 /// Runs the task for a second, in which bytes come every `bytes_every_us`, and no timer ever wakes
 /// it. Returns the longest time without a step.
 int64_t longest_without_a_step_us(Device& device, int64_t bytes_every_us) {
   static SilentLine line;
   static DeadMan dead_man;
   static SharedState state;
-  ControlTask task{device, line, dead_man, state};
+  ControlTask task{device, line, dead_man, state, nullptr};
   const int64_t start_us = fake_time_us = 500'000;
   int64_t fed_us = start_us;
   int64_t longest_us = 0;
@@ -74,29 +103,78 @@ TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
     for (const int64_t bytes_every_us : {300, 10'000, 49'000, 60'000, 10'000'000}) {
       fake_timer_creation = can_create ? ESP_OK : ESP_FAIL;
       fake_timer_start = ESP_FAIL;
-      fake_matrix = {};
-      const BoardDescription board = board_of(Stage::kEnableIn1In2);
-      WiredRobot robot(board);
-      CHECK(take_pins(BoardState::kStored, board) && robot.start(Parameters{}));
-      SilentLine line;
-      MemoryStore store;
-      MemoryLatches latches;
-      MemoryStore latch_store;
-      NoBattery battery;
-      Device device({.left_motor = robot.left_motor,
-                     .right_motor = robot.right_motor,
-                     .encoders = robot.encoders,
-                     .line = line,
-                     .store = store,
-                     .latches = latches,
-                     .latch_store = latch_store,
-                     .estop = robot.estop,
-                     .battery = battery},
-                    Identity{});
-      CHECK(longest_without_a_step_us(device, bytes_every_us) < kTaskWatchdogUs * 6 / 10);
-      CHECK(device.faults() & fault::kDriverFailed);
-      CHECK(device.state() == SupervisorState::kFault);
+      Rig rig;
+      CHECK(rig.start());
+      CHECK(longest_without_a_step_us(rig.device, bytes_every_us) < kTaskWatchdogUs * 6 / 10);
+      CHECK(rig.device.faults() & fault::kDriverFailed);
+      CHECK(rig.device.state() == SupervisorState::kFault);
     }
   }
   fake_timer_creation = fake_timer_start = ESP_OK;
+}
+
+namespace {
+
+uint32_t box_memory[box::kWords];
+
+/// A start of the chip after `reason`, and how it goes on until 20 s after it: a fault at 2 s if
+/// `fails`, and flash that takes 400 ms to erase a sector. Returns the newest box in
+/// it then, and how many there are.
+BoxValue newest_after_a_run(ResetReason reason, bool fails) {
+  Rig rig;
+  CHECK(rig.start() && start_task_watchdog());
+  PartitionFlash flash;
+  CHECK(flash.start(RecorderKeeper::kFlashSize));
+  RecorderKeeper recorder{box_memory, flash, {}, reason, 0};
+  static DeadMan dead_man;
+  static SharedState state;
+  ControlTask task{rig.device, rig.line, dead_man, state, &recorder};
+  fake_time_us = 500'000;
+  fake_partition.on_call = [](bool erases) {
+    CHECK(!erases || fake_task_watchdog.timeout_ms > 400);
+    if (erases) fake_time_us += 400'000;
+  };
+  fake_wait = [&](TickType_t) -> uint32_t {
+    fake_time_us += 1'000;
+    if (fails && fake_time_us >= 2'000'000) rig.device.report_driver_failure();
+    if (fake_time_us > 20'000'000) throw End{};
+    return 1;
+  };
+  try {
+    task.start();
+  } catch (const End&) {
+  }
+  fake_partition.on_call = {};
+  BoxValue newest{};
+  recorder.describe(newest);
+  return newest;
+}
+
+void blank_flash() {
+  fake_partition = {
+      .label = "recorder",
+      .entry = {.size = RecorderKeeper::kFlashSize, .erase_size = kFlashSector, .readonly = false},
+      .on_call = {},
+      .bytes = std::vector<uint8_t>(RecorderKeeper::kFlashSize, 0xff)};
+}
+
+}  // namespace
+
+TEST(a_fault_s_box_is_stored_by_the_task_within_the_watchdog_s_limit) {
+  blank_flash();
+  std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
+  const BoxValue newest = newest_after_a_run(ResetReason::kPowerOn, true);
+  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kFault);
+  CHECK(newest.faults == fault::kDriverFailed);
+  CHECK(fake_partition.erasures > 8);
+}
+
+TEST(what_a_panic_left_in_memory_is_stored_after_the_restart) {
+  blank_flash();
+  CHECK(newest_after_a_run(ResetReason::kPowerOn, false).box_count == 0);
+  const BoxValue newest = newest_after_a_run(ResetReason::kPanic, false);
+  CHECK(newest.box_count == 1 && newest.cause == BoxCause::kReset);
+  CHECK(newest.reset_reason == ResetReason::kPanic);
+  CHECK(newest_after_a_run(ResetReason::kSoftware, false).box_count == 1);  // The one of before.
+  fake_partition = {};
 }

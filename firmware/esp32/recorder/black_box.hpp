@@ -1,0 +1,86 @@
+// The black box: a ring in memory of what the device was given in the last second or two, and what
+// came of it, from which a re-run computes the same again. See box_format.hpp.
+#pragma once
+
+#include "box_format.hpp"
+#include "recorder.hpp"
+
+namespace wheelwire {
+
+/// The build that records: only the same core can re-run a box.
+struct BoxOrigin {
+  uint32_t core;      ///< `kCoreHash`
+  uint32_t release;   ///< major << 16 | minor << 8 | patch
+  uint32_t git_hash;  ///< 0: not known.
+  uint32_t boot_id;
+};
+
+class Ledger;
+
+class BlackBox final : public Recorder {
+ public:
+  /// Of `memory`, box::kWords words, nothing is changed before the first step: it may hold the box
+  /// of the time before a reset.
+  /// `ledger`: counts what stops the robot; nullptr: nothing does.
+  BlackBox(uint32_t* memory, const BoxOrigin& origin, Ledger* ledger = nullptr)
+      : memory_(memory), origin_(origin), ledger_(ledger) {}
+
+  /// Whether the memory has something of the time before a reset, and of which boot it is. If so,
+  /// nothing is recorded before `clear`.
+  bool keep_what_is_left(uint32_t& boot_id);
+  /// Begins anew: what was recorded before is gone.
+  void clear();
+  /// Ends the box: nothing more is recorded before `clear`.
+  void close();
+  bool is_closed() const { return closed_; }
+  /// Whether a fault or an emergency stop has ended it, which the next step does.
+  bool is_triggered() const { return triggered_; }
+  /// Whether nothing has happened since to the state that ended a box.
+  bool is_current() const { return is_current_; }
+  /// What ended it.
+  BoxCause cause() const { return cause_; }
+  /// How many segments were begun.
+  uint32_t segments() const { return number_; }
+
+  void note_state(MessageServer& device) override;
+  void note_step(const StepNote& note) override;
+  void note_message(uint8_t id, const uint8_t* body, size_t size, uint64_t now_us) override;
+  void note_hang_up(uint64_t now_us) override;
+  void note_failure(uint32_t faults) override;
+  void note_stall() override;
+  void note_contact(bool open) override;
+  void note_store(bool done, uint32_t faults) override;
+  void note_parameters(Parameters& parameters, ControlConfig& config,
+                       uint32_t& contradictions) override;
+  void note_transition(SupervisorEvent event, SupervisorState before, SupervisorState after,
+                       uint32_t faults) override;
+  void note_refusal(uint8_t message_id, RefusalCode code) override;
+
+ private:
+  /// Left in a segment when the state is wanted: for a step, and what comes of it.
+  static constexpr uint32_t kReserveWords = 180;
+
+  uint32_t* begin(size_t words);
+  void commit(box::Kind kind, uint32_t argument, size_t words);
+  void put(box::Kind kind, uint32_t argument, uint32_t payload);
+  void put_time(box::Kind kind, uint64_t now_us);
+  void begin_segment();
+  void note_wide_step(const StepNote& note);
+
+  uint32_t* memory_;
+  BoxOrigin origin_;
+  Ledger* ledger_;
+  uint32_t end_ = 0;     // Of the segment; 0: there is none.
+  uint32_t number_ = 0;  // Of the segment.
+  uint32_t check_ = 0;
+  uint32_t reads_ = 0;  // Of the contact, since the last record.
+  bool open_ = false;
+  bool is_first_ = true;  // The next step has none before it to which it could be compared.
+  bool triggered_ = false;
+  bool closed_ = false;
+  bool is_current_ = false;  // Of the newest box that was ended, also once it is stored.
+  BoxCause cause_ = BoxCause::kRequest;
+  StepNote last_{};
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,74 @@
+// How a black box lies in memory: words, in segments, each begun by the state of the core.
+//
+// A segment is a head and records. A record is a word (kind, argument, check) and its payload. Each
+// check covers all records before it in the segment, so that neither a record that was torn by a
+// reset nor what an earlier use of the memory left behind it passes for one.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace wheelwire::box {
+
+constexpr uint32_t kBoxMagic = 0x31425757;  // "WWB1"
+constexpr size_t kSegments = 4;
+constexpr size_t kWords = 8128;  ///< Of all segments: 32 KB less the head of a slot in flash.
+constexpr size_t kSegmentWords = kWords / kSegments;
+
+/// Words of a segment's head: the magic number, the segment's number, those of BoxOrigin, how
+/// many words of the segment before it are used, and the check of all these.
+constexpr size_t kHeadWords = 8;
+
+/// The first ones have a payload of fixed size. The argument of the others is the number of their
+/// words: a reader passes over kinds that it does not know.
+enum class Kind : uint8_t {
+  kStep = 1,        ///< Changes since the last step: time and ticks; duties.
+  kContact = 2,     ///< Argument: open, and how many reads before saw the previous level.
+  kTransition = 3,  ///< Argument: event, states before and after. Payload: faults.
+  kRefusal = 4,     ///< Payload: message id, code.
+  kStore = 5,       ///< Argument: done. Payload: faults.
+  kHangUp = 6,      ///< Payload: time.
+  kFailure = 7,     ///< Payload: faults.
+  kState = 8,
+  kWideStep = 9,  ///< A StepNote in full.
+  kMessage = 10,
+  kParameters = 11,
+  kEnd = 12,    ///< The last one of a box that was closed: time and duties.
+  kStall = 13,  ///< The processor was held up.
+};
+constexpr uint32_t kLastKnown = 13;
+constexpr uint32_t kFirstLong = 8;
+constexpr size_t kShortWords[kFirstLong] = {0, 2, 0, 1, 1, 1, 2, 1};
+
+// What a step's change must lie within, to be packed.
+constexpr int32_t kTickBits = 9;
+constexpr int32_t kTimeBits = 14;
+constexpr int32_t kLatchBits = 5;
+constexpr int32_t kBatteryBits = 7;
+constexpr size_t kWideWords = 9;
+constexpr size_t kEndWords = 3;
+
+/// Flags of a kState's first word, and of a kMessage's.
+constexpr uint32_t kInStep = 1;
+constexpr uint32_t kOpenContact = 2;
+constexpr uint32_t kHasKeeper = 4;
+constexpr uint32_t kHasArchive = 8;
+
+/// One more word in a check.
+constexpr uint32_t mix(uint32_t check, uint32_t word) {
+  check = (check ^ word) * 0x9e3779b1u;
+  return check ^ check >> 15;
+}
+
+/// Whether a segment begins with these words.
+constexpr bool is_head(const uint32_t* words) {
+  uint32_t check = 0;
+  for (size_t i = 0; i + 1 < kHeadWords; ++i) check = mix(check, words[i]);
+  return words[0] == kBoxMagic && words[kHeadWords - 1] == check;
+}
+
+constexpr uint32_t info(Kind kind, uint32_t argument) {
+  return static_cast<uint32_t>(kind) | argument << 4;
+}
+
+}  // namespace wheelwire::box

@@ -1,0 +1,478 @@
+// Black boxes and counts in flash: what is there after a cut of the power, how much stays, when
+// anything is written, and what a host reads of it.
+#include "box_store.hpp"
+
+#include <cstring>
+#include <map>
+
+#include "check.hpp"
+#include "core_hash.hpp"
+#include "cut_flash.hpp"
+#include "recorder_keeper.hpp"
+#include "rerun.hpp"
+#include "robot_bench.hpp"
+
+using namespace wheelwire;
+using test::CutFlash;
+using test::RobotBench;
+
+namespace {
+
+const BoxOrigin kOrigin{.core = kCoreHash, .release = 1, .git_hash = 2, .boot_id = 3};
+
+std::vector<uint32_t> memory_of(uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<uint32_t> memory(box::kWords);
+  for (uint32_t& word : memory) word = static_cast<uint32_t>(random());
+  return memory;
+}
+
+/// Stores a box; false if the power went.
+bool store(BoxStore& boxes, CutFlash& flash, uint32_t seed, BoxCause cause = BoxCause::kFault) {
+  const auto memory = memory_of(seed);
+  boxes.begin({.cause = cause, .faults = seed}, memory.data());
+  for (int i = 0; i < 300 && !flash.is_off(); ++i) boxes.work();
+  return !flash.is_off();
+}
+
+using Images = std::map<uint32_t, std::vector<uint8_t>>;
+
+/// All boxes by their numbers.
+Images images(BoxStore& boxes) {
+  Images all;
+  for (size_t age = 0; const BoxHead* const head = boxes.head(age); ++age) {
+    std::vector<uint8_t> image(kBoxImageSize);
+    CHECK(boxes.read(head->number, 0, image.data(), image.size()));
+    std::vector<uint32_t> memory(box::kWords);
+    std::memcpy(memory.data(), image.data() + BoxHead::kSize, image.size() - BoxHead::kSize);
+    CHECK(box_check(memory.data()) == head->check);
+    all[head->number] = image;
+  }
+  return all;
+}
+
+/// A device with its recorder, at rest since long.
+struct Recorded {
+  std::vector<uint32_t> memory = std::vector<uint32_t>(box::kWords);
+  CutFlash flash{RecorderKeeper::kFlashSize};
+  RobotBench bench;
+  explicit Recorded(uint64_t start_us = 20'000'000) : bench(start_us) {}
+  std::optional<RecorderKeeper> keeper;
+
+  void start(ResetReason reason = ResetReason::kPowerOn) {
+    keeper.emplace(memory.data(), flash, kOrigin, reason, 0x77);
+    keeper->start();
+    bench.device.start(bench.now_us);
+    bench.device.record(keeper->black_box());
+    bench.device.offer(*keeper);
+    run(1);
+    bench.send(RobotBench::hello(RobotBench::kNonce));
+    bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    run(1);
+  }
+  void run(int steps) {
+    for (int i = 0; i < steps; ++i) {
+      bench.step();
+      keeper->step(bench.device, bench.now_us);
+    }
+  }
+  /// The box as a host reads it, part by part; empty if it is not there to its end.
+  std::vector<uint8_t> read(uint32_t number) {
+    std::vector<uint8_t> image;
+    while (image.size() < kBoxImageSize) {
+      const auto part = bench.ask<BoxPart>(
+          BoxRead{.number = number, .offset = static_cast<uint32_t>(image.size())});
+      bench.received.clear();
+      if (!part || part->size == 0) return {};
+      image.insert(image.end(), part->data, part->data + part->size);
+    }
+    return image;
+  }
+  void estop_and_clear(int steps) {
+    bench.send(Estop{});
+    run(steps);
+    (void)bench.clear_estop();
+    run(10);
+  }
+};
+
+}  // namespace
+
+TEST(a_box_is_found_again_with_its_head) {
+  CutFlash flash(BoxStore::kSize);
+  BoxStore first(flash);
+  first.start();
+  CHECK(first.count() == 0 && first.head(0) == nullptr);
+  CHECK(store(first, flash, 11, BoxCause::kEstop));
+  BoxStore second(flash);
+  second.start();
+  CHECK(second.count() == 1 && second.head(0)->number == 1 && second.head(0)->faults == 11);
+  CHECK(second.head(0)->cause == BoxCause::kEstop && images(second).size() == 1);
+  uint8_t byte;
+  CHECK(!second.read(2, 0, &byte, 1));
+  CHECK(!second.read(1, kBoxImageSize, &byte, 1) && !second.read(1, UINT32_MAX, &byte, 1));
+}
+
+TEST(eight_boxes_stay_and_the_next_slot_is_erased_in_advance) {
+  CutFlash flash(BoxStore::kSize);
+  BoxStore boxes(flash);
+  boxes.start();
+  for (uint32_t i = 1; i <= 20; i += 2) {
+    CHECK(store(boxes, flash, i));
+    CHECK(boxes.count() == (i < 8 ? i : 8));
+    CHECK(boxes.head(0)->number == i);
+    const size_t before = flash.erasures;
+    const auto memory = memory_of(i);
+    boxes.begin({}, memory.data());
+    CHECK(boxes.work() && flash.erasures == before);
+    boxes.start();  // As after a reset.
+    CHECK(store(boxes, flash, i + 100) && boxes.head(0)->faults == i + 100);
+  }
+}
+
+TEST(the_only_box_of_a_cause_outlasts_many_of_another) {
+  CutFlash flash(BoxStore::kSize);
+  BoxStore boxes(flash);
+  boxes.start();
+  CHECK(store(boxes, flash, 1, BoxCause::kReset));
+  for (uint32_t i = 2; i < 30; ++i) CHECK(store(boxes, flash, i, BoxCause::kEstop));
+  CHECK(boxes.head(7)->number == 1 && boxes.head(7)->cause == BoxCause::kReset);
+  CHECK(boxes.head(6)->number == 23);
+}
+
+TEST(a_cut_at_any_operation_leaves_the_old_boxes_or_these_and_the_new_one) {
+  for (const uint32_t stored : {0u, 3u, 8u, 12u}) {
+    for (size_t cut = 0;; ++cut) {
+      CutFlash flash(BoxStore::kSize);
+      BoxStore before(flash);
+      before.start();
+      for (uint32_t i = 0; i < stored; ++i) store(before, flash, i);
+      const Images old = images(before);
+      flash.cut_after(cut);
+      const bool is_done = store(before, flash, 99);
+      flash.power_on();
+      BoxStore after(flash);
+      after.start();
+      const Images found = images(after);
+      CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
+      for (const auto& [number, image] : found) {
+        const auto same = old.find(number);
+        if (same != old.end()) {
+          CHECK(same->second == image);
+        } else {
+          CHECK(number == stored + 1 && after.head(0)->faults == 99);
+        }
+      }
+      // None of the old ones went for a new one that is not there.
+      const bool has_new = found.contains(stored + 1);
+      for (const auto& [number, image] : old) CHECK(has_new || found.contains(number));
+      CHECK(store(after, flash, 100) && after.head(0)->faults == 100);
+      CHECK(images(after).size() == after.count());
+      if (is_done) break;
+    }
+  }
+}
+
+TEST(a_flash_that_takes_nothing_is_left_alone_until_the_next_start) {
+  CutFlash flash(BoxStore::kSize);
+  std::fill(flash.bytes.begin(), flash.bytes.end(), 0);
+  flash.failing = true;
+  BoxStore boxes(flash);
+  boxes.start();
+  boxes.begin({}, memory_of(1).data());
+  int touched = 0;
+  for (int i = 0; i < 1000; ++i) touched += boxes.work() ? 1 : 0;
+  CHECK(touched == 2 && !boxes.is_storing());
+}
+
+TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
+  Recorded robot;
+  robot.start();
+  robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
+  for (int i = 0; i < 200; ++i) {
+    robot.bench.turn(i % 5 == 0, i % 5 == 0);
+    robot.run(1);
+  }
+  CHECK(robot.bench.driven());
+  robot.bench.contact.open = true;
+  robot.run(1900);
+  CHECK(robot.keeper->store().count() == 0 && robot.flash.operations == 0);
+  robot.run(200);
+  CHECK(robot.keeper->store().count() == 1);
+  const BoxHead& head = *robot.keeper->store().head(0);
+  CHECK(head.cause == BoxCause::kEstop && head.board == 0x77 && head.origin.boot_id == 3);
+  std::vector<uint32_t> image(kBoxImageWords);
+  CHECK(robot.keeper->store().read(1, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize));
+  CHECK(Rerun(image.data() + BoxHead::kWords).run() == Rerun::Outcome::kSame);
+  // It records again, and what was written to flash meanwhile re-runs, too.
+  CHECK(!robot.keeper->black_box().is_closed());
+  robot.run(15'000);
+  CHECK(Rerun(robot.memory.data()).run() == Rerun::Outcome::kSame);
+}
+
+TEST(a_drive_puts_the_rest_of_a_write_off) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  robot.bench.send(Estop{});
+  robot.run(10);
+  const size_t begun = robot.flash.operations;
+  CHECK(begun > 0 && robot.keeper->store().is_storing());
+  CHECK(robot.bench.clear_estop() == RefusalCode::kNone);
+  robot.run(1);
+  robot.bench.send(robot.bench.velocity(0.0f, 0.0f));
+  robot.run(1);
+  CHECK(robot.bench.state() == SupervisorState::kDriving);
+  const size_t before = robot.flash.operations;
+  for (int i = 0; i < 1000; ++i) {
+    robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
+    robot.bench.turn(1, 1);
+    robot.run(1);
+  }
+  CHECK(robot.flash.operations == before && robot.keeper->store().is_storing());
+  robot.bench.send(robot.bench.stop());
+  robot.run(3000);
+  CHECK(robot.keeper->store().count() == 1 && !robot.keeper->black_box().is_closed());
+}
+
+TEST(boxes_are_stored_three_at_once_and_then_one_in_ten_minutes) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  for (int i = 0; i < 20; ++i) robot.estop_and_clear(200);
+  CHECK(robot.keeper->store().count() == 3);
+  robot.bench.now_us += 600'000'000;
+  robot.run(200);
+  for (int i = 0; i < 5; ++i) robot.estop_and_clear(200);
+  CHECK(robot.keeper->store().count() == 4);
+}
+
+TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
+  for (const bool panics : {true, false}) {
+    Recorded first;
+    first.start();
+    first.bench.drive(0.2f, 0.2f, 30);
+    Recorded second(50'000);
+    second.memory = first.memory;
+    second.start(panics ? ResetReason::kPanic : ResetReason::kPowerOn);
+    second.run(9900);
+    CHECK(second.flash.operations == 0);
+    second.run(1000);
+    CHECK(second.keeper->store().count() == (panics ? 1 : 0));
+    if (!panics) continue;
+    const BoxHead& head = *second.keeper->store().head(0);
+    CHECK(head.cause == BoxCause::kReset && head.reset_reason == ResetReason::kPanic);
+    std::vector<uint32_t> image(kBoxImageWords);
+    second.keeper->store().read(1, 0, reinterpret_cast<uint8_t*>(image.data()), kBoxImageSize);
+    Rerun rerun(image.data() + BoxHead::kWords);
+    CHECK(rerun.run() == Rerun::Outcome::kSame && rerun.steps() == 32);
+    CHECK(!second.keeper->black_box().is_closed());
+  }
+}
+
+TEST(the_ledger_counts_across_resets) {
+  CutFlash flash(RecorderKeeper::kFlashSize);
+  Ledger first(flash, BoxStore::kSize);
+  first.start(ResetReason::kPowerOn);
+  first.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  first.count(SupervisorEvent::kDeadline, SupervisorState::kTimedOut);
+  first.count(SupervisorEvent::kEstop, SupervisorState::kIdle);
+  CHECK(first.work(10'000'000));
+  first.count(SupervisorEvent::kStop, SupervisorState::kDriving);
+  CHECK(!first.work(609'000'000));
+  CHECK(first.work(610'000'000) && !first.work(2'000'000'000));
+  Ledger second(flash, BoxStore::kSize);
+  second.start(ResetReason::kBrownout);
+  const LedgerCounts counts = second.counts(5'000'000);
+  CHECK(counts.uptime_s == 615);
+  CHECK(counts.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 1);
+  CHECK(counts.resets[static_cast<size_t>(ResetReason::kBrownout)] == 1);
+  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 1);
+  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kEstop)] == 1);
+  CHECK(counts.stops[static_cast<size_t>(SupervisorEvent::kStop)] == 1);
+}
+
+TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
+  // More entries than fit: sectors are erased on the way.
+  for (const uint32_t entries : {0u, 5u, 31u, 32u, 255u, 256u, 700u}) {
+    for (size_t cut = 0; cut < 3; ++cut) {
+      CutFlash flash(RecorderKeeper::kFlashSize);
+      Ledger before(flash, BoxStore::kSize);
+      before.start(ResetReason::kPowerOn);
+      uint64_t now_us = 10'000'000;
+      const auto write = [&now_us](Ledger& ledger, CutFlash& power) {
+        now_us += 600'000'000;
+        ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+        for (int i = 0; i < 5 && !power.is_off(); ++i) ledger.work(now_us);
+      };
+      for (uint32_t i = 0; i < entries; ++i) write(before, flash);
+      flash.cut_after(cut);
+      write(before, flash);
+      flash.power_on();
+      Ledger after(flash, BoxStore::kSize);
+      after.start(ResetReason::kPowerOn);
+      const auto deadlines = [](const Ledger& ledger) {
+        return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
+      };
+      CHECK(deadlines(after) == entries || deadlines(after) == entries + 1);
+      write(after, flash);
+      Ledger later(flash, BoxStore::kSize);
+      later.start(ResetReason::kPowerOn);
+      CHECK(deadlines(later) == deadlines(after));
+    }
+  }
+}
+
+TEST(a_boot_loop_writes_nothing) {
+  CutFlash flash(RecorderKeeper::kFlashSize);
+  for (int boot = 0; boot < 50; ++boot) {
+    Recorded robot(50'000);
+    robot.flash = flash;
+    robot.start(boot % 2 == 0 ? ResetReason::kBrownout : ResetReason::kPanic);
+    robot.estop_and_clear(100);
+    robot.run(9700);
+    flash = robot.flash;
+  }
+  CHECK(flash.operations == 0);
+}
+
+TEST(a_host_reads_the_boxes_part_by_part) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  CHECK(robot.bench.ask<GroupInfo>(GroupGet{.group = Group::kRecorder})->hash ==
+        hash_of(Group::kRecorder));
+  const auto none = robot.bench.ask<BoxValue>(BoxGet{});
+  CHECK(none && none->box_count == 0 && none->number == 0);
+  robot.estop_and_clear(200);
+  robot.estop_and_clear(200);
+  const auto newest = robot.bench.ask<BoxValue>(BoxGet{.age = 0});
+  const auto first = robot.bench.ask<BoxValue>(BoxGet{.age = 1});
+  CHECK(newest && newest->box_count == 2 && newest->number == 2);
+  CHECK(newest->size == kBoxImageSize && newest->cause == BoxCause::kEstop);
+  CHECK(newest->boot_id == 3 && newest->core == kCoreHash && newest->board == 0x77);
+  CHECK(first && first->number == 1 && first->stored_us < newest->stored_us);
+  CHECK(robot.bench.ask<BoxValue>(BoxGet{.age = 2})->number == 0);
+  // Each time more requests than the ids of a session go round with.
+  const Images stored = images(robot.keeper->store());
+  for (int i = 0; i < 120; ++i)
+    for (const auto& [number, image] : stored) CHECK(robot.read(number) == image);
+  CHECK(robot.read(3).empty());
+  // What was read is in the box that is recorded now, and re-runs.
+  robot.run(10);
+  CHECK(Rerun(robot.memory.data()).run() == Rerun::Outcome::kSame);
+}
+
+TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {
+  Recorded robot;
+  robot.start();
+  robot.run(10);
+  robot.bench.received.clear();
+  BoxGet request{.session_id = robot.bench.session_id(), .request_id = 50, .age = 0};
+  const auto answers = [&] {
+    robot.bench.send(request);
+    robot.bench.service();
+    return robot.bench.of<BoxValue>().size();
+  };
+  CHECK(answers() == 1);
+  CHECK(answers() == 2);
+  request.request_id = 49;
+  CHECK(answers() == 2);
+}
+
+TEST(nothing_is_read_while_driving_but_with_a_stop_or_a_fault_latched) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  robot.estop_and_clear(200);
+  const auto refusals = [&] {
+    return std::vector<RefusalCode>{robot.bench.refusal(BoxGet{}), robot.bench.refusal(BoxRead{1}),
+                                    robot.bench.refusal(LedgerGet{})};
+  };
+  const std::vector<RefusalCode> refused(3, RefusalCode::kNotStopped);
+  const std::vector<RefusalCode> served(3, RefusalCode::kNone);
+  robot.bench.send(robot.bench.velocity(0.0f, 0.0f));
+  robot.run(1);
+  robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
+  robot.run(1);
+  CHECK(robot.bench.state() == SupervisorState::kDriving && refusals() == refused);
+  robot.run(1000);
+  CHECK(robot.bench.state() == SupervisorState::kTimedOut && refusals() == served);
+  robot.bench.send(Estop{});
+  robot.run(1);
+  CHECK(robot.bench.state() == SupervisorState::kEstopped && refusals() == served);
+}
+
+TEST(a_box_is_current_until_anything_happens_to_the_state) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  const auto is_current = [&] { return robot.bench.ask<BoxValue>(BoxGet{})->is_current; };
+  robot.bench.send(Estop{});
+  robot.run(200);
+  CHECK(robot.keeper->store().count() == 1 && is_current() == 1);
+  robot.bench.send(robot.bench.stop());
+  robot.run(10);
+  CHECK(is_current() == 1);
+  (void)robot.bench.clear_estop();
+  CHECK(is_current() == 0);
+  // Cleared and stopped again while no box can be stored: the newest one is not of that stop.
+  for (int i = 0; i < 2; ++i) robot.estop_and_clear(200);
+  robot.bench.send(Estop{});
+  robot.run(200);
+  CHECK(robot.keeper->store().count() == 3 && is_current() == 0);
+}
+
+TEST(the_box_of_a_reset_is_current_all_of_the_boot) {
+  Recorded first;
+  first.start();
+  first.bench.drive(0.2f, 0.2f, 30);
+  Recorded second(50'000);
+  second.memory = first.memory;
+  second.start(ResetReason::kPanic);
+  second.run(11'000);
+  CHECK(second.bench.ask<BoxValue>(BoxGet{})->is_current == 1);
+  second.estop_and_clear(200);
+  CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 1})->is_current == 1);
+  CHECK(second.bench.ask<BoxValue>(BoxGet{.age = 0})->is_current == 0);
+  Recorded third(50'000);
+  third.flash = second.flash;
+  third.start(ResetReason::kPowerOn);
+  third.run(11'000);
+  CHECK(third.bench.ask<BoxValue>(BoxGet{.age = 1})->is_current == 0);
+}
+
+TEST(a_box_that_is_overwritten_while_it_is_read_ends_in_no_mixture) {
+  Recorded robot;
+  robot.start();
+  robot.run(3000);
+  for (int i = 0; i < 8; ++i) {
+    robot.estop_and_clear(200);
+    robot.bench.now_us += 600'000'000;
+  }
+  CHECK(robot.keeper->store().count() == 8 && !robot.read(1).empty());
+  robot.estop_and_clear(200);
+  CHECK(robot.keeper->store().head(0)->number == 9 && robot.read(1).empty());
+}
+
+TEST(a_host_reads_the_ledger) {
+  Recorded robot;
+  robot.start(ResetReason::kBrownout);
+  robot.bench.send(robot.bench.velocity(0.2f, 0.2f));
+  robot.run(1000);
+  robot.estop_and_clear(10);
+  robot.estop_and_clear(10);
+  const auto ledger = robot.bench.ask<LedgerValue>(LedgerGet{});
+  CHECK(ledger && ledger->uptime_s == robot.bench.now_us / 1'000'000);
+  CHECK(ledger->resets_brownout == 1 && ledger->resets_power_on == 0 && ledger->resets_panic == 0);
+  CHECK(ledger->stops_deadline == 1 && ledger->stops_estop == 2 && ledger->stops_fault == 0);
+}
+
+TEST(without_a_recorder_there_is_nothing_to_read) {
+  RobotBench bench;
+  bench.open();
+  CHECK(bench.ask<GroupInfo>(GroupGet{.group = Group::kRecorder})->hash == 0);
+  CHECK(bench.refusal(BoxGet{}) == RefusalCode::kNotSupported);
+  CHECK(bench.refusal(BoxRead{}) == RefusalCode::kNotSupported);
+  CHECK(bench.refusal(LedgerGet{}) == RefusalCode::kNotSupported);
+}

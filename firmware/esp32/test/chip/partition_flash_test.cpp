@@ -1,0 +1,77 @@
+#include "partition_flash.hpp"
+
+#include "check.hpp"
+#include "esp_task_wdt.h"
+#include "recorder_keeper.hpp"
+#include "task_watchdog.hpp"
+
+using namespace wheelwire;
+
+namespace {
+
+constexpr uint32_t kSize = RecorderKeeper::kFlashSize;
+
+FakePartition partition_of(uint32_t size) {
+  return {.label = "recorder",
+          .entry = {.size = size, .erase_size = 4096, .readonly = false},
+          .on_call = {},
+          .bytes = std::vector<uint8_t>(size, 0xff)};
+}
+
+bool starts(const FakePartition& partition) {
+  fake_partition = partition;
+  return PartitionFlash{}.start(kSize);
+}
+
+}  // namespace
+
+TEST(only_a_partition_that_has_room_and_can_be_written_is_used) {
+  CHECK(starts(partition_of(kSize)));
+  CHECK(!starts({}));
+  FakePartition other = partition_of(kSize);
+  other.label = "coredump";
+  CHECK(!starts(other));
+  CHECK(!starts(partition_of(kSize - kFlashSector)));
+  FakePartition readonly = partition_of(kSize);
+  readonly.entry.readonly = true;
+  CHECK(!starts(readonly));
+  FakePartition coarse = partition_of(kSize);
+  coarse.entry.erase_size = 65536;
+  CHECK(!starts(coarse));
+}
+
+TEST(what_was_written_is_read_back_until_its_sector_is_erased) {
+  CHECK(starts(partition_of(kSize)));
+  PartitionFlash flash;
+  CHECK(flash.start(kSize));
+  const uint8_t data[] = {1, 2, 3};
+  uint8_t found[3] = {};
+  CHECK(flash.write(kSize - 3, data, sizeof data) && flash.write(0, data, sizeof data));
+  CHECK(flash.erase(0));
+  CHECK(flash.read(kSize - 3, found, sizeof found) && found[0] == 1 && found[2] == 3);
+  CHECK(flash.read(0, found, sizeof found) && found[0] == 0xff);
+  CHECK(fake_partition.erasures == 1);
+}
+
+TEST(an_operation_that_fails_is_reported) {
+  fake_partition = partition_of(kSize);
+  PartitionFlash flash;
+  CHECK(flash.start(kSize));
+  uint8_t byte = 0;
+  CHECK(!flash.read(kSize, &byte, 1) && !flash.write(kSize, &byte, 1) && !flash.erase(kSize));
+  fake_partition.result = ESP_FAIL;
+  CHECK(!flash.read(0, &byte, 1) && !flash.write(0, &byte, 1) && !flash.erase(0));
+}
+
+TEST(the_task_watchdog_waits_for_each_operation) {
+  fake_partition = partition_of(kSize);
+  PartitionFlash flash;
+  CHECK(flash.start(kSize) && start_task_watchdog());
+  const uint32_t usual_ms = fake_task_watchdog.timeout_ms;
+  int waited = 0;
+  fake_partition.on_call = [&](bool) { waited += fake_task_watchdog.timeout_ms > 400 ? 1 : 0; };
+  uint8_t byte = 0;
+  CHECK(flash.read(0, &byte, 1) && flash.write(0, &byte, 1) && flash.erase(0));
+  CHECK(waited == 3 && fake_task_watchdog.timeout_ms == usual_ms);
+  fake_partition = {};
+}

@@ -1,0 +1,130 @@
+// A wheel ends what its parts have begun whenever it stops or is driven in another way.
+#include "wheel.hpp"
+
+#include "check.hpp"
+
+using namespace wheelwire;
+using enum ParameterId;
+
+namespace {
+
+constexpr int32_t kNominal = 4096;
+
+struct Motor final : MotorPort {
+  void drive(int16_t duty_q15) override { duty = duty_q15; }
+  void brake() override { duty = 0; }
+  void coast() override { duty = 0; }
+  int16_t duty = 0;
+};
+
+/// A wheel whose encoder counts what the test says.
+class WheelBench {
+ public:
+  WheelFault latch(int ticks = 0) {
+    now_us_ += config.period_us;
+    counter_ = static_cast<int16_t>(counter_ + ticks);
+    return wheel.latch(counter_, now_us_, false, kNominal, config);
+  }
+  /// A control step of the closed loop at this setpoint.
+  WheelFault velocity(int32_t setpoint_umps, int ticks = 0) {
+    const WheelFault fault = latch(ticks);
+    wheel.drive_velocity(setpoint_umps, setpoint_umps, false, kNominal, config);
+    return fault;
+  }
+  WheelFault duty(int32_t duty_q15, int ticks = 0) {
+    const WheelFault fault = latch(ticks);
+    wheel.drive_duty(duty_q15, false);
+    return fault;
+  }
+  /// The steps of the closed loop until a fault, of a wheel that ticks every so many; 0: none.
+  int steps_to_fault(WheelFault expected, int tick_every) {
+    for (int step = 1; step < 5000; ++step) {
+      const WheelFault fault = velocity(kSetpoint_umps, tick_every && step % tick_every == 0);
+      if (fault != WheelFault::kNone) return fault == expected ? step : -1;
+    }
+    return 0;
+  }
+
+  static constexpr int32_t kSetpoint_umps = 300'000;
+  ControlConfig config = make_config(Parameters());
+  Motor motor;
+  Wheel wheel{motor};
+
+ private:
+  uint64_t now_us_ = 1'000'000;
+  int16_t counter_ = 0;
+};
+
+/// The ways in which a wheel's drive ends.
+constexpr void (*kEnds[])(Wheel&) = {
+    [](Wheel& wheel) { wheel.coast(); },
+    [](Wheel& wheel) { wheel.brake(); },
+};
+
+constexpr void (*kInterruptions[])(Wheel&) = {
+    kEnds[0],
+    kEnds[1],
+    [](Wheel& wheel) { wheel.drive_duty(0, false); },
+};
+
+/// An encoder that loses edges: seldom a tick at a high duty.
+constexpr int kLosing = 40;
+
+}  // namespace
+
+TEST(an_implausible_encoder_is_judged_anew_after_each_end_of_the_closed_loop) {
+  const auto least = static_cast<int>(WheelBench().config.plausibility_time_us / 1000);
+  const int fresh = WheelBench().steps_to_fault(WheelFault::kImplausible, kLosing);
+  CHECK(fresh >= least);
+  for (const auto interrupt : kInterruptions) {
+    WheelBench bench;
+    for (int step = 1; step < fresh - 10; ++step)
+      CHECK(bench.velocity(WheelBench::kSetpoint_umps, step % kLosing == 0) == WheelFault::kNone);
+    interrupt(bench.wheel);
+    CHECK(bench.steps_to_fault(WheelFault::kImplausible, kLosing) >= least);
+  }
+}
+
+TEST(a_wheel_that_does_not_count_is_judged_anew_after_each_end_of_its_drive) {
+  const auto least = static_cast<int>(WheelBench().config.faults.stall_time_us / 1000);
+  const int fresh = WheelBench().steps_to_fault(WheelFault::kNotCounting, 0);
+  CHECK(fresh >= least);
+  for (const auto end : kEnds) {
+    WheelBench bench;
+    for (int step = 1; step < fresh - 10; ++step)
+      CHECK(bench.velocity(WheelBench::kSetpoint_umps) == WheelFault::kNone);
+    end(bench.wheel);
+    CHECK(bench.steps_to_fault(WheelFault::kNotCounting, 0) >= least);
+  }
+}
+
+TEST(the_duty_of_an_open_loop_is_not_judged_by_the_limit_of_the_closed_one) {
+  WheelBench bench;
+  for (int step = 0; step < 50; ++step) bench.velocity(50'000);
+  // Too little for a stall, but as much as the loop would give at most.
+  const int32_t duty = bench.config.faults.stall_duty_q15 - 100;
+  for (int step = 0; step < 5000; ++step) CHECK(bench.duty(duty) == WheelFault::kNone);
+}
+
+TEST(feedback_that_is_inverted_is_found_whatever_was_the_setpoint_before) {
+  for (const int32_t before : {-100'000, 0, 100'000}) {
+    WheelBench bench;
+    for (int step = 0; step < 20; ++step) bench.velocity(before);
+    bench.duty(32'767);
+    WheelFault fault = WheelFault::kNone;
+    // Driven forwards it counts ever faster backwards.
+    for (int step = 1; step < 400 && fault == WheelFault::kNone; ++step)
+      fault = bench.duty(32'767, -(step / 50));
+    CHECK(fault == WheelFault::kReversed);
+  }
+}
+
+TEST(driven_by_duty_a_wheel_falls_no_further_behind_its_last_setpoint) {
+  WheelBench bench;
+  CHECK(bench.config.path.follows());
+  for (int step = 0; step < 10; ++step) bench.velocity(WheelBench::kSetpoint_umps);
+  bench.duty(0);
+  const int32_t behind = bench.wheel.behind_um();
+  for (int step = 0; step < 500; ++step) bench.duty(0);
+  CHECK(magnitude(bench.wheel.behind_um() - behind) < 1000);
+}

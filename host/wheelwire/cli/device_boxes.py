@@ -1,0 +1,82 @@
+"""`wheelwire why` of a device's black boxes: in a file, or as a robot has them stored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from wheelwire.errors import OutputFailed
+
+if TYPE_CHECKING:
+    from wheelwire.diagnosis import Stop
+    from wheelwire.link.recorded import Recorded, StoredBox
+
+SUFFIX = ".box"
+
+SaveBoxesOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Of a ROBOT: write the black boxes that it has stored into this folder, "
+        "each a file for `wheelwire why FILE.box`.",
+        show_default=False,
+    ),
+]
+
+
+def is_box(address: str) -> bool:
+    """Whether an address is a file of a black box."""
+    return address.lower().endswith(SUFFIX)
+
+
+def stops_of_file(file: Path) -> list[Stop]:
+    """The stop that a box ends with, if any.
+
+    Raises:
+        RecordingError: It cannot be read, or is no black box.
+    """
+    from wheelwire.diagnosis.boxes import stop_of_box
+    from wheelwire.recording.black_box import read_box
+
+    stop = stop_of_box(read_box(file))
+    return [] if stop is None else [stop]
+
+
+def check_folder(folder: Path) -> None:
+    """Make the folder, before anything is read.
+
+    Raises:
+        OutputFailed: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputFailed(f"cannot make {folder}: {error.strerror or error}") from error
+
+
+def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
+    """Write each box to a file of its own; one that is there already is the same.
+
+    Raises:
+        OutputFailed: One cannot be written.
+    """
+    return [_write(folder / _name(box, board_id), image) for box, image in recorded.boxes]
+
+
+def _name(box: StoredBox, board_id: str) -> str:
+    head = box.head
+    return f"{board_id}-{head.number}-{head.boot_id:08x}-{head.cause.name.lower()}{SUFFIX}"
+
+
+def _write(file: Path, image: bytes) -> Path:
+    # Beside it first: a full disk must not leave a part of a box under its name.
+    fresh = file.with_suffix(".part")
+    try:
+        fresh.write_bytes(image)
+        fresh.replace(file)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise OutputFailed(f"cannot write {file}: {error.strerror or error}") from error
+    return file

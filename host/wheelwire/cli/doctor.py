@@ -1,0 +1,78 @@
+"""`wheelwire doctor`: what of this computer, and of a robot, will bite.
+
+Its checks it imports itself: other commands start without them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import ProtocolMismatch, WheelwireError
+
+from .address import Address, BaudRateOption, RobotArgument
+from .output import JsonFlag, console, print_json
+
+if TYPE_CHECKING:
+    from wheelwire.doctor import Finding
+
+FOUND = 30
+"""Exit code if anything was found."""
+
+
+def doctor(
+    robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
+) -> None:
+    """Say what of this computer will bite, and of ROBOT if one is named; each with its cure.
+
+    Opens no port that is not named. Exit code 30 if anything was found.
+    """
+    from wheelwire.doctor import Machine, examine
+
+    found = list(examine(Machine(robot=robot or "")))
+    if robot is not None:
+        found += _of_robot(Address(robot), baud_rate, as_json=as_json)
+    if as_json:
+        print_json([_said(finding) for finding in found])
+    else:
+        _print(found, robot)
+    if found:
+        raise typer.Exit(FOUND)
+
+
+def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> list[Finding]:
+    from wheelwire.doctor import Finding, examine_robot
+
+    found: list[Finding] = []
+    try:
+        with address.open_to_look(baud_rate, as_json=as_json) as driver:
+            if isinstance(driver, DeviceDriver):
+                found.extend(examine_robot(driver, address.text))
+    except ProtocolMismatch as error:
+        found.append(Finding("firmware", f"{error}.", f"wheelwire flash {address.text}"))
+    # What was found before it went away stays in the list.
+    except WheelwireError as error:
+        problem, _, cure = str(error).partition(": ")
+        found.append(Finding("no-answer", f"{problem}.", cure or "wheelwire ports"))
+    return found
+
+
+def _said(finding: Finding) -> dict[str, str]:
+    return {
+        "name": finding.name,
+        "problem": finding.problem,
+        "cure": finding.cure,
+        "page": finding.page,
+    }
+
+
+def _print(found: list[Finding], robot: str | None) -> None:
+    for finding in found:
+        console.print(f"{finding.name}: {finding.problem}", style="bold", soft_wrap=True)
+        console.print(f"    {finding.cure}", style="cyan", soft_wrap=True)
+        console.print(f"    {finding.page}", soft_wrap=True)
+    if not found:
+        of_robot = f", nor with {robot}" if robot else ""
+        console.print(f"Nothing is wrong with this computer, as far as it shows{of_robot}.")

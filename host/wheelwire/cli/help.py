@@ -1,0 +1,165 @@
+"""`wheelwire help PAGE[/SECTION]`: the documentation's pages, which ship with the package."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer.models import CommandInfo, TyperInfo
+
+from wheelwire_protocol import native
+
+from .output import console
+
+_CHECKOUT = Path(__file__).parents[3]
+_SHIPPED = Path(__file__).parents[1] / "pages"
+_HEADING = re.compile(r"^(#+) (.+)$", re.MULTILINE)
+_FENCED = re.compile(r"^( *)```.*?^\1```$", re.MULTILINE | re.DOTALL)
+_COMMENT = re.compile(r"^ *<!--.*?-->\n+", re.MULTILINE | re.DOTALL)
+_OF_THE_SITE = ("index", "api")
+"""What makes sense in a browser alone."""
+
+PAGE_OF = {
+    "BoardMismatch": "boards",
+    "CommissioningFailed": "first-hour",
+    "ConfigurationError": "robot-file",
+    "DeviceRefused": "troubleshooting/refuses",
+    "DeviceSilent": "troubleshooting/port",
+    "DriverUnavailable": "drivers",
+    "FlashFailed": "tutorial/4-flash",
+    "ForeignDevice": "troubleshooting/port",
+    "LinkLost": "troubleshooting/link",
+    "PortUnavailable": "troubleshooting/port",
+    "ProtocolMismatch": "versions",
+    "RecordingError": "recording",
+    "RequestTimeout": "troubleshooting/link",
+    "RobotNotNamed": "command-line/robot",
+    "WrongBoard": "boards",
+}
+"""By the class of an error: the page, and section, with more than its line has room for."""
+PAGE_OF_COMMAND = {
+    "board": "boards",
+    "clear": "stops",
+    "demo": "simulator",
+    "doctor": "doctor",
+    "drive": "tutorial/6-drive",
+    "estop": "stops",
+    "flash": "tutorial/4-flash",
+    "info": "command-line",
+    "log": "recording",
+    "mcu": "pi-pins/a-service-of-its-own",
+    "monitor": "view",
+    "params": "robot-file",
+    "ports": "troubleshooting/port",
+    "restart": "command-line",
+    "setup": "first-hour",
+    "sim": "simulator",
+    "stop": "stops",
+    "support": "recording",
+    "teleop": "teleop",
+    "tune": "tutorial/7-tune",
+    "why": "why",
+}
+"""By the first word of a command: the page that explains it; its help ends with that."""
+
+
+def help_page(
+    page: Annotated[
+        str | None,
+        typer.Argument(help="Such as troubleshooting, or troubleshooting/port: a section of it."),
+    ] = None,
+) -> None:
+    """Show a page of the documentation, or list the pages; without a network."""
+    found = pages()
+    if page is None:
+        width = max(map(len, found))
+        for name, file in found.items():
+            console.print(f"{name:{width}}  {_title(file)}", soft_wrap=True)
+        return
+    name, section = _find(page, found)
+    text = _COMMENT.sub("", found[name].read_text("utf-8"))
+    if section:
+        text = _section(name, text, section)
+    if console.is_terminal:
+        from rich.markdown import Markdown  # here, because it is slow to import
+
+        console.print(Markdown(text))
+    else:
+        print(text, end="")  # noqa: T201 - plain, for a pipe
+
+
+def pages() -> dict[str, Path]:
+    """The pages by name, in the order of their names."""
+    folder = _CHECKOUT / "docs" if native.is_checkout() else _SHIPPED
+    found = {
+        file.relative_to(folder).with_suffix("").as_posix().removesuffix("/README"): file
+        for file in folder.rglob("*.md")
+        if file.parent.name not in ("adr", "project")
+    }
+    protocol = _CHECKOUT / "protocol" if native.is_checkout() else _SHIPPED / "project"
+    found |= {"messages": protocol / "MESSAGES.md", "protocol": protocol / "SPEC.md"}
+    return {name: found[name] for name in sorted(found) if name not in _OF_THE_SITE}
+
+
+def _find(address: str, found: dict[str, Path]) -> tuple[str, str]:
+    """Page and section; an address may also be a path with an anchor, as messages have it."""
+    parts = address.removeprefix("docs/").replace(".md", "").replace("#", "/").split("/")
+    # Some pages are in a folder, so the longest name that is a page counts.
+    for length in range(len(parts), 0, -1):
+        if (name := "/".join(parts[:length])) in found:
+            return name, "/".join(parts[length:])
+    near = get_close_matches(address, found, n=1, cutoff=0.4)
+    hint = f"; did you mean {near[0]}?" if near else ""
+    raise typer.BadParameter(f"no page is called {address!r}{hint} `wheelwire help` lists them")
+
+
+def more_about(kind: str) -> str:
+    """The command that says more about an error of this class, or nothing."""
+    return f"wheelwire help {PAGE_OF[kind]}" if kind in PAGE_OF else ""
+
+
+def lead_to_pages(app: typer.Typer) -> None:
+    """Let the help of each command fit any width, and end with the page that explains it."""
+    app.info.epilog = "More: wheelwire help"
+    for command in app.registered_commands:
+        _lead(command, command.name or str(getattr(command.callback, "__name__", "")))
+    for group in app.registered_groups:
+        _lead(group, str(group.name))
+        if group.typer_instance:
+            for command in group.typer_instance.registered_commands:
+                _lead(command, str(group.name))
+
+
+def _lead(info: CommandInfo | TyperInfo, name: str) -> None:
+    if name in PAGE_OF_COMMAND:
+        info.epilog = f"More: wheelwire help {PAGE_OF_COMMAND[name]}"
+    if isinstance(info, CommandInfo) and not info.help:
+        # Typer would keep the line breaks of the source beside those of the terminal.
+        paragraphs = (inspect.getdoc(info.callback) or "").split("\n\n")
+        info.help = "\n\n".join(" ".join(one.split()) for one in paragraphs)
+
+
+def _title(file: Path) -> str:
+    found = _HEADING.search(file.read_text("utf-8"))
+    return found[2] if found else ""
+
+
+def _section(page: str, text: str, section: str) -> str:
+    """From the heading that has the words of `section` up to the next one of its level."""
+    # A comment in a block of commands is no heading.
+    blanked = _FENCED.sub(lambda block: re.sub(r"#", " ", block[0]), text)
+    headings = list(_HEADING.finditer(blanked))
+    anchors = [re.sub(r"[^\w -]", "", found[2].lower()).replace(" ", "-") for found in headings]
+    words = set(section.lower().split("-"))
+    exact = [n for n, anchor in enumerate(anchors) if anchor == section.lower()]
+    near = [n for n, anchor in enumerate(anchors) if words <= set(anchor.split("-"))]
+    if not (chosen := exact or near):
+        known = ", ".join(anchors[1:]) or "none"
+        raise typer.BadParameter(f"{page} has no section {section!r}; it has {known}")
+    start = headings[chosen[0]]
+    ends = (found.start() for found in headings[chosen[0] + 1 :] if len(found[1]) <= len(start[1]))
+    return text[start.start() : next(ends, len(text))].rstrip() + "\n"

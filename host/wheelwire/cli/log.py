@@ -1,0 +1,395 @@
+"""`wheelwire log`: record a robot's day; look at, decode, draw and repair what was recorded.
+
+What the commands need of `wheelwire.recording` they import themselves: all others start without it.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import logging
+import math
+import struct
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wheelwire.config import driver_at, is_recording
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import DriverUnavailable, InvalidArgument, OutputFailed, RecordingError
+from wheelwire_protocol.codec import BY_ID
+
+from .address import ROBOT_HELP, BaudRateOption, complete_robot, resolve
+from .interruptions import Interrupted, LinkNews, ended_by_signals, watch
+from .output import (
+    JsonFlag,
+    check_writable,
+    console,
+    print_facts,
+    print_json,
+    print_note,
+    show_help_alone,
+    to_json_value,
+)
+from .parameters import RobotCommand, split
+
+if TYPE_CHECKING:
+    from wheelwire.recording.frames import Frame
+    from wheelwire.recording.recorder import Recorder
+    from wheelwire.recording.summary import Summary
+    from wheelwire.recording.trace import Trace
+
+LOOK_S = 0.1
+"""Between two looks at the robot while it is recorded: it is read by the link anyway."""
+_F32 = struct.Struct("f")
+MESSAGES = {codec.type.__name__: codec.type for codec in BY_ID.values()}
+
+app = typer.Typer()
+
+
+def _complete(incomplete: str) -> Iterator[tuple[str, str]]:
+    """The recordings whose path begins with what was typed."""
+    folder = Path(incomplete if incomplete.endswith("/") else Path(incomplete).parent)
+    for path in sorted(folder.glob("*.mcap")):
+        if str(path).startswith(incomplete):
+            yield str(path), "a recording"
+
+
+FileArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        help="A recording, FILE.mcap.",
+        show_default=False,
+        autocompletion=_complete,
+    ),
+]
+
+
+@app.callback(invoke_without_command=True)
+def log(context: typer.Context) -> None:
+    """Record a robot's day, and look at what was recorded."""
+    show_help_alone(context)
+
+
+@app.command("record", cls=RobotCommand)
+def record(
+    context: typer.Context,
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[ROBOT] FILE.mcap",
+            help=f"{ROBOT_HELP} FILE.mcap may be a folder: a file in it is named by the time.",
+            show_default=False,
+            autocompletion=complete_robot,
+        ),
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=0.0, help="For how long; 0: until Ctrl-C.")] = 0.0,
+    baud_rate: BaudRateOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Record all that crosses the link, until Ctrl-C or SIGTERM. Sends no setpoint.
+
+    No file is overwritten: the new one's name gets a number. Goes on when a lost link is back.
+    """
+    from wheelwire.recording.recorder import recording_path
+
+    robot, (file,) = split(context, arguments or (), "FILE")
+    if not is_recording(file) and not Path(file).is_dir():
+        raise InvalidArgument(f"{file}: a recording's name ends in .mcap, or name a folder")
+    recording_path(file)  # first: a robot should not be opened for nothing
+    address = resolve(robot, as_json=as_json)
+    if is_recording(address.text):
+        raise InvalidArgument(f"{address.text} is a recording already: name a robot")
+    # What it logs of its own end, the command says.
+    logging.getLogger("wheelwire.recording").addHandler(logging.NullHandler())
+    recorder: Recorder | None = None
+    begin = end = time.monotonic()
+    lost = 0
+    try:
+        with ended_by_signals(), address.open(baud_rate, bare=True) as driver:
+            if not isinstance(driver, DeviceDriver):
+                raise DriverUnavailable(
+                    f"the driver of {address.text} has no link that could be recorded"
+                )
+            name, _ = driver_at(address.text, baud_rate=baud_rate, bare=True)
+            recorder = driver.record(file, name)
+            begin = time.monotonic()
+            try:
+                print_note(f"recording to {recorder.file}; Ctrl-C ends it", as_json=as_json)
+                _wait(driver, recorder, begin + (seconds or math.inf), as_json=as_json)
+            finally:
+                end = time.monotonic()
+                lost = driver.statistics.frames_lost
+    except Interrupted:
+        if recorder is None:
+            raise
+    if recorder.error is not None:
+        raise recorder.error
+    _say_what_was_written(recorder, end - begin, lost, as_json=as_json)
+
+
+def _wait(driver: DeviceDriver, recorder: Recorder, until: float, *, as_json: bool) -> None:
+    for news in watch(driver, until):
+        if isinstance(news, LinkNews):
+            print_note(news.text, as_json=as_json)
+        if recorder.error is not None:
+            return
+        time.sleep(max(0.0, min(LOOK_S, until - time.monotonic())))
+
+
+def _say_what_was_written(
+    recorder: Recorder, duration_s: float, frames_lost: int, *, as_json: bool
+) -> None:
+    sizes = {str(file): file.stat().st_size for file in recorder.files if file.exists()}
+    if as_json:
+        print_json(
+            {
+                "files": sizes,
+                "duration_s": duration_s,
+                "frames_lost": frames_lost,
+                "records_lost": recorder.lost,
+            }
+        )
+        return
+    for file, size in sizes.items():
+        console.print(f"wrote {file}, {_megabytes(size)}", soft_wrap=True)
+    console.print(f"recorded {duration_s:.1f} s; `wheelwire log info` and `log plot` show it")
+    if recorder.lost:
+        console.print(
+            f"{recorder.lost} records are missing: this computer or its disk was too slow",
+            soft_wrap=True,
+        )
+
+
+@app.command("info")
+def info(file: FileArgument, as_json: JsonFlag = False) -> None:
+    """Show what a recording holds, and whether it is complete."""
+    from wheelwire.recording.summary import summary
+
+    found = summary(file)
+    if as_json:
+        print_json({"file": str(file), **to_json_value(found)})
+        return
+    print_facts(
+        f"Recording {file}",
+        [
+            ("robot", f"{found.board_id or 'unknown'}, driver {found.driver or 'unknown'}"),
+            ("began", found.began),
+            ("duration", f"{found.duration_s:.3f} s"),
+            ("size", _megabytes(found.size_bytes)),
+            ("frames received", found.frames_received),
+            ("frames sent", found.frames_sent),
+            ("frames lost", found.frames_lost),
+            ("recorded by", f"Wheelwire {found.version or 'unknown'}"),
+            ("complete", _completeness(file, found)),
+        ],
+    )
+
+
+def _completeness(file: Path, found: Summary) -> str:
+    from wheelwire.recording.reader import is_being_written
+
+    if found.complete:
+        return "yes"
+    if is_being_written(file):
+        return "no: it is being recorded"
+    return f"no: `wheelwire log repair {file}` writes the end that a crash left out"
+
+
+@app.command("decode")
+def decode(
+    file: FileArgument,
+    message: Annotated[
+        str | None,
+        typer.Option(
+            help="Only these, a column for each field: WheelState, SetVelocity, ... as in "
+            "protocol/MESSAGES.md.",
+            autocompletion=lambda incomplete: [
+                name for name in MESSAGES if name.startswith(incomplete)
+            ],
+        ),
+    ] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Print the messages of both directions as CSV, with the values as on the wire.
+
+    `unix_s` is the time of day, `host_s` the host's monotonic clock, which a sample's stamp is of.
+    """
+    from wheelwire.recording.reader import metadata, offset_us
+
+    wanted = None if message is None else _message(message)
+    said = metadata(file)
+    offset = offset_us(said)
+    found = _checked(file)
+    # Of a file that cannot be read, not even the heading.
+    found = chain((one for one in [next(found, None)] if one is not None), found)
+    if as_json:
+        for frame in found:
+            if wanted is None or isinstance(frame.message, wanted):
+                row = _row(frame, offset)
+                unix_s, host_s = float(row.pop("unix_s")), float(row.pop("host_s"))
+                print_json({"unix_s": unix_s, "host_s": host_s, **row, **_values(frame.message)})
+        return
+    table = csv.writer(sys.stdout, lineterminator="\n")
+    times = ("unix_s", "host_s", "direction", "message")
+    table.writerow((*times, *(("values",) if wanted is None else wanted._fields)))
+    for frame in found:
+        if wanted is None:
+            values = frame.message._asdict().items()
+            text = " ".join(f"{name}={_cell(value)}" for name, value in values)
+            table.writerow((*_row(frame, offset).values(), text))
+        elif isinstance(frame.message, wanted):
+            table.writerow((*_row(frame, offset).values(), *map(_cell, frame.message)))
+
+
+def _message(name: str) -> Any:
+    if name in MESSAGES:
+        return MESSAGES[name]
+    near = difflib.get_close_matches(name.lower(), {one.lower(): one for one in MESSAGES}, 3, 0.5)
+    names = [one for one in MESSAGES if one.lower() in near] or list(MESSAGES)
+    raise InvalidArgument(f"no message has the name {name}: {', '.join(names)}")
+
+
+def _checked(file: Path) -> Iterator[Frame]:
+    from wheelwire.recording.frames import frames
+    from wheelwire.recording.reader import records
+
+    try:
+        yield from frames(records(file))
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from error
+
+
+def _row(frame: Frame, offset: int) -> dict[str, str]:
+    unix_us, host_us = frame.host_us + offset, frame.host_us
+    return {
+        "unix_s": f"{unix_us // 1_000_000}.{unix_us % 1_000_000:06d}",
+        "host_s": f"{host_us // 1_000_000}.{host_us % 1_000_000:06d}",
+        "direction": "sent" if frame.is_sent else "received",
+        "message": type(frame.message).__name__,
+    }
+
+
+def _values(message: Any) -> dict[str, Any]:
+    return {name: _json_value(value) for name, value in message._asdict().items()}
+
+
+def _json_value(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(_shortest(value))
+    return _cell(value) if isinstance(value, bytes) else value
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bytes):
+        text = value.rstrip(b"\0")
+        return (
+            text.decode("ascii") if text.isascii() and text.decode().isprintable() else value.hex()
+        )
+    if isinstance(value, tuple):
+        return ";".join(map(_cell, value))
+    if isinstance(value, float):
+        return _shortest(value)
+    return str(value)
+
+
+def _shortest(value: float) -> str:
+    """The number with the digits that tell it from others of 32 bits, which all messages have."""
+    text = f"{value:.7g}"
+    return text if _F32.pack(float(text)) == _F32.pack(value) else f"{value:.9g}"
+
+
+def draw_recording(
+    file: Path,
+    picture: Path,
+    title: Callable[[Trace, Mapping[str, str]], str],
+    window_us: tuple[float, float] | None = None,
+) -> None:
+    """Draw a recording.
+
+    Args:
+        file: The recording.
+        picture: To be written.
+        title: Made of what the recording shows and of its metadata.
+        window_us: From when to when, by the recording's clock; default: all.
+
+    Raises:
+        DriverUnavailable: matplotlib is not installed.
+        RecordingError: The file is no recording, or damaged.
+        OutputFailed: The picture cannot be written.
+    """
+    if find_spec("matplotlib") is None:
+        raise DriverUnavailable("a picture needs matplotlib: run pip install 'wheelwire[tools]'")
+    from wheelwire.commissioning.before_after import check_picture
+    from wheelwire.recording.plot import draw
+    from wheelwire.recording.reader import metadata, records
+    from wheelwire.recording.trace import Trace
+
+    said = metadata(file)
+    check_writable(picture)
+    check_picture(picture)
+    try:
+        trace = Trace.of(records(file))
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from error
+    window = None
+    if window_us is not None:
+        begin_us, end_us = window_us
+        window = (begin_us - trace.begin_us) / 1e6, (end_us - trace.begin_us) / 1e6
+    try:
+        draw(trace, title(trace, said), picture, window)
+    except OSError as error:
+        raise OutputFailed(f"cannot write {picture}: {error.strerror or error}") from error
+
+
+@app.command("plot")
+def plot(
+    file: FileArgument,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="The picture, .png, .svg or .pdf; default: FILE.png beside the file."),
+    ] = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Draw speeds asked and measured, duties, states and faults of a recording."""
+    picture = output or file.with_suffix(".png")
+
+    def title(trace: Trace, said: Mapping[str, str]) -> str:
+        from wheelwire.recording.summary import time_of_day
+
+        began = time_of_day(trace.begin_us, said)
+        return f"{file.name}: {said.get('board_id', 'a robot')}, {began}, {trace.end_s:.1f} s"
+
+    draw_recording(file, picture, title)
+    if as_json:
+        print_json({"picture": str(picture)})
+    else:
+        console.print(f"drew {picture}", soft_wrap=True)
+
+
+@app.command("repair")
+def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
+    """Write the end of a recording that a crash or a power cut has left without one.
+
+    What is whole stays as it is. The next recording in the same folder does it by itself.
+    """
+    from wheelwire.recording.repair import repair
+
+    was_repaired = repair(file)
+    if as_json:
+        print_json({"file": str(file), "repaired": was_repaired})
+    elif was_repaired:
+        console.print(f"repaired {file}: `wheelwire log info {file}` shows it", soft_wrap=True)
+    else:
+        console.print(f"{file} is complete: nothing was changed", soft_wrap=True)
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:.1f} MB"

@@ -1,0 +1,195 @@
+"""`support`: what a bug report needs, in one archive."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from wheelwire import __version__
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import OutputFailed, WheelwireError
+from wheelwire.files.board import to_yaml
+from wheelwire.files.parameters import ParameterFile
+from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
+
+from .address import BaudRateOption, RobotArgument, resolve
+from .output import JsonFlag, console, print_json, to_json_value
+
+RECORDINGS = "*.mcap"
+LARGEST = 200 << 20
+"""A recording above this is named, but not packed."""
+LEFT_OUT = (
+    "left out: names of users, computers and folders, addresses of networks; the device's own id "
+    "(its MAC address) is in it"
+)
+_NETWORK = re.compile(r"(socket|rfc2217|tcp)://[^\s\"',;]*[^\s\"',;:.]")
+_HOMES = re.compile(r"(/home|/Users)/[^/\s\"']+")
+_IPV4 = re.compile(r"\b(?:\d{1,3}\.){3}\d{1,3}\b")
+
+
+class _Part(NamedTuple):
+    name: str
+    content: str
+    what: str
+
+
+def support(
+    robot: RobotArgument = None,
+    output: Annotated[
+        Path | None, typer.Option(help="The archive; default: wheelwire-support-TIME.zip here.")
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="A recording; default: the newest in this folder.")
+    ] = None,
+    baud_rate: BaudRateOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Pack what a bug report needs: versions, the robot's state and values, a recording.
+
+    Nothing is sent anywhere. A robot that cannot be reached is packed as the error that says so.
+    """
+    address = resolve(robot, as_json=as_json)
+    now = datetime.now(timezone.utc)
+    target = output or Path(f"wheelwire-support-{now:%Y%m%d-%H%M%S}.zip")
+    parts = [_versions(now)]
+    try:
+        with address.open_to_look(baud_rate, as_json=as_json) as driver:
+            parts += _of_robot(driver)
+    except WheelwireError as error:
+        said = {"error": type(error).__name__, "message": str(error)}
+        parts.append(_Part("error.json", _json(said), f"why the robot is not in it: {error}"))
+    source = recording or _newest_recording()
+    with _written(target) as archive:
+        for part in parts:
+            archive.writestr(part.name, _anonymous(part.content))
+        listed = [(part.name, _anonymous(part.what)) for part in parts]
+        if source is not None:
+            listed.append(_pack_recording(archive, source))
+    if as_json:
+        print_json({"file": str(target), "parts": dict(listed)})
+        return
+    console.print(f"wrote {target}:", soft_wrap=True)
+    for name, what in listed:
+        console.print(f"  {name}: {what}", soft_wrap=True)
+    if source is None:
+        console.print(
+            "  no recording: `wheelwire log record ROBOT FILE.mcap` makes one", soft_wrap=True
+        )
+    console.print(LEFT_OUT, soft_wrap=True)
+
+
+def _versions(now: datetime) -> _Part:
+    found = {
+        "wheelwire": __version__,
+        "protocol": PROTOCOL_VERSION,
+        "schema": f"{schema_hash():08x}",
+        "python": platform.python_version(),
+        # Not platform.node() nor uname(), which have the computer's name.
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "ros_distro": os.environ.get("ROS_DISTRO"),
+        "packages": dict(_packages()),
+        "time": now.isoformat(timespec="seconds"),
+    }
+    return _Part("versions.json", _json(found), "versions of Wheelwire, Python and the system")
+
+
+def _packages() -> Iterator[tuple[str, str]]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    for name in ("pyserial", "construct", "numpy", "mcap", "gpiozero", "lgpio", "pigpio", "typer"):
+        with suppress(PackageNotFoundError):
+            yield name, version(name)
+
+
+def _of_robot(driver: BaseDriver) -> Iterator[_Part]:
+    """What the robot says; a question that it does not answer is packed as its error."""
+    yield _Part("sample.json", _json(driver.read()), "the newest sample")
+    yield _Part("link.json", _json(driver.statistics), "what this end of the link has counted")
+    if not isinstance(driver, DeviceDriver):
+        return
+    yield _Part("info.json", _json(driver.info), "the device, its firmware and its board")
+    yield _answer("parameters.yaml", "all parameters", lambda: _parameters(driver))
+    yield _answer("board.yaml", "the active board", lambda: _board(driver))
+    yield _answer("device.json", "what the device has counted", lambda: _counters(driver))
+
+
+def _answer(name: str, what: str, ask: Any) -> _Part:
+    try:
+        return _Part(name, ask(), what)
+    except WheelwireError as error:
+        return _Part(f"{name}.error", f"{type(error).__name__}: {error}\n", f"no {what}: {error}")
+
+
+def _parameters(driver: DeviceDriver) -> str:
+    return ParameterFile.of_robot(driver.parameters.list(), driver.info.device).text()
+
+
+def _board(driver: DeviceDriver) -> str:
+    state, found = driver.board.read()
+    return f"# {state.doc}\n{to_yaml(found) if found else ''}"
+
+
+def _counters(driver: DeviceDriver) -> str:
+    counted = {
+        "link": driver.device_counters(),
+        "control": driver.control_counters(),
+        "contradictions": driver.contradictions(),
+    }
+    return _json(counted)
+
+
+def _newest_recording() -> Path | None:
+    found = [file for file in Path().glob(RECORDINGS) if file.is_file()]
+    return max(found, key=lambda file: file.stat().st_mtime, default=None)
+
+
+def _pack_recording(archive: zipfile.ZipFile, source: Path) -> tuple[str, str]:
+    try:
+        size = source.stat().st_size
+        if size > LARGEST:
+            return source.name, f"not packed, {size >> 20} MB: send it by itself"
+        archive.write(source, source.name)
+    except OSError as error:
+        raise OutputFailed(f"cannot pack {source}: {error.strerror}") from error
+    return source.name, f"a recording, {size / 1e6:.1f} MB"
+
+
+@contextmanager
+def _written(target: Path) -> Iterator[zipfile.ZipFile]:
+    """A new archive; one that cannot be finished is removed."""
+    try:
+        with target.open("xb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            yield archive
+    except FileExistsError as error:
+        raise OutputFailed(f"{target} exists: name another file with --output") from error
+    except BaseException as error:
+        target.unlink(missing_ok=True)
+        if isinstance(error, OSError) and not isinstance(error, WheelwireError):
+            raise OutputFailed(f"cannot write {target}: {error.strerror}") from error
+        raise
+
+
+def _json(value: Any) -> str:
+    return json.dumps(to_json_value(value), indent=2, allow_nan=False) + "\n"
+
+
+def _anonymous(text: str) -> str:
+    """The text without what names a person or a network."""
+    text = _IPV4.sub("ADDRESS", _NETWORK.sub(r"\1://ADDRESS", text))
+    for path, stands_for in ((Path.cwd(), "."), (Path.home(), "~")):
+        if len(path.parts) > 1:  # not the root, which is in every path
+            text = text.replace(str(path), stands_for)
+    text = _HOMES.sub(r"\1/NAME", text)
+    computer = platform.node()
+    return re.sub(rf"\b{re.escape(computer)}\b", "COMPUTER", text) if computer else text

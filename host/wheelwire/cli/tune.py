@@ -1,0 +1,331 @@
+"""`wheelwire tune`: a short drive by hand, with other gains beside the robot's own."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from wheelwire.commissioning.driving import meaning_of
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.errors import (
+    CommissioningFailed,
+    DriverUnavailable,
+    InvalidArgument,
+    OutputFailed,
+)
+from wheelwire.parameters import checked_values, definition_of, number_text
+
+from .address import Address, BaudRateOption, RobotArgument, resolve
+from .interruptions import ended_by_a_loss, ended_by_signals
+from .output import (
+    JsonFlag,
+    TimeLeft,
+    check_writable,
+    console,
+    error_console,
+    print_json,
+    print_table,
+)
+from .prompts import ask, ask_yes_or_no
+
+if TYPE_CHECKING:
+    from wheelwire.commissioning.before_after import Course
+    from wheelwire.commissioning.tuning import Comparison, Drive, Tracking
+
+Outcome = Literal["keep", "undo", "save"]
+KEEP: Literal["keep"] = "keep"
+UNDO: Literal["undo"] = "undo"
+SAVE: Literal["save"] = "save"
+_REVERTED = "the previous values are active again"
+_SHORTEST_S, _LONGEST_S = 0.2, 60.0
+_NEAREST_M, _FURTHEST_M = 0.01, 20.0
+
+_FIGURES = (
+    ("rms_mps", "rms error", "mm/s", 1e3),
+    ("rise_s", "rise time", "ms", 1e3),
+    ("overshoot", "overshoot", "%", 100.0),
+    ("settling_s", "settling", "ms", 1e3),
+)
+"""Attribute of `Tracking`, title, unit and scale."""
+
+Gain = Annotated[float | None, typer.Option(help="To be tried.", show_default=False)]
+
+
+def tune(
+    robot: RobotArgument = None,
+    shape: Annotated[str, typer.Option(help="step, ramp or sine.")] = "step",
+    wheel: Annotated[
+        str, typer.Option(help="left, right or both; the other one is held.")
+    ] = "both",
+    speed: Annotated[float, typer.Option(help="The greatest, m/s; negative: backward.")] = 0.2,
+    seconds: Annotated[float, typer.Option(help="A drive takes no longer.")] = 3.0,
+    distance: Annotated[
+        float, typer.Option(help="m; no wheel gets further from where a drive begins.")
+    ] = 0.5,
+    proportional_gain: Annotated[
+        float | None, typer.Option("--proportional-gain", "--kp", help="To be tried.")
+    ] = None,
+    integral_gain: Annotated[
+        float | None, typer.Option("--integral-gain", "--ki", help="To be tried.")
+    ] = None,
+    velocity_feedforward: Gain = None,
+    static_feedforward: Gain = None,
+    acceleration_feedforward: Gain = None,
+    path_gain: Gain = None,
+    heading_gain: Gain = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the drives to this file.")] = None,
+    save: Annotated[
+        bool,
+        typer.Option(
+            "--save", help="Save the values without asking, unless the robot tracks worse by them."
+        ),
+    ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Do not ask before the wheels turn.")
+    ] = False,
+    baud_rate: BaudRateOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Drive a step, a ramp or a sine with the robot's gains and with others; keep them, or undo.
+
+    It asks before anything moves, unless you give --yes: raise the robot, or leave it room. What is
+    tried is on trial: the robot has its previous values again unless you keep or save the new ones,
+    also after Ctrl-C, a fault or a lost link. Without a gain there is one drive.
+    """
+    gains = {
+        "proportional_gain": proportional_gain,
+        "integral_gain": integral_gain,
+        "velocity_feedforward": velocity_feedforward,
+        "static_feedforward": static_feedforward,
+        "acceleration_feedforward": acceleration_feedforward,
+        "path_gain": path_gain,
+        "heading_gain": heading_gain,
+    }
+    tried = checked_values({name: v for name, v in gains.items() if v is not None})
+    drive = _checked(shape, wheel, speed, seconds, distance)
+    _check_plot(plot)
+    if save and not tried:
+        raise InvalidArgument("there is nothing to save: give a gain, such as --ki 12")
+    address = resolve(robot, moves=True, yes=yes, as_json=as_json)
+    address.check_parameters(tried, save=save)
+    if not yes and not _can_ask():
+        raise InvalidArgument(
+            "`tune` asks before the wheels turn, and there is no terminal to ask on: add --yes"
+        )
+    wish = _Wish(drive, tried, plot, save, yes, _can_save(address, tried), as_json)
+    # In this order: the signals are still handled while the driver stops the robot.
+    with (
+        ended_by_signals() as ending,
+        address.open(baud_rate) as driver,
+        ending.stops(driver, lambda: _REVERTED if tried else ""),
+        ended_by_a_loss(),
+    ):
+        before = {name: driver.parameters[name] for name in tried}
+        found, outcome = _try(driver, wish)
+    if as_json:
+        print_json(_as_json(found, before, wish, outcome))
+    elif outcome:
+        _print_outcome(before, tried, outcome)
+    if found.faults[-1]:
+        raise CommissioningFailed(f"a fault ended the drive: {meaning_of(found.faults[-1])}")
+    if save and outcome != SAVE:
+        raise CommissioningFailed(f"the new values track worse and were not saved; {_REVERTED}")
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """What was asked for."""
+
+    drive: Drive
+    tried: Mapping[str, float]
+    plot: Path | None
+    save: bool
+    yes: bool
+    can_save: bool
+    as_json: bool
+
+
+def _can_ask() -> bool:
+    # The questions go to standard error; standard output may be a file or a pipe.
+    return sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def _try(driver: BaseDriver, wish: _Wish) -> tuple[Comparison, Outcome | None]:
+    """Drive, show, ask; the robot then has the values that were decided on."""
+    # Here, so that no other command waits until numpy is imported.
+    from wheelwire.commissioning.tuning import compare
+
+    def confirm(course: Course) -> None:
+        if not wish.yes and not ask_yes_or_no(_question(wish, course)):
+            raise InvalidArgument("nothing was driven")
+
+    outcome = None
+    with driver.parameters.trial() as trial:
+        with TimeLeft(error_console if wish.as_json else console) as left:
+            found = compare(driver, wish.drive, wish.tried, left.show, confirm)
+        if not wish.as_json:
+            _print(found)
+        if wish.plot is not None:
+            _draw(found, wish.plot, as_json=wish.as_json)
+        if wish.tried:
+            outcome = _outcome(found, wish)
+        if outcome in (KEEP, SAVE):
+            for name, value in wish.tried.items():
+                driver.parameters.set(name, value)
+            trial.keep()
+    if outcome == SAVE:  # the device saves nothing while values are on trial
+        for name in wish.tried:
+            driver.parameters.save(name)
+    return found, outcome
+
+
+def _checked(shape: str, wheel: str, speed: float, seconds: float, distance: float) -> Drive:
+    """The drive; raises `InvalidArgument`."""
+    from wheelwire.commissioning.tuning import SHAPES, WHEELS, Drive
+
+    for name, value, allowed in (("shape", shape, SHAPES), ("wheel", wheel, WHEELS)):
+        if value not in allowed:
+            raise InvalidArgument(f"--{name} {value}: give {', '.join(allowed)}")
+    if not math.isfinite(speed) or not speed:
+        raise InvalidArgument(f"--speed {speed:g}: give a speed in m/s that is not 0")
+    for name, given, low, high in (
+        ("seconds", seconds, _SHORTEST_S, _LONGEST_S),
+        ("distance", distance, _NEAREST_M, _FURTHEST_M),
+    ):
+        if not low <= given <= high:
+            raise InvalidArgument(f"--{name} {given:g}: give {low:g} to {high:g}")
+    return Drive(shape, wheel, speed, seconds, distance)
+
+
+def _check_plot(plot: Path | None) -> None:
+    """What would fail at the end fails before anything moves."""
+    if plot is None:
+        return
+    check_writable(plot)
+    if find_spec("matplotlib") is None:
+        raise DriverUnavailable("--plot needs matplotlib: run pip install 'wheelwire[tools]'")
+    from wheelwire.commissioning.before_after import check_picture
+
+    check_picture(plot)
+
+
+def _question(wish: _Wish, course: Course) -> str:
+    drive = wish.drive
+    what = "both wheels" if len(drive.wheels) > 1 else f"the {drive.wheel} wheel"
+    times = "twice" if wish.tried else "once"
+    return (
+        f"A {drive.shape} of {what} to {drive.speed_mps:g} m/s, {course.seconds:.1f} s, {times}. "
+        f"On the floor each takes up to {drive.distance_m:g} m. Is the robot raised, or is "
+        "there enough space?"
+    )
+
+
+def _outcome(found: Comparison, wish: _Wish) -> Outcome:
+    """What is to become of the values that were tried."""
+    if wish.save:
+        return UNDO if found.is_worse else SAVE
+    if found.faults[-1] or not _can_ask():
+        return UNDO
+    choices: tuple[Outcome, ...] = (KEEP, UNDO, SAVE) if wish.can_save else (KEEP, UNDO)
+    while True:
+        answer = ask(f"What now ({', '.join(choices)})?", UNDO).strip().lower()
+        for choice in choices:
+            if answer in (choice[0], choice):
+                return choice
+        typer.echo(f"answer {', '.join(choices)}", err=True)
+
+
+def _can_save(address: Address, names: Collection[str]) -> bool:
+    try:
+        address.check_parameters(names, save=True)
+    except InvalidArgument:
+        return False
+    return True
+
+
+def _print(found: Comparison) -> None:
+    rows = [
+        (
+            f"{side} {title}",
+            *(_shown(figures, side, name, unit, scale) for figures in found.figures),
+        )
+        for side in found.sides
+        for name, title, unit, scale in _FIGURES
+        if name == "rms_mps" or found.drive.shape == "step"
+    ]
+    print_table(
+        f"{found.drive.shape} to {found.drive.speed_mps:g} m/s, {found.seconds:.1f} s",
+        ("", *found.titles) if len(found.titles) > 1 else ("", "measured"),
+        rows,
+    )
+    for title, fault in zip(found.titles, found.faults, strict=True):
+        if fault:
+            console.print(f"{title}: a fault ended the drive: {meaning_of(fault)}", soft_wrap=True)
+    if found.gain_mps is not None:
+        console.print(_verdict(found.gain_mps, found.noise_mps), soft_wrap=True)
+
+
+def _shown(
+    figures: Mapping[str, Tracking] | None, side: str, name: str, unit: str, scale: float
+) -> str:
+    if figures is None:
+        return "fault"
+    value: float | None = getattr(figures[side], name)
+    return "-" if value is None else f"{value * scale:.{1 if unit == 'mm/s' else 0}f} {unit}"
+
+
+def _verdict(gain_mps: float, noise_mps: float) -> str:
+    noise = f"the noise of such drives, {noise_mps * 1e3:.1f} mm/s"
+    if abs(gain_mps) <= noise_mps:
+        return f"both track as well, within {noise}"
+    which = "better" if gain_mps > 0 else "worse"
+    return f"the new values track {which} by {abs(gain_mps) * 1e3:.1f} mm/s, beyond {noise}"
+
+
+def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
+    from wheelwire.commissioning.before_after import draw
+
+    titles = found.titles if len(found.titles) > 1 else ("measured",)
+    try:
+        draw(plot, tuple(zip(titles, found.traces, strict=True)))
+    except OSError as error:
+        raise OutputFailed(f"cannot write {plot}: {error.strerror}; {_REVERTED}") from error
+    (error_console if as_json else console).print(f"drawn in {plot}", soft_wrap=True)
+
+
+def _print_outcome(before: Mapping[str, float], tried: Mapping[str, float], outcome: str) -> None:
+    for name, value in tried.items():
+        unit = definition_of(name).unit.value
+        console.print(
+            f"  {name}: {number_text(before[name])} -> {number_text(value)} {unit}", soft_wrap=True
+        )
+    said = {
+        KEEP: "active until the next reset; `wheelwire params save` saves them",
+        UNDO: f"undone: {_REVERTED}",
+        SAVE: "saved",
+    }
+    console.print(said[outcome], soft_wrap=True)
+
+
+def _as_json(
+    found: Comparison, before: Mapping[str, float], wish: _Wish, outcome: Outcome | None
+) -> Mapping[str, object]:
+    tried = wish.tried
+    return {
+        "drive": found.drive,
+        "seconds": found.seconds,
+        "values": {name: {"before": before[name], "after": tried[name]} for name in tried},
+        **dict(zip(found.titles, found.figures, strict=True)),
+        "faults": dict(zip(found.titles, found.faults, strict=True)),
+        "gain_mps": found.gain_mps,
+        "noise_mps": found.noise_mps,
+        "outcome": outcome,
+        "plot": None if wish.plot is None else str(wish.plot),
+    }

@@ -1,0 +1,66 @@
+"""`wheelwire monitor` on the whole screen of a terminal, where there is one."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from wheelwire.config import is_recording, is_robot_file, load_config
+
+from .address import Address
+from .interruptions import Interrupted
+from .output import print_note
+
+
+def can_show() -> bool:
+    """Whether the whole screen can be taken; says what to install, if that is all that is missing.
+
+    A picture needs a terminal that moves its cursor, and has more than ASCII.
+    """
+    # Textual draws to standard error.
+    is_terminal = all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr))
+    if not is_terminal or os.environ.get("TERM", "dumb") == "dumb":
+        return False
+    if not (sys.stdout.encoding or "").lower().startswith("utf"):
+        return False
+    if find_spec("textual") is None:
+        print_note("for a view on the whole screen: pip install 'wheelwire[view]'", as_json=False)
+        return False
+    return True
+
+
+def show(address: Address, seconds: float, baud_rate: int | None) -> None:
+    """Show the robot until a key or a signal ends it.
+
+    Raises:
+        Interrupted: It was a signal, or Ctrl-C.
+        WheelwireError: As `Address.open_to_look`; `LinkClosed` if the robot is gone for good.
+    """
+    from wheelwire.view.app import show  # here, for Textual is slow to import
+
+    with address.open_to_look(baud_rate, as_json=False) as driver:
+        ended_by = show(
+            driver,
+            address.text,
+            recording=Path(address.text) if is_recording(address.text) else None,
+            seconds=seconds,
+            cannot_drive=_cannot_drive(address.text),
+            check_save=lambda name: address.check_parameters([name], save=True),
+        )
+    if ended_by is not None:
+        raise Interrupted(128 + ended_by, "interrupted")
+
+
+def _cannot_drive(address: str) -> str:
+    """Why the robot of a file that sets things is not driven: a look opens it without them."""
+    if not is_robot_file(address):
+        return ""
+    robot = load_config(address)
+    if robot.driver != "serial" or not (robot.parameters or robot.board):
+        return ""
+    return (
+        f"{address} sets parameters or a board, which are not set for a look: "
+        f"`wheelwire teleop {address}` drives with them"
+    )

@@ -1,0 +1,173 @@
+"""`wheelwire why`: why the robot stopped, in plain words, with the evidence.
+
+What it needs of `wheelwire.diagnosis` it imports itself: other commands start without it.
+"""
+
+from __future__ import annotations
+
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from wheelwire.config import is_recording
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import DriverUnavailable, InvalidArgument, RecordingError
+from wheelwire.link.clock import host_clock_us
+
+from .address import Address, BaudRateOption, RobotArgument, resolve
+from .box_rerun import ExportFlag, RerunOption, rerun_file
+from .device_boxes import (
+    SaveBoxesOption,
+    check_folder,
+    is_box,
+    stops_of_file,
+    write_boxes,
+)
+from .log import draw_recording
+from .output import JsonFlag, console, print_json
+
+if TYPE_CHECKING:
+    from wheelwire.diagnosis import Stop
+
+BEFORE_S, AFTER_S = 4.0, 1.0
+"""Of the newest stop's picture."""
+
+
+def why(
+    robot: RobotArgument = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PNG", help="Of a recording: draw the seconds around the newest stop."
+        ),
+    ] = None,
+    rerun: RerunOption = None,
+    export_test: ExportFlag = False,
+    save_boxes: SaveBoxesOption = None,
+    baud_rate: BaudRateOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Say why the robot stopped: of a recording FILE.mcap, a black box FILE.box, or of a ROBOT.
+
+    Of a ROBOT: the stops that it has recorded by itself, and what holds it now. Names a cause, what
+    shows it, and what to look at first. Where the data cannot decide, it names the causes that are
+    left. With --rerun it does what a black box holds again.
+    """
+    if rerun is not None:
+        if plot is not None:
+            raise InvalidArgument("--plot draws a recording, not a black box")
+        rerun_file(rerun, robot, export=export_test, as_json=as_json)
+        return
+    if export_test:
+        raise InvalidArgument("--export-test needs a black box: --rerun FILE --export-test")
+    address = resolve(robot, as_json=as_json)
+    _check_options(address.text, plot, save_boxes)
+    facts: list[str] = []
+    if is_recording(address.text):
+        said = _of_recording(Path(address.text), plot)
+    elif is_box(address.text):
+        said = [_said(stop, None) for stop in stops_of_file(Path(address.text))]
+    else:
+        said, facts = _of_robot(address, baud_rate, save_boxes, as_json=as_json)
+    if as_json:
+        print_json(said)
+    else:
+        _print(said, facts or ["" if said else "Nothing has stopped the robot in this file."])
+
+
+def _check_options(address: str, plot: Path | None, folder: Path | None) -> None:
+    if plot is not None and not is_recording(address):
+        raise InvalidArgument(f"--plot draws a recording: name FILE.mcap instead of {address}")
+    if folder is None:
+        return
+    if is_recording(address) or is_box(address):
+        raise InvalidArgument(f"--save-boxes reads a robot: name one instead of {address}")
+    check_folder(folder)
+
+
+def _of_recording(file: Path, plot: Path | None) -> list[dict[str, Any]]:
+    from wheelwire.recording.reader import metadata, offset_us
+
+    stops, added_us = _stops_of(file), offset_us(metadata(file))
+    if plot is not None:
+        _draw(file, stops, plot)
+    return [_said(stop, _time_of_day(stop.host_us + added_us)) for stop in stops]
+
+
+def _of_robot(
+    address: Address, baud_rate: int | None, folder: Path | None, *, as_json: bool
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """What stopped the robot, and what else is worth a line."""
+    from wheelwire.diagnosis.device import ledger_facts, stops_of_device
+
+    with address.open_to_look(baud_rate, as_json=as_json) as driver:
+        if not isinstance(driver, DeviceDriver):
+            raise DriverUnavailable(f"the driver of {address.text} says nothing of its stops")
+        recorded = driver.recorder.read()
+        sample, device = driver.read(), driver.info.device
+    found = stops_of_device(device, sample, recorded)
+    if recorded.why_none and folder is not None:
+        raise RecordingError(recorded.why_none)
+    facts = [] if found else [f"Nothing holds the robot: it is {sample.state.name}."]
+    if recorded.why_none:
+        facts.append(f"What it has recorded is not in this: {recorded.why_none}.")
+    if recorded.ledger is not None:
+        facts += [f"{name}: {text}" for name, text in ledger_facts(recorded.ledger).items()]
+    if folder is not None:
+        facts += [f"Written: {file}" for file in write_boxes(recorded, device.board_id, folder)]
+    to_unix_us = time.time_ns() // 1000 - host_clock_us()
+    said = [
+        _said(one.stop, _time_of_day(one.stop.host_us + to_unix_us) if one.is_dated else None)
+        for one in found
+    ]
+    return said, facts
+
+
+def _stops_of(file: Path) -> list[Stop]:
+    from wheelwire.diagnosis import Diagnosis
+    from wheelwire.recording.reader import is_complete, records
+
+    diagnosis = Diagnosis()
+    try:
+        return [
+            *diagnosis.feed_all(records(file)),
+            *diagnosis.end(complete=is_complete(file)),
+        ]
+    except ValueError as error:
+        raise RecordingError(f"{file}: {error}") from error
+
+
+def _time_of_day(unix_us: int) -> datetime:
+    return datetime.fromtimestamp(unix_us / 1e6).astimezone()
+
+
+def _said(stop: Stop, time: datetime | None) -> dict[str, Any]:
+    return {
+        "time": None if time is None else time.isoformat(timespec="milliseconds"),
+        "cause": stop.cause,
+        "sentence": stop.sentence,
+        "evidence": list(stop.evidence),
+        "look_at": stop.look_at,
+    }
+
+
+def _print(said: list[dict[str, Any]], facts: list[str]) -> None:
+    for stop in said:
+        when = "" if stop["time"] is None else f"{datetime.fromisoformat(stop['time']):%H:%M:%S.%f}"
+        console.print(f"{when[:-3]}  {stop['sentence']}".strip(), style="bold", soft_wrap=True)
+        for evidence in stop["evidence"]:
+            console.print(f"    {evidence}", soft_wrap=True)
+        console.print(f"    Look first at {stop['look_at']}.", style="cyan", soft_wrap=True)
+    for fact in filter(None, facts):
+        console.print(fact, soft_wrap=True)
+
+
+def _draw(file: Path, stops: list[Stop], picture: Path) -> None:
+    if not stops:
+        raise InvalidArgument(f"{file}: nothing has stopped the robot: there is nothing to draw")
+    newest = stops[-1]
+    window_us = newest.host_us - BEFORE_S * 1e6, newest.host_us + AFTER_S * 1e6
+    draw_recording(file, picture, lambda *_: newest.sentence, window_us)

@@ -1,0 +1,520 @@
+"""The same short drive with the parameters before and after: tracking errors side by side.
+
+The commanded velocities are ramps within the acceleration limit, so that what is measured is the
+loop's error and not the limit's: ahead and back, turns, a curve, crawling. At its end the robot is
+about where it began. It takes a metre of floor, or none if the wheels are raised.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+from wheelwire_protocol.codes import Fault
+
+from ..drivers.base import BaseDriver
+from ..errors import CommissioningFailed, DeviceRefused, InvalidArgument
+from .driving import (
+    SIDES,
+    Left,
+    Pair,
+    Record,
+    arm,
+    come_to_rest,
+    life_s,
+    one_session,
+    require_ready,
+    uninterrupted,
+    untold,
+)
+
+TOP_MPS = 0.35
+"""Of the fastest part of the drive, on a robot that can."""
+RAMP_MPS2 = 1.0
+"""Of the steepest ramp, on a robot that may."""
+
+_LONGEST_WAY_M = 0.75
+_DUTY_AT_TOP = 0.7
+"""Of the robot's limit, at constant speed."""
+_DUTY_OF_RAMP = 0.3
+"""Of the robot's limit, for the acceleration."""
+_MEASUREMENT_LAG = 0.65
+"""Lag of the measured velocity, in `velocity_window_us`; the firmware assumes the same."""
+_SHORTEST_HOLD_S = 0.4
+"""A part of the drive that is held for less shows no overshoot."""
+_SMALLEST_STEP = 0.3
+"""Nor does a step below this part of the top speed."""
+_NOISE_SAMPLES = 3
+"""Overshoot is that of the mean of so many samples."""
+
+_PARTS = (
+    (1.0, 1.0, 0.8),
+    (0.4, 0.4, 0.5),
+    # Through zero without a rest, where friction changes its sign.
+    (-1.0, -1.0, 0.8),
+    (-0.4, -0.4, 0.5),
+    (0.0, 0.0, 0.3),
+    (-0.5, 0.5, 0.5),
+    (0.5, -0.5, 0.5),
+    (0.0, 0.0, 0.3),
+    (1.0, 0.5, 0.5),
+    (-1.0, -0.5, 0.5),
+    (0.0, 0.0, 0.3),
+    # Crawling, where static friction decides.
+    (0.12, 0.12, 1.0),
+    (-0.12, -0.12, 1.0),
+    (0.0, 0.0, 0.3),
+)
+"""Left and right in parts of the top speed, and for how long that is held [s], after a ramp."""
+
+
+class Part(NamedTuple):
+    """A part of the drive: a ramp, then a constant velocity."""
+
+    begin_s: float
+    held_from_s: float
+    end_s: float
+    before: Pair
+    """The velocities at its beginning. [m/s]"""
+    held: Pair
+    """The velocities that are held. [m/s]"""
+
+
+class Course:
+    """The commanded velocity of both wheels over time.
+
+    Args:
+        top_mps: The greatest speed.
+        parts: One after the other, from standstill.
+        longest_way_m: A wheel that gets further from where it began is stopped.
+    """
+
+    def __init__(
+        self, top_mps: float, parts: Iterable[Part], longest_way_m: float = math.inf
+    ) -> None:
+        self.top_mps = top_mps
+        self.parts = tuple(parts)
+        self.longest_way_m = longest_way_m
+        self._begins = [part.begin_s for part in self.parts]
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return self.parts[-1].end_s
+
+    def at(self, t_s: float) -> Pair:
+        """The velocities in m/s at a time since the start."""
+        # `t_s` may be negative: what is measured at the start is about the time before it.
+        part = self.parts[max(0, bisect_right(self._begins, t_s) - 1)]
+        ramp_s = part.held_from_s - part.begin_s
+        share = min(max((t_s - part.begin_s) / ramp_s, 0.0), 1.0) if ramp_s > 0 else 1.0
+        return Pair(*(a + share * (b - a) for a, b in zip(part.before, part.held, strict=True)))
+
+
+def there_and_back(top_mps: float, ramp_mps2: float) -> Course:
+    """The test drive of a set-up.
+
+    Args:
+        top_mps: The greatest speed.
+        ramp_mps2: Of the faster wheel, between the parts.
+    """
+    return Course(top_mps, _parts(top_mps, ramp_mps2))
+
+
+def _parts(top_mps: float, ramp_mps2: float) -> Iterator[Part]:
+    end_s, before = 0.0, Pair(0.0, 0.0)
+    for left, right, seconds in _PARTS:
+        held = Pair(left * top_mps, right * top_mps)
+        change = max(abs(b - a) for a, b in zip(before, held, strict=True))
+        held_from_s = end_s + change / ramp_mps2
+        yield Part(end_s, held_from_s, held_from_s + seconds, before, held)
+        end_s, before = held_from_s + seconds, held
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One drive: commanded and measured velocities, left and right, in m/s.
+
+    The commands are those of the moment that the measured velocity is about, which lags.
+    """
+
+    times_s: tuple[float, ...]
+    commanded: tuple[Pair, ...]
+    measured: tuple[Pair, ...]
+    lag_s: float
+    """Of the measured velocity."""
+
+    def rms_mps(self, *wheels: int) -> float:
+        """The root mean square of the difference, over these wheels."""
+        errors = [
+            measured[wheel] - commanded[wheel]
+            for commanded, measured in zip(self.commanded, self.measured, strict=True)
+            for wheel in wheels
+        ]
+        return math.sqrt(sum(error * error for error in errors) / len(errors))
+
+    def noise_mps(self, *wheels: int) -> float:
+        """By how much `rms_mps` may differ from that of the same drive, done again.
+
+        The standard error of a root mean square, as if the errors were independent after each lag
+        of the measured velocity, which is an average over a window.
+        """
+        seconds = self.times_s[-1] - self.times_s[0]
+        independent = max(2.0, seconds / self.lag_s * len(wheels))
+        return self.rms_mps(*wheels) / math.sqrt(2 * independent)
+
+    def overshoot(self, course: Course, wheel: int) -> float:
+        """The greatest overshoot after a ramp, as a fraction of its step."""
+        worst = 0.0
+        for part in course.parts:
+            step = part.held[wheel] - part.before[wheel]
+            held_s = part.end_s - part.held_from_s
+            if abs(step) < _SMALLEST_STEP * course.top_mps or held_s < _SHORTEST_HOLD_S:
+                continue
+            # Divided by the step, overshoot is positive whichever way the step went.
+            beyond = [
+                (pair[wheel] - part.held[wheel]) / step
+                for time, pair in zip(self.times_s, self.measured, strict=True)
+                if part.held_from_s <= time < part.end_s
+            ]
+            worst = max(worst, *_means(beyond), 0.0)
+        return worst
+
+
+def _means(values: Sequence[float]) -> list[float]:
+    """Of so many samples in a row that noise is no overshoot; at least one."""
+    count = min(_NOISE_SAMPLES, len(values))
+    return [
+        sum(values[start : start + count]) / count for start in range(len(values) - count + 1)
+    ] or [0.0]
+
+
+@dataclass(frozen=True)
+class WheelProof:
+    """One wheel's drives. None in place of a figure: a fault ended that drive."""
+
+    rms_before_mps: float | None
+    rms_after_mps: float | None
+    overshoot_before: float | None
+    """As a fraction of the step."""
+    overshoot_after: float | None
+
+
+@dataclass(frozen=True)
+class Proof:
+    """How both drives went.
+
+    Attributes:
+        left: The left wheel.
+        right: The right wheel.
+        rms_before_mps: Tracking error of both wheels; None: a fault ended the drive.
+        rms_after_mps: The same, with the new parameters.
+        traces: Before and after, as far as there is one.
+        faults: That ended the drive before and the one after; none of a drive that reached its end.
+    """
+
+    left: WheelProof
+    right: WheelProof
+    rms_before_mps: float | None
+    rms_after_mps: float | None
+    traces: tuple[Trace | None, Trace | None]
+    faults: tuple[Fault, Fault]
+
+    @property
+    def better(self) -> bool:
+        """The new parameters track better beyond the noise, and neither wheel does worse."""
+        before, after = self.traces
+        # A drive that a fault ended is worse than any other.
+        if before is None or after is None:
+            return after is not None
+        return self._gain_mps(0, 1) > self.noise_mps(0, 1) and all(
+            self._gain_mps(wheel) > -self.noise_mps(wheel) for wheel in (0, 1)
+        )
+
+    def noise_mps(self, *wheels: int) -> float:
+        """What a difference between the two drives may be by chance; twice its standard error."""
+        return noise_mps(self.traces, *wheels)
+
+    def _gain_mps(self, *wheels: int) -> float:
+        before, after = self.traces
+        return before.rms_mps(*wheels) - after.rms_mps(*wheels) if before and after else 0.0
+
+    def verdict(self) -> str:
+        """Why the previous values stay, if the new ones are not better."""
+        noise = f"the noise of {_mmps(self.noise_mps(0, 1))}"
+        gain = self._gain_mps(0, 1)
+        if abs(gain) <= self.noise_mps(0, 1):
+            return f"the previous values track as well, within {noise}; they are left as they are"
+        if gain < 0:
+            return f"the previous values track better, by more than {noise}; they stay"
+        worse = next(wheel for wheel in (0, 1) if self._gain_mps(wheel) < -self.noise_mps(wheel))
+        return (
+            f"with the new values the {SIDES[worse]} wheel tracks worse, by more than its noise of "
+            f"{_mmps(self.noise_mps(worse))}; the previous ones stay"
+        )
+
+    def table(self) -> str:
+        """For a terminal: a row for each wheel, and one for both."""
+        rows = [("", "RMS before", "after", "overshoot before", "after")]
+        for name, wheel in zip(SIDES, (self.left, self.right), strict=True):
+            speeds = _mmps(wheel.rms_before_mps), _mmps(wheel.rms_after_mps)
+            rows.append(
+                (name, *speeds, _percent(wheel.overshoot_before), _percent(wheel.overshoot_after))
+            )
+        rows.append(("both", _mmps(self.rms_before_mps), _mmps(self.rms_after_mps), "", ""))
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        return "\n".join(
+            "  ".join(
+                cell.rjust(width) if column else cell.ljust(width)
+                for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in rows
+        )
+
+    def plot(self, path: Path) -> None:
+        """Draw commanded and measured velocity, a panel for each wheel and drive.
+
+        Args:
+            path: Its ending says what kind of picture it is, as .png; see `check_picture`.
+
+        Raises:
+            ImportError: matplotlib is not installed.
+            OSError: The file cannot be written.
+            ValueError: There is no such kind of picture.
+        """
+        draw(path, tuple(zip(("before", "after"), self.traces, strict=True)))
+
+
+def noise_mps(traces: Iterable[Trace | None], *wheels: int) -> float:
+    """What a difference between these drives may be by chance; twice its standard error."""
+    return 2 * math.hypot(*(trace.noise_mps(*wheels) for trace in traces if trace))
+
+
+def draw(path: Path, drives: Sequence[tuple[str, Trace | None]]) -> None:
+    """Draw commanded and measured velocity, a panel for each wheel and drive.
+
+    Args:
+        path: Its ending says what kind of picture it is, as .png; see `check_picture`.
+        drives: Each with its title; None: a fault ended it.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+        OSError: The file cannot be written.
+        ValueError: There is no such kind of picture.
+    """
+    from matplotlib.figure import Figure  # not pyplot, which needs a display
+
+    figure = Figure(figsize=(11, 5), layout="constrained")
+    panels = figure.subplots(2, len(drives), sharex=True, sharey=True, squeeze=False)
+    for column, (title, trace) in enumerate(drives):
+        panels[0][column].set_title(title if trace else f"{title}: ended by a fault")
+        for wheel, name in enumerate(SIDES):
+            axes = panels[wheel][column]
+            axes.grid(alpha=0.3)
+            if trace:
+                # The command is thick and lies below, so that both lines can be seen.
+                lines = (("commanded", trace.commanded, 4.0), ("measured", trace.measured, 1.0))
+                for label, pairs, width in lines:
+                    speeds = [pair[wheel] for pair in pairs]
+                    axes.plot(trace.times_s, speeds, label=label, linewidth=width, alpha=0.7)
+                axes.legend(loc="lower right", fontsize="small")
+            if column == 0:
+                axes.set_ylabel(f"{name} [m/s]")
+    for axes in panels[1]:
+        axes.set_xlabel("time [s]")
+    figure.savefig(path, dpi=110)
+
+
+def check_picture(path: Path) -> None:
+    """Find out whether a picture can be drawn to this file, by its ending.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+        InvalidArgument: There is no such kind of picture.
+    """
+    from matplotlib.figure import Figure
+
+    try:
+        # Only drawing shows it: some kinds need other programs.
+        Figure().savefig(BytesIO(), format=path.suffix[1:] or "none")
+    except (ValueError, OSError, RuntimeError, ImportError) as error:
+        raise InvalidArgument(
+            f"{path}: no picture can be drawn to a file that ends in {path.suffix or 'nothing'}: "
+            "name it .png, .svg or .pdf"
+        ) from error
+
+
+def prove(
+    robot: BaseDriver,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    left: Left = untold,
+) -> Proof:
+    """Drive the course with both sets of parameters.
+
+    Takes half a minute. Whatever happens, the robot stands and has the values of `before` again.
+
+    Args:
+        robot: Raised, or with a metre of floor ahead of it.
+        before: Values of the parameters that `after` changes, by name; the same names.
+        after: The values to try.
+        left: Called with about how long the wheels still turn [s].
+
+    Raises:
+        CommissioningFailed: An e-stop or a fault was latched before; the board was reset, or
+            the link was lost for a while.
+        DeviceRefused: An e-stop was latched meanwhile, or a value is refused.
+        LinkLost: The robot is out of reach; a reset brings back what was saved.
+    """
+    require_ready(robot)
+    # One course for both drives: its speed follows from the new feed-forward.
+    course = _course(robot, {**before, **after})
+    traces, faults = drive_twice(robot, before, after, course, left)
+    rms = [trace.rms_mps(0, 1) if trace else None for trace in traces]
+    return Proof(
+        left=_wheel_proof(traces, course, 0),
+        right=_wheel_proof(traces, course, 1),
+        rms_before_mps=rms[0],
+        rms_after_mps=rms[1],
+        traces=traces,
+        faults=faults,
+    )
+
+
+def drive_twice(
+    robot: BaseDriver,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    course: Course,
+    left: Left = untold,
+) -> tuple[tuple[Trace | None, Trace | None], tuple[Fault, Fault]]:
+    """Drive a course with both sets of parameters; the traces, and the faults that ended a drive.
+
+    Otherwise as `prove`.
+    """
+    with one_session(robot):
+        try:
+            left(2 * course.seconds)
+            first, fault_before = drive_with(robot, before, course)
+            left(course.seconds)
+            second, fault_after = drive_with(robot, after, course)
+        finally:
+            # The stop first: while the robot drives, some of the previous values would be refused.
+            robot.stop()
+            _set(robot, before)
+            left(0.0)
+    return (first, second), (fault_before, fault_after)
+
+
+def _course(robot: BaseDriver, values: Mapping[str, float]) -> Course:
+    """As fast as the robot can, within its limits and a metre."""
+    static, feedforward, of_acceleration = (
+        values[name] if name in values else robot.parameters[name]
+        for name in ("static_feedforward", "velocity_feedforward", "acceleration_feedforward")
+    )
+    most_duty = robot.parameters["max_duty"]
+    # Less than the robot's limits: the loop needs the rest to make up for errors.
+    ramp_mps2 = min(RAMP_MPS2, 0.7 * robot.parameters["max_acceleration_mps2"])
+    if of_acceleration > 0:
+        ramp_mps2 = min(ramp_mps2, _DUTY_OF_RAMP * most_duty / of_acceleration)
+    # Ahead it rolls top^2 / ramp + top * 1 s: see _PARTS.
+    within_m = (math.sqrt(1 + 4 * _LONGEST_WAY_M / ramp_mps2) - 1) * ramp_mps2 / 2
+    top_mps = min(TOP_MPS, within_m, 0.8 * robot.parameters["max_velocity_mps"])
+    if feedforward > 0:
+        reached = (_DUTY_AT_TOP * most_duty - static) / feedforward
+        # With feed-forwards that are far off, the robot still has to move for a comparison.
+        top_mps = min(top_mps, max(reached, 0.2 * top_mps))
+    return there_and_back(top_mps, ramp_mps2)
+
+
+def drive_with(
+    robot: BaseDriver, values: Mapping[str, float], course: Course
+) -> tuple[Trace | None, Fault]:
+    """Drive a course with these parameters.
+
+    A fault that ends the drive is cleared; there is no trace then.
+
+    Raises:
+        CommissioningFailed: A wheel got too far, or setpoints come too late.
+        DeviceRefused, LinkLost: As `prove`.
+    """
+    # The setpoint of the drive before may still be active, and some parameters change only while
+    # the robot stands.
+    robot.stop()
+    _set(robot, values)
+    trace, faults = uninterrupted(partial(_drive, robot, course))
+    if faults:
+        come_to_rest(robot)
+        robot.clear_fault()
+        arm(robot)
+    return trace, faults
+
+
+def _drive(robot: BaseDriver, course: Course) -> tuple[Trace | None, Fault] | None:
+    """A trace, or the fault that ended the drive; None if a setpoint ran out meanwhile."""
+    resting = come_to_rest(robot)
+    # A sample says where the wheels were when it was taken. The setpoint that answers it arrives a
+    # round trip later, and is active until the next one: its middle has to be on the course.
+    round_trip_us = robot.statistics.round_trip_p50_us
+    ahead_s = 0.0 if math.isnan(round_trip_us) else round_trip_us / 1e6
+    ahead_s += resting.seconds / (len(resting.samples) - 1) / 2
+    record = Record(robot.read())
+    m_per_tick = 2 * math.pi * robot.parameters["wheel_radius"]
+    m_per_tick /= robot.parameters["counts_per_revolution"]
+    while record.seconds < course.seconds:
+        # Along the course by the robot's clock, so that a late sample does not stretch it.
+        left, right = course.at(record.seconds + ahead_s)
+        try:
+            robot.set_wheel_velocity(left, right, life_s(robot))
+        except DeviceRefused as error:
+            if error.faults:
+                return None, error.faults
+            raise
+        record.add(robot.read())
+        # A fault may show in a sample before a setpoint is refused because of it.
+        if record.faults:
+            return None, record.faults
+        if (way_m := max(map(abs, record.ticks)) * m_per_tick) > course.longest_way_m:
+            robot.stop()
+            raise CommissioningFailed(
+                f"a wheel is {way_m:.2f} m from where it began, more than this drive asks for; "
+                "stopped: give other gains, or drive slower"
+            )
+    if record.lapsed:
+        return None
+    lag_s = _MEASUREMENT_LAG * robot.parameters["velocity_window_us"] / 1e6
+    times_s = record.times_s()
+    trace = Trace(
+        tuple(times_s),
+        tuple(course.at(time - lag_s) for time in times_s),
+        tuple(Pair(sample.left_mps, sample.right_mps) for sample in record.samples),
+        lag_s,
+    )
+    return trace, Fault(0)
+
+
+def _wheel_proof(
+    traces: tuple[Trace | None, Trace | None], course: Course, wheel: int
+) -> WheelProof:
+    rms = [trace.rms_mps(wheel) if trace else None for trace in traces]
+    overshoot = [trace.overshoot(course, wheel) if trace else None for trace in traces]
+    return WheelProof(*rms, *overshoot)
+
+
+def _set(robot: BaseDriver, values: Mapping[str, float]) -> None:
+    for name, value in values.items():
+        robot.parameters.set(name, value)
+
+
+def _mmps(value: float | None) -> str:
+    return "fault" if value is None else f"{value * 1e3:.1f} mm/s"
+
+
+def _percent(value: float | None) -> str:
+    return "fault" if value is None else f"{value:.0%}"

@@ -1,0 +1,371 @@
+"""Why a robot stopped, from its black box alone: no host needs to have been there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import median
+
+from wheelwire_protocol.black_box import (
+    Box,
+    Contact,
+    End,
+    HangUp,
+    Received,
+    Refusal,
+    Step,
+    Stored,
+    Transition,
+)
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import (
+    BoxCause,
+    Fault,
+    RefusalCode,
+    SupervisorEvent,
+    SupervisorState,
+    TrialAction,
+)
+from wheelwire_protocol.types import (
+    AnyMessage,
+    Estop,
+    Hello,
+    ParameterTrial,
+    Ping,
+    SetDuty,
+    SetWheelVelocity,
+    WheelState,
+)
+from wheelwire_protocol.types import Stop as StopRequest
+
+from ..link.clock import Conversion
+from ..link.setpoints import SETPOINT_IDS
+from ..link.state_stream import DUTY_SCALE, Measurement
+from . import wheels
+from .causes import COUNTING_FAULTS, OTHER_FAULTS, REFUSALS, RESETS, WHEEL_FAULTS
+from .diagnosis import Stop, stop_of, supply_fall
+
+SPACING_US = 10_000
+"""Between the samples that are made of steps: as a host gets them, for which `wheels` is made."""
+SAME_STEP_US = 2_000
+"""What came this shortly before a change of state is why."""
+COUNTER_LIMIT = 32_767
+"""The counters return to 0 there."""
+STILL_US = 300_000
+"""A wheel that does not count has stood still for so long."""
+STILL_TICKS, TURNED_TICKS = 2, 5
+"""In that time."""
+MISSED = 2
+"""A program that asks for nothing any more has missed so many of its setpoints."""
+LATE = 1.5
+"""Of the usual time between two steps: a late one."""
+
+_SILENT = ("host_killed", "host_frozen", "cable_pulled", "line_corrupt")
+"""In a box all of them are silence."""
+_OF_A_SESSION = (SetWheelVelocity, SetDuty, Ping)
+
+
+def stop_of_box(box: Box, added_us: int = 0) -> Stop | None:
+    """The stop that a black box ends with; None if nothing in it stopped the robot.
+
+    Args:
+        box: Of any device.
+        added_us: From the device's clock in the boot that it was recorded in to the host's, if a
+            host knows it. Else the stop's time is on the device's clock.
+    """
+    story = _Story.of(box)
+    if box.head.cause is BoxCause.RESET:
+        return _reset(story, added_us)
+    stop = story.stop
+    if stop is None:
+        return None
+    causes, evidence, side = _JUDGES[stop.event](story, stop)
+    when = f"{stop.t_us / 1e6:.2f} s after the start of boot {box.head.boot_id:08x}"
+    shown = (f"black box {box.head.number}: {when}", *evidence)
+    return stop_of(stop.t_us + added_us, causes, shown, side)
+
+
+@dataclass
+class _Story:
+    """What a box holds, by kinds."""
+
+    box: Box
+    steps: list[Step] = field(default_factory=list)
+    transitions: list[Transition] = field(default_factory=list)
+    received: list[Received] = field(default_factory=list)
+    refusals: list[Refusal] = field(default_factory=list)
+    others: list[Contact | HangUp | Stored] = field(default_factory=list)
+    session_id: int | None = None
+    """That was open at the end, as far as the box tells."""
+
+    @classmethod
+    def of(cls, box: Box) -> _Story:
+        story = cls(box)
+        before: int | None = None
+        for entry in box.entries():
+            match entry:
+                case Step():
+                    story.steps.append(entry)
+                case Transition():
+                    story.transitions.append(entry)
+                case Received():
+                    story.received.append(entry)
+                    before = story.session_id
+                    story._enter(entry.message)
+                case Refusal():
+                    story.refusals.append(entry)
+                    if entry.code is RefusalCode.NO_SESSION:
+                        story.session_id = before
+                case Contact() | HangUp() | Stored():
+                    story.others.append(entry)
+                case End():
+                    pass
+        return story
+
+    def _enter(self, message: AnyMessage) -> None:
+        if isinstance(message, Hello):
+            self.session_id = message.nonce ^ self.box.head.boot_id
+        elif isinstance(message, _OF_A_SESSION):
+            self.session_id = message.session_id
+
+    @property
+    def stop(self) -> Transition | None:
+        """The last change of state that took the drive away, or latched."""
+        latching = (SupervisorEvent.FAULT, SupervisorEvent.ESTOP)
+        for one in reversed(self.transitions):
+            is_end = one.before is SupervisorState.DRIVING and one.event in _JUDGES
+            if is_end or one.event in latching:
+                return one
+        return None
+
+    def samples(self, until_us: int) -> Iterator[Measurement]:
+        """The steps as a host would have seen them."""
+        left, right = 0, 0
+        state = self.transitions[0].before if self.transitions else SupervisorState.DRIVING
+        changes = iter([*self.transitions, None])
+        change = next(changes)
+        taken_us = -SPACING_US
+        before = self.steps[0] if self.steps else None
+        for step in self.steps:
+            if step.t_us > until_us or before is None:
+                return
+            left += _change(before.left_counter, step.left_counter)
+            right += _change(before.right_counter, step.right_counter)
+            before = step
+            while change is not None and change.t_us < step.t_us:
+                state, change = change.after, next(changes)
+            if step.t_us >= taken_us + SPACING_US:
+                taken_us = step.t_us
+                yield _measurement(step, left, right, state)
+
+    def last(self, kind: type[AnyMessage], until_us: int) -> Received | None:
+        """The newest message of this kind."""
+        found = [
+            one for one in self.received if isinstance(one.message, kind) and one.t_us <= until_us
+        ]
+        return found[-1] if found else None
+
+    def just_before(self, kind: type[AnyMessage], t_us: int) -> Received | None:
+        """A message of this kind that may be why."""
+        found = self.last(kind, t_us)
+        return found if found is not None and found.t_us >= t_us - SAME_STEP_US else None
+
+
+_Judged = tuple[tuple[str, ...], Iterable[str], str]
+
+
+def _fault(story: _Story, stop: Transition) -> _Judged:
+    known = [one for one in story.transitions if one.t_us <= stop.t_us and one is not stop]
+    new = stop.faults & ~(known[-1].faults if known else Fault(0)) or stop.faults
+    samples = tuple(story.samples(stop.t_us))
+    supply = supply_fall(samples)
+    names = ", ".join(str(one.name) for one in Fault if one in new)
+    for one, name in OTHER_FAULTS.items():
+        if one in new:
+            late = _late(story, stop.t_us) if one is Fault.CONTROL_OVERRUN else ()
+            return (name,), (f"{names}: {one.doc}", *late, *supply), ""
+    for one, (side, name) in WHEEL_FAULTS.items():
+        if one not in new:
+            continue
+        if name == "wheel_reversed":
+            return (name,), (names, *supply), side
+        if one & COUNTING_FAULTS and _has_others_count(samples, side):
+            samples = tuple(map(_swapped, samples))
+        found = wheels.examine(samples, side, counting=not one & COUNTING_FAULTS)
+        causes = found.causes or ("encoder_dead", "wheel_blocked")
+        if causes == ("wheel_never_counted",) and samples[0].supervisor is SupervisorState.DRIVING:
+            # Whether it had counted before is not in the box.
+            causes = ("encoder_dead", "wheel_blocked", "motor_open")
+            found = found._replace(evidence=("not one tick in the box, which begins in the drive",))
+        return causes, (names, *found.evidence, *supply), side
+    return ("external_fault",), (names,), ""
+
+
+def _has_others_count(samples: tuple[Measurement, ...], side: str) -> bool:
+    """Whether the counters are swapped: this one goes on, and the other one stands."""
+    if not samples:
+        return False
+    last = samples[-1]
+    before = next(one for one in samples if one.t_us >= last.t_us - STILL_US)
+    left = abs(last.state.left_ticks - before.state.left_ticks)
+    right = abs(last.state.right_ticks - before.state.right_ticks)
+    own, other = (left, right) if side == "left" else (right, left)
+    return own >= TURNED_TICKS and other <= STILL_TICKS
+
+
+def _swapped(one: Measurement) -> Measurement:
+    state = one.state._replace(left_ticks=one.state.right_ticks, right_ticks=one.state.left_ticks)
+    return Measurement(state, one.t_us, Conversion(()), one.arrived_us)
+
+
+def _late(story: _Story, until_us: int) -> tuple[str, ...]:
+    """The longest time between two steps, and what the device did in it."""
+    steps = [one for one in story.steps if one.t_us <= until_us]
+    gaps = [(later.t_us - earlier.t_us, earlier.t_us) for earlier, later in pairwise(steps)]
+    if not gaps:
+        return ()
+    longest_us, begin_us = max(gaps)
+    usual_us = median(gap for gap, _ in gaps)
+    if longest_us < LATE * usual_us:
+        return ()
+    text = f"a step came {(longest_us - usual_us) / 1000:.1f} ms late"
+    stored = any(
+        isinstance(one, Stored) and begin_us <= one.t_us <= begin_us + longest_us
+        for one in story.others
+    )
+    return (text, "flash was written just before") if stored else (text,)
+
+
+def _estop(story: _Story, stop: Transition) -> _Judged:
+    contacts = [one for one in story.others if isinstance(one, Contact) and one.t_us <= stop.t_us]
+    if contacts and contacts[-1].open:
+        return ("contact_open",), ("the contact opened just before",), ""
+    return _asked(story, stop, Estop, "estop")
+
+
+def _stop(story: _Story, stop: Transition) -> _Judged:
+    ends = [one for one in story.others if isinstance(one, HangUp)]
+    if ends and stop.t_us - SAME_STEP_US <= ends[-1].t_us <= stop.t_us:
+        return ("host_hung_up",), ("the end of the connection came just before",), ""
+    trial = story.just_before(ParameterTrial, stop.t_us)
+    if trial is not None and getattr(trial.message, "action", None) == TrialAction.REVERT:
+        return ("stop_by_session",), ("a program reverted its trial of parameters",), ""
+    if story.just_before(StopRequest, stop.t_us) is None:
+        return ("trial_expired",), ("no Stop was read: the device stopped by itself",), ""
+    return _asked(story, stop, StopRequest, "stop")
+
+
+def _asked(story: _Story, stop: Transition, kind: type[Estop | StopRequest], what: str) -> _Judged:
+    """By the session that was open, or by another program."""
+    session, stranger = f"{what}_by_session", f"{what}_by_stranger"
+    read = story.just_before(kind, stop.t_us)
+    if read is None:
+        return (session, stranger), (f"no {kind.__name__} is in the box just before",), ""
+    asked = getattr(read.message, "session_id", 0)
+    text = f"the message {kind.__name__} was read just before"
+    if story.session_id is None:
+        return (session, stranger), (text, "which session was open is not in the box"), ""
+    if asked == story.session_id:
+        return (session,), (text, "of the session that drove"), ""
+    return (stranger,), (text, "of another session, or of none"), ""
+
+
+def _new_session(story: _Story, stop: Transition) -> _Judged:
+    hello = story.just_before(Hello, stop.t_us)
+    nonce = f"{getattr(hello.message, 'nonce', 0):08x}" if hello is not None else "unknown"
+    return ("new_session",), (f"a Hello with the nonce {nonce} was read just before",), ""
+
+
+def _deadline(story: _Story, stop: Transition) -> _Judged:
+    asked = [story.last(SetWheelVelocity, stop.t_us), story.last(SetDuty, stop.t_us)]
+    times = [one.t_us for one in asked if one is not None]
+    if not times:
+        return ("program_paused", *_SILENT), ("no setpoint is in the box",), ""
+    refused = [
+        one for one in story.refusals if one.message_id in SETPOINT_IDS and one.t_us <= stop.t_us
+    ]
+    if refused and refused[-1].t_us >= max(times) - SAME_STEP_US:
+        code = refused[-1].code
+        name = REFUSALS.get(code, "setpoints_refused")
+        return (name,), (f"the last setpoint was refused: {code.name}. {code.doc}",), ""
+    quiet_s = (stop.t_us - max(times)) / 1e6
+    evidence = [f"the last setpoint came {quiet_s:.2f} s before"]
+    others = [one.t_us for one in story.received if one.t_us <= stop.t_us]
+    # What came between two setpoints says nothing of what the program did after the last one.
+    if others[-1] > max(times) + MISSED * _setpoint_period_us(story):
+        text = f"a message that is none came {(others[-1] - max(times)) / 1e6:.2f} s after it"
+        return ("program_paused",), (*evidence, text), ""
+    evidence.append("nothing came since: in a box these are all silence")
+    return ("program_paused", *_SILENT), evidence, ""
+
+
+def _setpoint_period_us(story: _Story) -> float:
+    times = [one.t_us for one in story.received if message_id(type(one.message)) in SETPOINT_IDS]
+    gaps = [later - earlier for earlier, later in pairwise(times)]
+    return median(gaps) if gaps else SPACING_US
+
+
+_JUDGES: dict[SupervisorEvent, Callable[[_Story, Transition], _Judged]] = {
+    SupervisorEvent.FAULT: _fault,
+    SupervisorEvent.ESTOP: _estop,
+    SupervisorEvent.STOP: _stop,
+    SupervisorEvent.SESSION: _new_session,
+    SupervisorEvent.DEADLINE: _deadline,
+}
+
+
+def _reset(story: _Story, added_us: int) -> Stop:
+    head = story.box.head
+    reason = head.reset_reason
+    evidence = [
+        f"black box {head.number}, of boot {head.boot_id:08x}, which this reset ended: "
+        f"{reason.name}. {reason.doc}"
+    ]
+    end_us = head.stored_us
+    if story.steps:
+        last = story.steps[-1]
+        end_us = last.t_us
+        duties = [abs(duty) / DUTY_SCALE for duty in (last.left_duty_q15, last.right_duty_q15)]
+        evidence.append(
+            f"its last control step came {end_us / 1e6:.2f} s after the start, driven at "
+            f"{duties[0]:.0%} and {duties[1]:.0%}"
+        )
+    if story.received:
+        read = story.received[-1]
+        evidence.append(
+            f"the last message was {type(read.message).__name__}, "
+            f"{max(0, end_us - read.t_us) / 1000:.0f} ms before the reset"
+        )
+    if story.stop is not None:
+        stop = story.stop
+        evidence.append(
+            f"{(end_us - stop.t_us) / 1e6:.2f} s before the reset it had stopped: "
+            f"{stop.event.name}. {stop.event.doc}"
+        )
+    evidence += supply_fall(tuple(story.samples(end_us)))
+    return stop_of(end_us + added_us, (RESETS[reason],), evidence)
+
+
+def _change(before: int, now: int) -> int:
+    """The true change of a counter, as the core computes it."""
+    return (now - before + COUNTER_LIMIT // 2) % COUNTER_LIMIT - COUNTER_LIMIT // 2
+
+
+def _measurement(step: Step, left: int, right: int, state: SupervisorState) -> Measurement:
+    frame = WheelState(
+        boot_id=0,
+        t_us=step.t_us & 0xFFFFFFFF,
+        left_ticks=left,
+        right_ticks=right,
+        left_mps=0.0,
+        right_mps=0.0,
+        left_duty_q15=step.left_duty_q15,
+        right_duty_q15=step.right_duty_q15,
+        command_seq=0,
+        supervisor=state,
+        faults=0,
+        overruns=0,
+        battery_mv=step.battery_mv,
+    )
+    return Measurement(frame, step.t_us, Conversion(()), step.t_us)

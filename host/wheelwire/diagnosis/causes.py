@@ -1,0 +1,231 @@
+"""Why a robot stops: each cause has a name, a sentence and what to look at first.
+
+`docs/causes.md` says which data tells which causes apart; `diagnosis` applies it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
+
+
+class Cause(NamedTuple):
+    """One cause of a stop.
+
+    Attributes:
+        sentence: What happened. A wheel's begins with its side: "{wheel}".
+        look_at: What to look at first.
+    """
+
+    sentence: str
+    look_at: str
+
+
+CAUSES: dict[str, Cause] = {
+    # --- faults of a wheel
+    "encoder_dead": Cause(
+        "{wheel} wheel stopped counting at full speed although it was driven on",
+        "the encoder's plug and its wires",
+    ),
+    "encoder_one_channel": Cause(
+        "{wheel} wheel's count went up and down by one while it was driven: one of its encoder's "
+        "two channels is dead",
+        "the encoder's wires A and B",
+    ),
+    "wheel_blocked": Cause("{wheel} wheel was held fast while driven", "what touches the wheel"),
+    "motor_open": Cause(
+        "{wheel} wheel rolled to a stop although it was driven harder and harder: its motor drew "
+        "no current",
+        "the motor's plug and the output of the power stage",
+    ),
+    "wheel_never_counted": Cause(
+        "{wheel} wheel did not count once since the drive began: encoder, motor or a blocked wheel",
+        "the plugs of motor and encoder; turn the wheel by hand and watch `wheelwire monitor`",
+    ),
+    "wheel_reversed": Cause(
+        "{wheel} wheel's speed grew against its drive",
+        "the wires of motor and encoder: swap A and B, or set encoder_inverted",
+    ),
+    "encoder_implausible": Cause(
+        "{wheel} wheel was driven harder than its measured speed explains, while it counted on",
+        "the encoder, which may lose edges; then the load",
+    ),
+    # --- other faults
+    "control_overrun": Cause(
+        "The control loop ran too late", "what was written to flash just then; overrun_limit_us"
+    ),
+    "driver_failed": Cause(
+        "A motor or encoder peripheral did not start", "the pins in the wiring guide"
+    ),
+    "store_full": Cause(
+        "The flash of the saved parameters has no free page", "the flash: reset the parameters"
+    ),
+    "store_newer": Cause("The saved parameters are of a newer firmware", "the firmware's release"),
+    "store_unreadable": Cause("The saved parameters cannot be read from flash", "the flash"),
+    "no_board": Cause("No board is stored that this device can use", "`wheelwire board write`"),
+    "external_fault": Cause(
+        "An input of the board stopped the robot", "what is wired to that input"
+    ),
+    # --- emergency stops, and stops that somebody asked for
+    "contact_open": Cause(
+        "The emergency stop's contact opened", "the emergency stop's button, then its wire"
+    ),
+    "estop_by_session": Cause(
+        "The emergency stop was asked for over this link", "the program that asked"
+    ),
+    "estop_by_stranger": Cause(
+        "Another program sent an emergency stop to the port", "who else has the port"
+    ),
+    "estop_before_reset": Cause(
+        "An emergency stop was latched before the device's reset",
+        "clear it, once its cause is gone",
+    ),
+    "fault_before_reset": Cause(
+        "A fault was latched before the device's reset", "the fault that is named in the evidence"
+    ),
+    "stop_by_session": Cause(
+        "The stop was asked for over this link", "nothing: somebody asked for it"
+    ),
+    "stop_by_stranger": Cause("Another program sent a stop to the port", "who else has the port"),
+    "zero_setpoint": Cause(
+        "The wheels stand because the program asked for a speed of zero",
+        "nothing: somebody asked for it",
+    ),
+    "new_session": Cause(
+        "Another program opened a session, which ended this one", "who else has the port"
+    ),
+    "trial_expired": Cause(
+        "A trial of parameters was not renewed in time", "the program that tries parameters"
+    ),
+    "host_hung_up": Cause("The program closed the link while the robot drove", "the program's log"),
+    # --- setpoints that stopped coming
+    "host_killed": Cause(
+        "The program ended without closing the robot: it was killed, or its computer lost power",
+        "the system's log",
+    ),
+    "host_frozen": Cause(
+        "The program stood still: nothing of it ran, not even its link", "the host's load"
+    ),
+    "cable_pulled": Cause("The connection to the robot was lost", "the cable's plug"),
+    "line_corrupt": Cause(
+        "Setpoints were sent and did not arrive whole",
+        "the cable, the common ground, the baud rate",
+    ),
+    "setpoints_refused": Cause("The device refused the setpoints", "what the refusal says"),
+    "setpoints_expired": Cause(
+        "The setpoints were too old when they arrived",
+        "the host's load and the setpoints' time to live",
+    ),
+    "program_paused": Cause(
+        "The program asked for nothing any more while its link went on",
+        "the program: it stopped sending setpoints",
+    ),
+    # --- resets
+    "brownout": Cause(
+        "The device was reset because its supply dipped",
+        "the battery, then the wires of the supply",
+    ),
+    "panic": Cause("The firmware crashed", "`wheelwire info`, the core dump"),
+    "task_watchdog": Cause(
+        "A task of the firmware hung, and the watchdog reset it", "the firmware"
+    ),
+    "interrupt_watchdog": Cause(
+        "Interrupts were blocked, and the watchdog reset the device", "the core dump"
+    ),
+    "power_lost": Cause("The device lost its power", "the supply"),
+    "reset_pin": Cause("The reset pin restarted the device", "the button, or who opened the port"),
+    "restart_requested": Cause("A program asked for the restart", "nothing: somebody asked for it"),
+    "restarted_itself": Cause("The firmware restarted itself", "the board on trial"),
+    "reset_unknown": Cause("The device was reset, and cannot say why", "the supply"),
+    # --- it never drove
+    "board_unconfirmed": Cause(
+        "Nobody has confirmed the board, so nothing drives", "`wheelwire board confirm`"
+    ),
+    "board_on_trial": Cause("A board is on trial", "confirm it, or wait"),
+    "contradiction": Cause("Parameters contradict each other", "`wheelwire info`"),
+    "unarmed": Cause(
+        "After a clear the program went on with a speed at once", "send zero first, or pause"
+    ),
+    "clock_unsynchronised": Cause("The clock is not synchronised yet", "the program"),
+    "no_session": Cause("The device knows no session of this program", "was the device reset?"),
+    "protocol_mismatch": Cause(
+        "Host and firmware are of different releases", "one release on both sides"
+    ),
+    # --- the supply
+    "battery_low": Cause("The battery was low already at rest, and the device reset", "charge it"),
+    "battery_sags": Cause(
+        "The supply is good at rest, falls under load, and the device reset",
+        "the wires and plugs of the supply",
+    ),
+    "battery_empty": Cause("The battery ran empty, and the device lost its supply", "charge it"),
+}
+
+_NOT_COUNTING = Fault.LEFT_NOT_COUNTING | Fault.RIGHT_NOT_COUNTING
+WHEEL_FAULTS: dict[Fault, tuple[str, str]] = {
+    Fault.LEFT_NOT_COUNTING: ("left", "wheel_never_counted"),
+    Fault.RIGHT_NOT_COUNTING: ("right", "wheel_never_counted"),
+    Fault.LEFT_REVERSED: ("left", "wheel_reversed"),
+    Fault.RIGHT_REVERSED: ("right", "wheel_reversed"),
+    Fault.LEFT_ENCODER_IMPLAUSIBLE: ("left", "encoder_implausible"),
+    Fault.RIGHT_ENCODER_IMPLAUSIBLE: ("right", "encoder_implausible"),
+}
+"""The wheel, and the cause unless the samples tell more."""
+COUNTING_FAULTS = _NOT_COUNTING
+
+OTHER_FAULTS: dict[Fault, str] = {
+    Fault.CONTROL_OVERRUN: "control_overrun",
+    Fault.DRIVER_FAILED: "driver_failed",
+    Fault.STORE_FULL: "store_full",
+    Fault.STORE_NEWER: "store_newer",
+    Fault.STORE_UNREADABLE: "store_unreadable",
+    Fault.NO_BOARD: "no_board",
+    Fault.EXTERNAL: "external_fault",
+}
+
+RESETS: dict[ResetReason, str] = {
+    ResetReason.UNKNOWN: "reset_unknown",
+    ResetReason.POWER_ON: "power_lost",
+    ResetReason.EXTERNAL: "reset_pin",
+    ResetReason.SOFTWARE: "restarted_itself",
+    ResetReason.PANIC: "panic",
+    ResetReason.TASK_WATCHDOG: "task_watchdog",
+    ResetReason.INTERRUPT_WATCHDOG: "interrupt_watchdog",
+    ResetReason.BROWNOUT: "brownout",
+}
+
+REFUSALS: dict[RefusalCode, str] = {
+    RefusalCode.EXPIRED: "setpoints_expired",
+    RefusalCode.BOARD_UNCONFIRMED: "board_unconfirmed",
+    RefusalCode.BOARD_ON_TRIAL: "board_on_trial",
+    RefusalCode.CONTRADICTION: "contradiction",
+    RefusalCode.UNARMED: "unarmed",
+    RefusalCode.CLOCK_UNSYNCHRONISED: "clock_unsynchronised",
+    RefusalCode.NO_SESSION: "no_session",
+    RefusalCode.NO_TRIAL: "trial_expired",
+    RefusalCode.PROTOCOL_VERSION: "protocol_mismatch",
+    RefusalCode.SCHEMA: "protocol_mismatch",
+}
+"""Of a setpoint or a hello; by any other one a setpoint is `setpoints_refused`."""
+LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
+"""The robot has stopped before, by what is latched."""
+ESTOPPED = "contact_open", "estop_by_session", "estop_by_stranger"
+"""Any of them, as far as the state alone tells."""
+_FLAG_ALONE = {"wheel_never_counted": ("encoder_dead", "wheel_blocked")}
+"""The flag alone does not say whether the wheel had counted before."""
+
+
+def sentence_of(causes: Sequence[str], side: str = "") -> str:
+    """What happened: one of these causes. `side`: of the wheel."""
+    wheel = side.capitalize() or "A"
+    first, *others = (CAUSES[name].sentence.format(wheel=wheel) for name in causes)
+    return first + "".join(f"; or {text[0].lower()}{text[1:]}" for text in others) + "."
+
+
+def latched_causes(faults: Fault) -> Iterator[tuple[Fault, tuple[str, ...], str]]:
+    """Each latched fault, the causes that its flag alone leaves open, and the wheel's side."""
+    for fault in Fault:
+        if fault in faults:
+            side, name = WHEEL_FAULTS.get(fault) or ("", OTHER_FAULTS[fault])
+            yield fault, _FLAG_ALONE.get(name, (name,)), side

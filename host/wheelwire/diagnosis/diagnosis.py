@@ -1,0 +1,610 @@
+"""Finds the stops in a tap's records, and each one's cause."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from operator import itemgetter
+from typing import NamedTuple
+
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import (
+    EventCode,
+    Fault,
+    RefusalCode,
+    ResetReason,
+    SupervisorEvent,
+    SupervisorState,
+)
+from wheelwire_protocol.parameters import PARAMETER_BY_NAME
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    DeviceHello,
+    Estop,
+    Event,
+    Hello,
+    ParameterEntry,
+    ParameterValue,
+    Refuse,
+    Restart,
+)
+from wheelwire_protocol.types import (
+    Stop as StopRequest,
+)
+
+from ..link.port_loop import CLOSED
+from ..link.rerun import Rerun
+from ..link.session import Phase, Session
+from ..link.setpoints import SETPOINT_IDS
+from ..link.state_stream import Measurement
+from ..link.tap import Kind, Record
+from ..recording.frames import FrameReader
+from ..samples import tick_difference
+from . import wheels
+from .causes import (
+    CAUSES,
+    COUNTING_FAULTS,
+    LATCHED,
+    OTHER_FAULTS,
+    REFUSALS,
+    RESETS,
+    WHEEL_FAULTS,
+    sentence_of,
+)
+from .history import Asked, History, battery_v, drives
+
+DECIDE_US = 60_000
+"""A stop is judged this long after it: what explains it may come behind it."""
+ANSWER_US = 500_000
+"""A message that was sent this long ago may be why."""
+RESTART_US = 5_000_000
+"""A Restart that was sent this long before a start may be why."""
+EXPIRY_US = 30_000
+"""A setpoint that ends this near to a deadline is the one that ran out."""
+MOVING_MPS = 0.02
+STANDING_MPS = 0.005
+LASTING = (
+    Fault.DRIVER_FAILED | Fault.STORE_FULL | Fault.STORE_NEWER | Fault.STORE_UNREADABLE
+) | Fault.NO_BOARD
+"""Faults that a start finds anew."""
+SAG_V = 0.3
+EMPTY_V = 0.3
+EMPTY_S = 60.0
+LOW_PART = 0.87
+"""Of nominal_supply_v: 6.4 V of 7.4 V. A battery that has less at rest is low."""
+SAGS_PART = 0.1
+"""Of the voltage at rest. A supply that falls by more under load is too weak for it."""
+
+_NOMINAL_SUPPLY = PARAMETER_BY_NAME["nominal_supply_v"].id
+_DRIVING = SupervisorState.DRIVING
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A stop, and why.
+
+    Attributes:
+        host_us: When, on the host's monotonic clock.
+        cause: Its name in `CAUSES`; where the data cannot decide, those that are left, joined by
+            " or ".
+        sentence: What happened.
+        evidence: What shows it.
+        look_at: What to look at first.
+    """
+
+    host_us: int
+    cause: str
+    sentence: str
+    evidence: tuple[str, ...]
+    look_at: str
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """The names one by one."""
+        return tuple(self.cause.split(" or "))
+
+
+class _Loss(NamedTuple):
+    """The robot went out of reach while it drove."""
+
+    host_us: int
+    text: str
+    by_port: bool
+    """The system reported that the port is gone."""
+
+
+class Diagnosis:
+    """Does a session again, and reports its stops.
+
+    Live, a stop is reported some 60 ms after it, with the records that come then.
+    """
+
+    def __init__(self) -> None:
+        self._rerun = Rerun()
+        self._frames = FrameReader()
+        self._history = History()
+        self._undecided: list[tuple[int, Callable[[], Stop | None]]] = []
+        """Of each stop: when to judge it, and how; in order."""
+        self._latch: Callable[[], Stop | None] | None = None
+        """Judges the stop that latches the robot now; once reported, it is that."""
+        self._state: SupervisorState | None = None
+        self._state_t_us: int | None = None
+        self._faults = Fault(0)
+        self._boot_id: int | None = None
+        self._loss: _Loss | None = None
+        self._moved = False
+        self._refused: set[tuple[int, RefusalCode]] = set()
+        self._trial_us = -ANSWER_US
+        self._strangers: deque[tuple[int, int]] = deque(maxlen=16)
+        """Answers to other programs: when, and to which message."""
+        self._contact_seen_us = -ANSWER_US
+        self._nominal_v: float | None = None
+        self._hung_up = False
+        self._last_stop_us = -2 * ANSWER_US
+        self._last_cause = ""
+
+    # --- records in, stops out -------------------------------------------------------------------
+
+    def feed(self, record: Record) -> list[Stop]:
+        """Take one record; returns the stops that are decided by now.
+
+        Raises:
+            ValueError: The record is none of this release.
+        """
+        stops = self._decide(record.host_us)
+        session = self._rerun.session
+        phase = session.phase if session is not None else Phase.CLOSED
+        self._history.note(record)
+        for frame in self._frames.feed(record):
+            if frame.is_sent:
+                self._history.sent.append((frame.host_us, frame.message))
+            else:
+                self._take(frame.message, frame.host_us)
+        for measurement in self._rerun.feed(record):
+            self._take_sample(measurement)
+        if record.kind is Kind.START:
+            self._begin()
+        elif self._rerun.session is not None:
+            self._follow(self._rerun.session, phase, record)
+        return stops
+
+    def feed_all(self, records: Iterable[Record]) -> list[Stop]:
+        """As `feed`, one after the other."""
+        return [stop for record in records for stop in self.feed(record)]
+
+    def end(self, *, complete: bool) -> list[Stop]:
+        """No record comes any more; returns the stops that are left.
+
+        Args:
+            complete: Whoever recorded closed the recording; else it was cut off.
+        """
+        stops = self._decide(self._rerun.host_us + 2 * ANSWER_US)
+        now_us = self._rerun.host_us
+        if self._loss is not None:
+            stops.append(self._lost(self._loss))
+        elif self._state is _DRIVING and not complete:
+            text = "the recording ends without a close while the robot drove"
+            stops.append(self._stop(now_us, ("host_killed",), (text,)))
+        elif self._state is _DRIVING and self._hung_up:
+            if now_us - self._history.stop_us < ANSWER_US:
+                text = "it closed the robot, which stops it"
+                stops.append(self._stop(now_us, ("stop_by_session",), (text,)))
+            else:
+                text = "the link was closed while a setpoint was obeyed"
+                stops.append(self._stop(now_us, ("host_hung_up",), (text,)))
+        return stops
+
+    def latched(self) -> Stop | None:
+        """The stop that latches the robot now, judged by what is known by now."""
+        return self._latch() if self._latch is not None else None
+
+    def _decide(self, now_us: int) -> list[Stop]:
+        stops = []
+        while self._undecided and self._undecided[0][0] <= now_us:
+            judge = self._undecided.pop(0)[1]
+            stop = judge()
+            if judge is self._latch:
+                self._latch = partial(_same, stop)
+            if stop is not None:
+                stops.append(stop)
+        return stops
+
+    def _later(
+        self, host_us: int, judge: Callable[[], Stop | None], wait_us: int = DECIDE_US
+    ) -> None:
+        insort(self._undecided, (host_us + wait_us, judge), key=itemgetter(0))
+
+    def _stop(
+        self, host_us: int, causes: tuple[str, ...], evidence: Iterable[str], side: str = ""
+    ) -> Stop:
+        self._last_stop_us, self._last_cause = host_us, causes[0]
+        return stop_of(host_us, causes, evidence, side)
+
+    # --- how it is now ---------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        session = self._rerun.session
+        if session is not None and session.phase is Phase.OPEN:
+            self._state = session.setpoints.supervisor
+            self._faults = session.setpoints.faults
+        if session is not None:
+            self._nominal_v = session.values.get(_NOMINAL_SUPPLY)
+            if session.device is not None:
+                self._boot_id = session.device.boot_id
+
+    def _follow(self, session: Session, phase: Phase, record: Record) -> None:
+        """What the session has come to by one record."""
+        if phase is Phase.OPEN and session.phase is not Phase.OPEN:
+            text = str(session.error)
+            closed = record.kind is Kind.DISCONNECTED and record.data == CLOSED.encode()
+            self._hung_up = closed
+            if self._state is _DRIVING and not closed:
+                by_port = record.kind is Kind.DISCONNECTED
+                self._loss = _Loss(record.host_us, text, by_port)
+        if self._loss is not None and self._state is not _DRIVING:
+            self._loss = None  # the device itself has said why it stopped
+
+    def _take_sample(self, measurement: Measurement) -> None:
+        self._history.note_sample(measurement)
+        state, t_us = measurement.supervisor, measurement.state.t_us
+        if self._state_t_us is not None and tick_difference(t_us, self._state_t_us) < 0:
+            return  # measured before what an event has said
+        before = self._state
+        if state is not before:
+            self._change(before, state, measurement.faults, measurement.arrived_us, None)
+        self._faults = measurement.faults
+        self._look_for_rest(measurement)
+
+    def _look_for_rest(self, measurement: Measurement) -> None:
+        """Whether the wheels came to rest because zero was asked for."""
+        speed = max(abs(measurement.state.left_mps), abs(measurement.state.right_mps))
+        if speed > MOVING_MPS:
+            self._moved = True
+        elif self._moved and speed < STANDING_MPS:
+            self._moved = False
+            asked, at_us = self._history.asked, measurement.arrived_us
+            is_zero = bool(asked) and asked[-1].left == asked[-1].right == 0.0
+            if measurement.supervisor is _DRIVING and is_zero:
+                text = "the newest setpoint is zero, and the robot obeys it"
+                self._later(at_us, partial(self._stop, at_us, ("zero_setpoint",), (text,)))
+
+    # --- messages --------------------------------------------------------------------------------
+
+    def _take(self, message: AnyMessage, now_us: int) -> None:
+        if isinstance(message, Event):
+            self._take_event(message, now_us)
+        elif isinstance(message, DeviceHello):
+            self._take_hello(message, now_us)
+        elif isinstance(message, Refuse):
+            self._take_refusal(message, now_us)
+        elif isinstance(message, (ParameterValue, ParameterEntry)):
+            if message.parameter == _NOMINAL_SUPPLY:
+                self._nominal_v = message.value
+        elif isinstance(message, Ack):
+            session = self._rerun.session
+            if session is not None and message.session_id != session.id:
+                self._strangers.append((now_us, message.message_id))
+
+    def _take_event(self, event: Event, now_us: int) -> None:
+        if self._boot_id is not None and event.boot_id != self._boot_id:
+            return
+        if event.code == EventCode.TRIAL_EXPIRED:
+            self._trial_us = now_us
+            return
+        if event.code != EventCode.SUPERVISOR:
+            return
+        try:
+            before, after = SupervisorState(event.before), SupervisorState(event.after)
+            cause, faults = SupervisorEvent(event.cause), Fault(event.faults)
+        except ValueError:
+            return
+        self._change(before, after, faults, now_us, cause, event.t_us)
+        self._state_t_us = event.t_us
+        self._faults = faults
+
+    def _change(
+        self,
+        before: SupervisorState | None,
+        after: SupervisorState,
+        faults: Fault,
+        now_us: int,
+        cause: SupervisorEvent | None,
+        t_us: int | None = None,
+    ) -> None:
+        """The supervisor's state has changed, by an event or, if that was lost, by a sample."""
+        first = self._state is None
+        known, self._state = self._state, after
+        if known is after:
+            return
+        judge: Callable[[], Stop | None] | None = None
+        self._latch = None
+        at_us = now_us
+        if t_us is not None:
+            at_us = self._history.host_us(t_us) or now_us
+        if after is SupervisorState.FAULT:
+            new = faults & ~self._faults if not first else faults
+            samples = tuple(self._history.samples)
+            judge = self._latch = partial(self._fault, at_us, new or faults, samples, first)
+        elif after is SupervisorState.ESTOPPED:
+            judge = self._latch = partial(self._estopped, at_us, first)
+        elif before is _DRIVING and after is SupervisorState.TIMED_OUT:
+            judge = partial(self._timed_out, at_us, now_us)
+        elif before is _DRIVING and after is SupervisorState.IDLE:
+            if cause is SupervisorEvent.SESSION:
+                judge = partial(self._new_session, at_us)
+            else:
+                judge = partial(self._asked_to_stop, at_us)
+        if judge is not None:
+            self._later(now_us, judge)
+
+    def _take_hello(self, hello: DeviceHello, now_us: int) -> None:
+        refusal = RefusalCode(hello.refusal) if hello.refusal else None
+        if refusal is not None:
+            self._refuse(refusal, now_us, "the device refused the hello")
+            return
+        before, self._boot_id = self._boot_id, hello.boot_id
+        loss, self._loss = self._loss, None
+        if before is None or before == hello.boot_id:
+            if loss is not None:
+                self._later(now_us, partial(self._back, loss, now_us))
+                self._state = SupervisorState.TIMED_OUT
+            return
+        try:
+            reason = ResetReason(hello.reset_reason)
+        except ValueError:
+            reason = ResetReason.UNKNOWN
+        at_us = loss.host_us if loss is not None else now_us
+        asked = self._history.was_sent(Restart, now_us - RESTART_US)
+        samples = tuple(self._history.samples)
+        self._later(now_us, partial(self._reset, at_us, reason, samples, asked=asked))
+        self._history.begin_boot()
+        self._state, self._state_t_us, self._faults, self._latch = None, None, Fault(0), None
+        self._refused.clear()
+
+    def _take_refusal(self, refuse: Refuse, now_us: int) -> None:
+        try:
+            code = RefusalCode(refuse.code)
+        except ValueError:
+            return
+        if code is RefusalCode.CAUSE_PRESENT:
+            self._contact_seen_us = now_us
+        if refuse.message_id not in SETPOINT_IDS:
+            return
+        self._history.refusals.append((now_us, refuse))
+        if self._state is not _DRIVING and code not in LATCHED:
+            self._refuse(code, now_us, "a setpoint was refused")
+
+    def _refuse(self, code: RefusalCode, now_us: int, what: str) -> None:
+        """Report each refusal that keeps the robot from driving once a session."""
+        session = self._rerun.session
+        key = (session.count if session is not None else 0, code)
+        if key in self._refused or code not in REFUSALS:
+            return
+        self._refused.add(key)
+        evidence = (f"{what}: {code.name}. {code.doc}",)
+        # A reset explains it, but shows only when the next session begins.
+        wait_us = 2 * ANSWER_US if code is RefusalCode.NO_SESSION else DECIDE_US
+        self._later(now_us, partial(self._never_drove, now_us, code, evidence), wait_us)
+
+    def _never_drove(
+        self, now_us: int, code: RefusalCode, evidence: tuple[str, ...]
+    ) -> Stop | None:
+        # What has just stopped the robot explains them.
+        cause = REFUSALS[code]
+        is_explained = code is RefusalCode.NO_SESSION or cause == self._last_cause
+        if is_explained and abs(now_us - self._last_stop_us) < 2 * ANSWER_US:
+            return None
+        return self._stop(now_us, (cause,), evidence)
+
+    # --- causes ----------------------------------------------------------------------------------
+
+    def _fault(
+        self, at_us: int, faults: Fault, samples: tuple[Measurement, ...], first: bool
+    ) -> Stop:
+        names = ", ".join(str(one.name) for one in Fault if one in faults)
+        for one, name in OTHER_FAULTS.items():
+            if one in faults and (not first or one in LASTING):
+                return self._stop(at_us, (name,), (f"{names}: {one.doc}", *supply_fall(samples)))
+        if first:
+            return self._stop(at_us, ("fault_before_reset",), (names,))
+        for one, (side, name) in WHEEL_FAULTS.items():
+            if one in faults:
+                return self._wheel_fault(at_us, one, side, name, samples)
+        return self._stop(at_us, ("external_fault",), (names,))
+
+    def _wheel_fault(
+        self, at_us: int, fault: Fault, side: str, name: str, samples: tuple[Measurement, ...]
+    ) -> Stop:
+        causes: tuple[str, ...] = (name,)
+        evidence: tuple[str, ...] = (str(fault.name),)
+        if name != "wheel_reversed":
+            found = wheels.examine(samples, side, counting=not fault & COUNTING_FAULTS)
+            causes = found.causes or ("encoder_dead", "wheel_blocked")
+            evidence = (*evidence, *found.evidence)
+        return self._stop(at_us, causes, (*evidence, *supply_fall(samples)), side)
+
+    def _estopped(self, at_us: int, first: bool) -> Stop:
+        if self._history.was_sent(Estop, at_us - ANSWER_US):
+            return self._stop(at_us, ("estop_by_session",), self._who_asked(at_us, Estop))
+        if first:
+            return self._stop(
+                at_us, ("estop_before_reset",), ("ESTOPPED from the start of the session",)
+            )
+        if self._is_answered(Estop, at_us):
+            text = "the device acknowledged an Estop that another program had sent"
+            return self._stop(at_us, ("estop_by_stranger",), (text,))
+        evidence = ["no Estop was sent over this link"]
+        if self._contact_seen_us >= at_us:
+            evidence.append("a clear was refused: the contact is still open")
+            return self._stop(at_us, ("contact_open",), evidence)
+        evidence.append("whether the contact opened or another program asked is not in the data")
+        return self._stop(at_us, ("contact_open", "estop_by_stranger"), evidence)
+
+    def _asked_to_stop(self, at_us: int) -> Stop:
+        if abs(self._trial_us - at_us) < ANSWER_US:
+            return self._stop(at_us, ("trial_expired",), ("the device reported it",))
+        if self._history.was_sent(StopRequest, at_us - ANSWER_US):
+            return self._stop(at_us, ("stop_by_session",), self._who_asked(at_us, StopRequest))
+        evidence = ["no Stop was sent over this link"]
+        if self._is_answered(StopRequest, at_us):
+            evidence.append("the device acknowledged one of another program")
+        return self._stop(at_us, ("stop_by_stranger",), evidence)
+
+    def _who_asked(self, at_us: int, kind: type[AnyMessage]) -> tuple[str, str]:
+        by = self._history.who_asked(kind, at_us - ANSWER_US)
+        return f"the message {kind.__name__} was sent just before", by
+
+    def _is_answered(self, kind: type[AnyMessage], at_us: int) -> bool:
+        return any(
+            answered == message_id(kind) and abs(when - at_us) < ANSWER_US
+            for when, answered in self._strangers
+        )
+
+    def _new_session(self, at_us: int) -> Stop:
+        if self._history.was_sent(Hello, at_us - ANSWER_US):
+            error = self._rerun.session.error if self._rerun.session is not None else ""
+            gap_s = self._history.longest_gap_s(at_us - 2 * ANSWER_US)
+            cause = "host_frozen" if gap_s > 0.2 or "suspended" in str(error) else "cable_pulled"
+            return self._stop(at_us, (cause,), (f"this program opened a new session: {error}",))
+        text = "the device began a session that this program did not ask for"
+        return self._stop(at_us, ("new_session",), (text,))
+
+    def _timed_out(self, at_us: int, now_us: int) -> Stop:
+        """A setpoint ran out."""
+        history = self._history
+        asked = [one for one in history.asked if one.host_us <= at_us]
+        if not asked:
+            return self._stop(at_us, ("program_paused",), ("no setpoint was asked for",))
+        last = asked[-1]
+        quiet_s = (at_us - last.host_us) / 1e6
+        if last.expiry_us > at_us + EXPIRY_US:
+            return self._unobeyed(at_us, asked)
+        gap_s = history.longest_gap_s(last.host_us - EXPIRY_US)
+        evidence = [f"the last setpoint was asked for {quiet_s:.2f} s before"]
+        if gap_s >= 0.5 * quiet_s:
+            evidence.append(f"for {gap_s:.2f} s nothing of the program ran")
+            if now_us > at_us + EXPIRY_US:
+                evidence.append("what the robot had sent meanwhile was read together afterwards")
+            return self._stop(at_us, ("host_frozen",), evidence)
+        states = sum(1 for one in history.samples if last.host_us < one.arrived_us <= at_us)
+        evidence.append(f"{states} samples were received since")
+        return self._stop(at_us, ("program_paused",), evidence)
+
+    def _unobeyed(self, at_us: int, asked: list[Asked]) -> Stop:
+        """Setpoints were asked for whose time had not run out."""
+        recent = [
+            RefusalCode(refuse.code)
+            for when, refuse in self._history.refusals
+            if when >= at_us - 2 * ANSWER_US
+        ]
+        if recent:
+            code = max(set(recent), key=recent.count)
+            name = REFUSALS.get(code, "setpoints_refused")
+            text = f"{len(recent)} setpoints were refused: {code.name}. {code.doc}"
+            return self._stop(at_us, (name,), (text,))
+        evidence = [
+            f"{len(asked)} setpoints of the last seconds were asked for, the newest not obeyed"
+        ]
+        session = self._rerun.session
+        if session is not None:
+            counted = session.statistics(self._rerun.host_us)
+            evidence.append(
+                f"{counted.frames_lost} frames of the robot were lost, {counted.bad_crc} had a "
+                "wrong CRC"
+            )
+        return self._stop(at_us, ("line_corrupt",), evidence)
+
+    def _lost(self, loss: _Loss) -> Stop:
+        """The robot did not come back."""
+        if loss.by_port:
+            return self._stop(loss.host_us, ("cable_pulled",), (loss.text,))
+        evidence = (loss.text, "it did not come back: cable or power, the data cannot tell")
+        return self._stop(loss.host_us, ("cable_pulled", "power_lost"), evidence)
+
+    def _back(self, loss: _Loss, now_us: int) -> Stop:
+        away_s = (now_us - loss.host_us) / 1e6
+        evidence = (loss.text, f"the same boot answered again {away_s:.1f} s later: it had power")
+        frozen = self._history.longest_gap_s(loss.host_us - ANSWER_US) > 1.0
+        cause = "host_frozen" if frozen or "suspended" in loss.text else "cable_pulled"
+        return self._stop(loss.host_us, (cause,), evidence)
+
+    def _reset(
+        self, at_us: int, reason: ResetReason, samples: tuple[Measurement, ...], *, asked: bool
+    ) -> Stop:
+        evidence = [
+            f"the device started again: {reason.name}. {reason.doc}",
+            *supply_fall(samples),
+        ]
+        name = RESETS[reason]
+        causes: tuple[str, ...] = (name,)
+        if reason is ResetReason.SOFTWARE and asked:
+            causes = ("restart_requested",)
+            evidence.append("a Restart was sent just before")
+        elif reason in (ResetReason.BROWNOUT, ResetReason.POWER_ON):
+            causes = self._by_supply(name, reason, samples, evidence)
+        return self._stop(at_us, causes, evidence)
+
+    def _by_supply(
+        self,
+        name: str,
+        reason: ResetReason,
+        samples: tuple[Measurement, ...],
+        evidence: list[str],
+    ) -> tuple[str, ...]:
+        """A reset by the supply: an empty or low battery, one that is too weak, or a dip."""
+        supply = self._history.supply
+        if not supply:
+            if reason is ResetReason.POWER_ON:
+                evidence.append("the battery is not measured: an empty one looks the same")
+                return name, "battery_empty"
+            return (name,)
+        at_rest = [(at_us, volts) for at_us, volts, driven in supply if not driven]
+        rest = at_rest or [(at_us, volts) for at_us, volts, _ in supply]
+        fall_v = max(volts for _, volts in rest) - rest[-1][1]
+        span_s = (rest[-1][0] - rest[0][0]) / 1e6
+        if fall_v >= EMPTY_V and span_s >= EMPTY_S:
+            evidence.append(
+                f"at rest the supply fell by {fall_v:.1f} V within {span_s / 60:.0f} min"
+            )
+            return ("battery_empty",)
+        # A supply that is switched off falls, too, but then the chip says POWER_ON.
+        if reason is ResetReason.BROWNOUT and at_rest:
+            return (self._weak_supply(at_rest[-1][1], samples, evidence) or name,)
+        return (name,)
+
+    def _weak_supply(
+        self, rest_v: float, samples: tuple[Measurement, ...], evidence: list[str]
+    ) -> str | None:
+        """Whether the supply was low at rest already, or fell under load."""
+        volts = [value for one in samples if drives(one) and (value := battery_v(one)) is not None]
+        lowest_v = min(volts, default=rest_v)
+        load = f", and fell to {lowest_v:.1f} V under load" if lowest_v < rest_v else ""
+        evidence.append(f"the supply had {rest_v:.1f} V at rest{load}")
+        nominal_v = self._nominal_v
+        if nominal_v is not None and rest_v < LOW_PART * nominal_v:
+            evidence.append(f"nominal_supply_v is {nominal_v:.1f} V")
+            return "battery_low"
+        return "battery_sags" if rest_v - lowest_v >= SAGS_PART * rest_v else None
+
+
+def _same(stop: Stop | None) -> Stop | None:
+    return stop
+
+
+def stop_of(host_us: int, causes: tuple[str, ...], evidence: Iterable[str], side: str = "") -> Stop:
+    """A stop by its causes' names."""
+    look_at = ", then ".join(dict.fromkeys(CAUSES[name].look_at for name in causes))
+    sentence = sentence_of(causes, side)
+    return Stop(host_us, " or ".join(causes), sentence, tuple(evidence), look_at)
+
+
+def supply_fall(samples: Iterable[Measurement]) -> tuple[str, ...]:
+    """What the supply did in these samples, if it is worth saying."""
+    volts = [value for one in samples if (value := battery_v(one)) is not None]
+    if not volts or max(volts) - min(volts) < SAG_V:
+        return ()
+    return (f"the supply fell from {max(volts):.1f} to {min(volts):.1f} V",)

@@ -1,0 +1,151 @@
+"""What was seen of a link of late: the evidence for the next stop."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+from wheelwire_protocol.types import AnyMessage, Refuse
+
+from ..link.setpoints import ASKED
+from ..link.state_stream import Measurement
+from ..link.tap import STOP_ASKED, Kind, Record
+from ..link.tap_wire import decoded_json
+from ..samples import tick_difference
+
+T = TypeVar("T")
+SPAN_US = 5_000_000
+GAP_US = 100_000
+"""A link's thread wakes up more often than this, if only for its pings."""
+COPIES_US = 30_000
+"""Within this time the copies of one stop are sent."""
+NOTED_US = 200_000
+"""Who asked for a stop is recorded this near to it, on a busy computer."""
+SUPPLY_PERIOD_US = 1_000_000
+SUPPLY_POINTS = 1800
+
+
+class Asked(NamedTuple):
+    """A setpoint that the application asked for."""
+
+    host_us: int
+    left: float
+    right: float
+    expiry_us: int
+
+
+class History:
+    """The last seconds of a link.
+
+    Attributes:
+        samples: Measured.
+        asked: Setpoints of the application.
+        sent: Messages that the port took, and when.
+        refusals: Of setpoints, and when.
+        gaps: From when to when nothing at all happened in the program.
+        supply: Battery voltage over the last half hour: [us], [V], and whether the wheels drove.
+        stop_us: When the application last asked for a stop or an e-stop.
+    """
+
+    def __init__(self) -> None:
+        self.samples: deque[Measurement] = deque()
+        self.asked: deque[Asked] = deque()
+        self.sent: deque[tuple[int, AnyMessage]] = deque()
+        self.refusals: deque[tuple[int, Refuse]] = deque()
+        self.gaps: deque[tuple[int, int]] = deque()
+        self.supply: deque[tuple[int, float, bool]] = deque(maxlen=SUPPLY_POINTS)
+        self.stop_us = -SPAN_US
+        self._stop_asked = -SPAN_US, ""
+        self._newest_us: int | None = None
+
+    def note(self, record: Record) -> None:
+        """A record of the tap."""
+        now_us = record.host_us
+        if self._newest_us is not None and now_us - self._newest_us >= GAP_US:
+            self.gaps.append((self._newest_us, now_us))
+        self._newest_us = max(now_us, self._newest_us or now_us)
+        if record.kind in (Kind.VELOCITY, Kind.DUTY):
+            left, right, expiry_us = ASKED.unpack(record.data)
+            self.asked.append(Asked(now_us, left, right, expiry_us))
+        elif record.kind in (Kind.STOP, Kind.STOP_COPY):
+            self.stop_us = now_us
+        elif record.kind is Kind.NOTE:
+            self._take_note(record.data)
+        self._forget(now_us - SPAN_US)
+
+    def _take_note(self, data: bytes) -> None:
+        asked = decoded_json(data).get(STOP_ASKED)
+        if isinstance(asked, dict):
+            self._stop_asked = asked.get("host_us", 0), str(asked.get("by", ""))
+
+    def note_sample(self, measurement: Measurement) -> None:
+        """A sample."""
+        self.samples.append(measurement)
+        volts = battery_v(measurement)
+        now_us = measurement.arrived_us
+        if volts is not None and (
+            not self.supply or now_us - self.supply[-1][0] >= SUPPLY_PERIOD_US
+        ):
+            self.supply.append((now_us, volts, drives(measurement)))
+
+    def begin_boot(self) -> None:
+        """The device was reset: what was before says nothing of what comes."""
+        self.samples.clear()
+        self.refusals.clear()
+        self.sent.clear()
+
+    def _forget(self, before_us: int) -> None:
+        _drop(self.samples, lambda one: one.arrived_us < before_us)
+        _drop(self.asked, lambda one: one.host_us < before_us)
+        _drop(self.sent, lambda one: one[0] < before_us)
+        _drop(self.refusals, lambda one: one[0] < before_us)
+        _drop(self.gaps, lambda one: one[1] < before_us)
+
+    # --- questions -------------------------------------------------------------------------------
+
+    def was_sent(self, kind: type[AnyMessage], since_us: int) -> bool:
+        """Whether this host sent such a message since then."""
+        return any(isinstance(message, kind) and at >= since_us for at, message in self.sent)
+
+    def who_asked(self, kind: type[AnyMessage], since_us: int) -> str:
+        """Who asked this link for the stop or e-stop that it sent last since then."""
+        asked_us, by = self._stop_asked
+        sent = [one for one in self.sent if isinstance(one[1], kind) and one[0] >= since_us]
+        nearest = min(sent, key=lambda one: abs(one[0] - asked_us), default=None)
+        # Another stop may have followed soon. One is sent twice: a copy goes out at once.
+        if (
+            nearest is not None
+            and abs(nearest[0] - asked_us) < NOTED_US
+            and sent[-1][0] - nearest[0] < COPIES_US
+        ):
+            return f"{by}, asked beside this program"
+        return "this program asked"
+
+    def longest_gap_s(self, since_us: int) -> float:
+        """The longest time since then in which nothing of the program ran, in seconds."""
+        return max((end - max(begin, since_us) for begin, end in self.gaps), default=0) / 1e6
+
+    def host_us(self, t_us: int) -> int | None:
+        """A time of the device's, 32 bits, on the host's clock; None without a sample."""
+        if not self.samples:
+            return None
+        newest = self.samples[-1]
+        # The device's clock wraps as its counters do.
+        return round(newest.sample().stamp * 1e6) + tick_difference(t_us, newest.state.t_us)
+
+
+def _drop(found: deque[T], is_old: Callable[[T], bool]) -> None:
+    while found and is_old(found[0]):
+        found.popleft()
+
+
+def battery_v(measurement: Measurement) -> float | None:
+    """The supply's voltage in V, where the device measures it."""
+    millivolts = measurement.state.battery_mv
+    return millivolts / 1000 if millivolts else None
+
+
+def drives(measurement: Measurement) -> bool:
+    """Whether a motor is driven."""
+    return bool(measurement.state.left_duty_q15 or measurement.state.right_duty_q15)

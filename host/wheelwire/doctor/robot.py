@@ -1,0 +1,142 @@
+"""Checks of a robot that was named: its firmware, its settings, its link, what holds it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent
+
+from ..diagnosis.device import FAILURES, counts_text
+from ..diagnosis.standing import standing_stops
+from ..drivers.transport_driver import DeviceDriver
+from ..errors import GroupUnavailable
+from ..link.clock import host_clock_us
+from ..link.info import library_version
+from ..parameters import number_text
+from .finding import Finding
+
+WATCH_S = 1.5
+"""The link is listened to for so long before its loss and its clock are judged."""
+CLOCK_ERROR_LIMIT_US = 5_000.0
+LOSS_LIMIT = 0.01
+
+
+def examine_robot(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    """What is wrong with a robot, and with the link to it.
+
+    Args:
+        driver: Open, or attached to who has it open.
+        address: As the user named it, for the cures.
+
+    Raises:
+        LinkLost: It went away meanwhile.
+        RequestTimeout: It does not answer.
+    """
+    for check in (_firmware, _groups, _core_dump, _contradictions, _contact, _stops, _ledger):
+        yield from check(driver, address)
+    time.sleep(WATCH_S)
+    yield from _link(driver)
+
+
+def _firmware(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    theirs, ours = driver.info.device.release.release, library_version()
+    older = _numbers(theirs), _numbers(ours)
+    if all(older) and older[0] < older[1]:
+        yield Finding(
+            "firmware",
+            f"the firmware is {theirs}, older than this library, {ours}.",
+            f"wheelwire flash {address} with the image of release {ours}",
+        )
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """`0.1.0.dev3` -> 0, 1, 0; nothing for what is no version."""
+    parts = version.split(".")[:3]
+    return tuple(int(part) for part in parts) if all(p.isdigit() for p in parts) else ()
+
+
+def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    if Capability.RESTART not in driver.info.device.capabilities:
+        return  # it has no board that could be asked for
+    try:
+        driver.board.read()
+    except GroupUnavailable as error:
+        yield Finding(
+            "groups",
+            f"{error.group} messages are off: firmware and library have different ones.",
+            f"wheelwire flash {address} with the image of this library's release",
+        )
+
+
+def _core_dump(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
+    if driver.info.device.has_core_dump:
+        yield Finding(
+            "core-dump",
+            "the firmware crashed, and its core dump is in flash.",
+            "read it and report it: docs/hardware-test.md#4-after-a-crash",
+        )
+
+
+def _contradictions(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
+    active = driver.contradictions()
+    for flag in Contradiction:
+        if flag in active:
+            problem, _, cure = flag.doc.partition("; ")
+            yield Finding("contradiction", f"{problem}: nothing drives.", cure.rstrip("."))
+
+
+def _contact(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    board = driver.info.board
+    if board is not None and board.has_contact:
+        value = driver.parameters["estop_input_enabled"]
+        if not value:
+            yield Finding(
+                "estop-input",
+                f"the board {board.name} has an e-stop contact, but estop_input_enabled is "
+                f"{number_text(value)}: pressing it does nothing.",
+                f"wheelwire params set {address} estop_input_enabled 1 --save",
+            )
+
+
+def _stops(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    sample = driver.read()
+    device = driver.info.device
+    for stop in standing_stops(device, sample.state, sample.faults, host_clock_us()):
+        yield Finding(
+            "stopped",
+            stop.sentence,
+            f"look first at {stop.look_at}; wheelwire why {address} has the evidence",
+        )
+
+
+def _ledger(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    ledger = driver.recorder.read(boxes=False).ledger
+    if ledger is None:
+        return
+    counts = {reason.name: ledger.resets[reason] for reason in FAILURES}
+    counts["faults"] = ledger.stops[SupervisorEvent.FAULT]
+    if any(counts.values()):
+        yield Finding(
+            "ledger",
+            f"in {ledger.uptime_s / 3600:.1f} h of its life the robot had {counts_text(counts)}.",
+            f"wheelwire why {address} says what of them is recorded",
+        )
+
+
+def _link(driver: DeviceDriver) -> Iterator[Finding]:
+    now = driver.statistics
+    if now.clock_error_us > CLOCK_ERROR_LIMIT_US:
+        yield Finding(
+            "clock-error",
+            f"the robot's clock is known to {now.clock_error_us / 1000:.1f} ms only: round trips "
+            "take long or vary.",
+            "use another USB socket or hub, run fewer busy processes, ask for low latency",
+        )
+    if now.recent_loss > LOSS_LIMIT:
+        yield Finding(
+            "loss",
+            f"{now.recent_loss:.0%} of the robot's frames were lost in the last second.",
+            "use a shorter cable away from the motor wires, another socket, or a lower "
+            "stream_rate_hz",
+        )

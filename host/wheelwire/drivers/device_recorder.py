@@ -1,0 +1,148 @@
+"""What a device has recorded of its stops: its black boxes and its ledger.
+
+Each operation stands here once, for asyncio and for threads.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+from wheelwire_protocol.black_box import BoxHead, release_text
+from wheelwire_protocol.codes import (
+    BoxCause,
+    Fault,
+    Group,
+    RefusalCode,
+    ResetReason,
+    SupervisorEvent,
+)
+from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
+
+from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
+from ..link.recorded import Ledger, Recorded, StoredBox
+from .requests import DeviceLink, Requests, blocking
+
+_MOST_BOXES = 255
+_STOPS = (
+    SupervisorEvent.SESSION,
+    SupervisorEvent.STOP,
+    SupervisorEvent.DEADLINE,
+    SupervisorEvent.ESTOP,
+    SupervisorEvent.FAULT,
+)
+
+
+class AwaitableRecorder:
+    """The recorder of one device. It is read while the robot does not drive."""
+
+    def __init__(self, requests: Requests) -> None:
+        self._requests = requests
+
+    async def boxes(self) -> list[StoredBox]:
+        """What the stored black boxes are of, the newest first.
+
+        Raises:
+            GroupUnavailable: The device has no recorder, or one of another release.
+            DeviceRefused: The robot drives: stop it first.
+            LinkLost, RequestTimeout: The device was not reached.
+        """
+        await self._check_group()
+        # By number: one that is stored meanwhile makes all others older.
+        found: dict[int, StoredBox] = {}
+        for age in range(_MOST_BOXES):
+            value = cast("BoxValue", await self._requests.ask(BoxGet(0, 0, age)))
+            if value.number == 0:
+                break
+            found[value.number] = StoredBox(_head(value), value.size, bool(value.is_current))
+        return list(found.values())
+
+    async def read_box(self, box: StoredBox) -> bytes:
+        """Read a stored black box, as `wheelwire_protocol.black_box.Box` takes it.
+
+        Args:
+            box: One of the `boxes`.
+
+        Raises:
+            RecordingError: It is no longer there: a newer one has taken its place.
+            GroupUnavailable, DeviceRefused, LinkLost, RequestTimeout: As `boxes`.
+        """
+        await self._check_group()
+        number = box.head.number
+        image = bytearray()
+        while len(image) < box.size:
+            request = BoxRead(0, 0, number, len(image))
+            part = cast("BoxPart", await self._requests.ask(request))
+            if part.size == 0:
+                raise RecordingError(
+                    f"black box {number} is no longer on the device: a newer one has taken "
+                    "its place; list them again"
+                )
+            image += part.data[: part.size]
+        return bytes(image)
+
+    async def ledger(self) -> Ledger:
+        """What happened to the robot in its life, up to now.
+
+        Raises:
+            GroupUnavailable, DeviceRefused, LinkLost, RequestTimeout: As `boxes`.
+        """
+        await self._check_group()
+        value = cast("LedgerValue", await self._requests.ask(LedgerGet(0, 0)))
+        counts = value._asdict()
+        return Ledger(
+            value.uptime_s,
+            {reason: counts[f"resets_{reason.name.lower()}"] for reason in ResetReason},
+            {event: counts[f"stops_{event.name.lower()}"] for event in _STOPS},
+        )
+
+    async def read(self, *, boxes: bool = True) -> Recorded:
+        """All of it; of a robot that drives, or a device without a recorder, why there is none.
+
+        Args:
+            boxes: False: the ledger alone.
+
+        Raises:
+            RecordingError: A box was overwritten while it was read.
+            LinkLost, RequestTimeout: The device was not reached.
+        """
+        try:
+            ledger = await self.ledger()
+            stored = (await self.boxes())[::-1] if boxes else []
+            return Recorded([(box, await self.read_box(box)) for box in stored], ledger)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.NOT_STOPPED:
+                raise
+            return Recorded(why_none="the robot drives: stop it to read its black boxes")
+        # A recording, and a program of an older release that holds the port, do not know of it.
+        except (GroupUnavailable, InvalidCommand) as error:
+            return Recorded(why_none=str(error))
+
+    async def _check_group(self) -> None:
+        await self._requests.check_group(Group.RECORDER)
+
+
+class DeviceRecorder:
+    """The recorder of one device, for threads."""
+
+    def __init__(self, link: DeviceLink) -> None:
+        self._awaited = AwaitableRecorder(Requests(link))
+
+    boxes = blocking(AwaitableRecorder.boxes)
+    read_box = blocking(AwaitableRecorder.read_box)
+    ledger = blocking(AwaitableRecorder.ledger)
+    read = blocking(AwaitableRecorder.read)
+
+
+def _head(value: BoxValue) -> BoxHead:
+    return BoxHead(
+        BoxCause(value.cause),
+        ResetReason(value.reset_reason),
+        value.number,
+        value.boot_id,
+        value.core,
+        release_text(value.release),
+        value.git_hash,
+        value.board,
+        Fault(value.faults),
+        value.stored_us,
+    )

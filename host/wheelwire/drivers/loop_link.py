@@ -1,0 +1,229 @@
+"""How coroutines wait for a link, whose thread is another one than their loop's."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+from wheelwire_protocol.parameters import PARAMETERS
+
+from ..errors import InvalidCommand, LinkLost, WheelwireError
+from ..link.connection import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, Link, call_takes_too_long
+from ..link.inline_link import STEP_S, InlineLink
+from ..link.latest_sample import LatestSample
+from ..link.requests import Answer, Done, RequestMessage
+from ..link.waiting import Notifier
+from .requests import Requests
+
+if TYPE_CHECKING:
+    from .transport_driver import DeviceDriver
+
+
+class LoopLink(Requests):
+    """A link, and the loop that waits for it.
+
+    The link's thread wakes the loop, by one call for all that has happened until the loop runs it.
+    Where time is virtual there is no such thread, and waiting makes time pass.
+    """
+
+    def __init__(self, robot: DeviceDriver) -> None:
+        super().__init__(robot._link)
+        self.latest_sample: LatestSample = robot._latest_sample
+        self._virtual = cast("InlineLink", self.link) if self.link.in_virtual_time else None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = 0
+        self._calls: deque[Callable[[], None]] = deque()
+        self._is_woken = False
+        self._guard: asyncio.Task[None] | None = None
+
+    # --- opening and closing ---------------------------------------------------------------------
+
+    async def open(self) -> None:
+        """Open the link, which belongs to the running loop from now on."""
+        self._loop = asyncio.get_running_loop()
+        self._thread = threading.get_ident()
+        link = self.link
+        if not isinstance(link, Link):
+            link.open()
+            return
+        # All are watched, so that each has a value without waiting: no subscript can be awaited.
+        link.watch([definition.id for definition in PARAMETERS])
+        self._guard = self._loop.create_task(
+            _guard(link, self.wait_for), name=f"wheelwire {link.name}"
+        )
+        try:
+            for ready, timeout_s in link.opening():
+                await self.wait_for(link.changed, ready, timeout_s)
+        except BaseException:
+            # A cancellation, too: the thread would go on serving a port that nobody can close.
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        """Stop the robot and close the port; when this is cancelled, a moment later."""
+        link, guard = self.link, self._guard
+        if not isinstance(link, Link):
+            link.close()
+            return
+        link.finish()
+        if guard is not None and guard.get_loop() is asyncio.get_running_loop():
+            # To await the task itself would cancel it along with the caller.
+            await asyncio.wait([guard], timeout=CLOSE_TIMEOUT_S)
+
+    def abandon(self) -> None:
+        """Nobody uses the link any more: stop the robot, without keeping a loop waiting."""
+        if isinstance(self.link, Link) and self._loop is not None and self._loop.is_running():
+            self.link.finish()
+        else:
+            self.link.close()
+
+    def check_thread(self) -> None:
+        """Raise `InvalidCommand` in another thread than the loop's."""
+        if threading.get_ident() != self._thread and not self.link.has_ended:
+            raise InvalidCommand(
+                "the robot belongs to an asyncio loop of another thread: have that loop call it, "
+                "by loop.call_soon_threadsafe or asyncio.run_coroutine_threadsafe"
+            )
+
+    # --- waiting ---------------------------------------------------------------------------------
+
+    def call_in_loop(self, call: Callable[[], None]) -> None:
+        """Have the loop call it; from any thread."""
+        self._calls.append(call)
+        if not self._is_woken and self._loop is not None:
+            self._is_woken = True
+            try:
+                self._loop.call_soon_threadsafe(self._run_calls)
+            except RuntimeError:  # the loop is closed
+                self._is_woken = False
+                self._calls.clear()
+
+    def _run_calls(self) -> None:
+        self._is_woken = False  # first: what comes from now on wakes the loop once more
+        while self._calls:
+            self._calls.popleft()()
+
+    async def wait_for(
+        self, changed: Notifier, ready: Callable[[], bool], timeout_s: float | None = None
+    ) -> bool:
+        """Wait until `ready()`, which `changed` tells of, or for `timeout_s`; returns whether."""
+        loop = self._own_loop()
+        if self._virtual is not None:
+            return await _pass_until(self._virtual, ready, timeout_s)
+        end_s = None if timeout_s is None else loop.time() + timeout_s
+        while not ready():
+            if end_s is not None and loop.time() >= end_s:
+                return False
+            waiter = _Waiter(loop.create_future(), self.call_in_loop)
+            changed.add(waiter)
+            # It ends the same wait: when time is up, `ready` is asked once more, too.
+            timer = None if end_s is None else loop.call_at(end_s, waiter.end)
+            try:
+                # What changed before it was added wakes nobody.
+                if not ready():
+                    await waiter.future
+            finally:
+                changed.discard(waiter)
+                if timer is not None:
+                    timer.cancel()
+        return True
+
+    async def call(self, post: Callable[[Done], None]) -> Answer:
+        """Have `post` send a request; wait for its result, and return or raise it.
+
+        When this is cancelled the request is withdrawn.
+        """
+        self._own_loop()
+        results: list[Answer | WheelwireError] = []
+        answered = Notifier()
+
+        def done(result: Answer | WheelwireError) -> None:
+            results.append(result)
+            answered.notify_all()
+
+        post(done)
+        try:
+            await self.wait_for(answered, lambda: bool(results), CALL_TIMEOUT_S)
+        except BaseException:
+            # A late copy would be carried out after whatever the program does next.
+            self.link.withdraw(done)
+            raise
+        if not results:
+            self.link.withdraw(done)
+            raise call_takes_too_long()
+        # The same error may end many calls: tracebacks must not pile up in it.
+        if isinstance(results[0], WheelwireError):
+            raise results[0].with_traceback(None)
+        return results[0]
+
+    async def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer."""
+        return await self.call(partial(self.link.post, message))
+
+    async def pause(self, seconds: float) -> None:
+        """Wait."""
+        await asyncio.sleep(seconds)
+
+    def answer_to(self, message: RequestMessage) -> Answer:
+        """Only in virtual time: anything else would block the loop."""
+        if isinstance(self.link, Link):
+            raise LinkLost("a new session is being opened; wait a moment")
+        return self.link.request(message)
+
+    def _own_loop(self) -> asyncio.AbstractEventLoop:
+        loop = asyncio.get_running_loop()
+        # Of a link that has ended, whoever asks learns that.
+        if loop is not self._loop and not self.link.has_ended:
+            raise InvalidCommand(
+                "the robot belongs to another asyncio loop: use it in the one that opened it, as "
+                "by asyncio.run_coroutine_threadsafe"
+            )
+        return loop
+
+
+class _Waiter:
+    """A coroutine that waits for another thread's news."""
+
+    def __init__(
+        self, future: asyncio.Future[None], call_in_loop: Callable[[Callable[[], None]], None]
+    ) -> None:
+        self.future = future
+        self._call_in_loop = call_in_loop
+
+    def release(self) -> None:
+        """End the wait; from any thread."""
+        self._call_in_loop(self.end)
+
+    def end(self) -> None:
+        """End the wait; in the loop."""
+        if not self.future.done():
+            self.future.set_result(None)
+
+
+async def _pass_until(link: InlineLink, ready: Callable[[], bool], timeout_s: float | None) -> bool:
+    """Let virtual time pass until `ready()`, or for `timeout_s`; returns whether it was ready."""
+    end_us = None if timeout_s is None else link.now_us + round(timeout_s * 1e6)
+    while not ready():
+        if end_us is not None and link.now_us >= end_us:
+            return False
+        link.advance(STEP_S)
+        await asyncio.sleep(0)  # others have the loop meanwhile, and this may be cancelled
+    return True
+
+
+async def _guard(link: Link, wait_for: Callable[..., Awaitable[bool]]) -> None:
+    """The link's task: a loop that ends cancels it, and waits until the robot is stopped."""
+    try:
+        while not link.has_ended:
+            try:
+                await wait_for(link.changed, lambda: link.has_ended)
+            except asyncio.CancelledError:  # noqa: PERF203 - it goes on waiting
+                link.finish()
+    finally:
+        # Its thread is at its end, for which this waits; it has yet to stop the robot only if the
+        # loop was closed without a word, and this is thrown away.
+        link.close()

@@ -1,0 +1,110 @@
+"""A robot whose day is recorded: what a recording says of it beside its bytes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..arguments import path as checked_path
+from ..errors import InvalidArgument, InvalidCommand, WheelwireError
+from ..files.board import to_yaml
+from ..files.parameters import ParameterFile
+from ..link.connection import Link
+from ..link.info import host_release
+from ..recording.recorder import Attachment, Recorder, recording_path
+from .device_board import DeviceBoard
+from .device_parameters import DeviceParameters
+from .factory import RECORD_VARIABLE
+
+if TYPE_CHECKING:
+    from .base import BaseDriver
+    from .requests import DeviceLink
+
+_YAML = "application/yaml"
+
+
+def wanted_recording(record: str | Path | None) -> Path | None:
+    """Where a robot is to be recorded: `record`, or what the environment says.
+
+    Raises:
+        RecordingError: No file can be made there.
+        InvalidArgument: `record` is no path.
+    """
+    wanted = os.environ.get(RECORD_VARIABLE) if record is None else record
+    if not wanted:
+        return None
+    wanted = checked_path("record", wanted)
+    recording_path(wanted)
+    return wanted
+
+
+def record_opened(robot: BaseDriver, path: Path, driver: str, *, is_asked: bool) -> None:
+    """Record a robot that was just opened.
+
+    Args:
+        robot: The robot.
+        path: Where to.
+        driver: Its name.
+        is_asked: By the program; the environment's wish is for those that can be recorded.
+    """
+    from .transport_driver import DeviceDriver  # here: it imports what calls this
+
+    if isinstance(robot, DeviceDriver):
+        with suppress(*() if is_asked else (InvalidCommand,)):
+            robot.record(path, driver)
+    elif is_asked:
+        raise InvalidArgument(f"driver {driver!r} has no link that could be recorded")
+
+
+def start(link: DeviceLink, path: str | Path, driver: str) -> Recorder:
+    """Record a link that is open.
+
+    Raises:
+        InvalidCommand: It is none in real time.
+        RecordingError: The file cannot be made.
+    """
+    if not isinstance(link, Link):
+        raise InvalidCommand(f"{link.name}: only a robot in real time can be recorded")
+    device, release = link.info.device, host_release()
+    said = {
+        "driver": driver,
+        "board_id": device.board_id,
+        "board": device.board.name,
+        "git_hash": device.git_hash,
+        "firmware": device.release.release,
+        "version": release.release,
+        "protocol": str(release.protocol_version),
+        "schema": f"{release.schema_hash:08x}",
+    }
+    return Recorder(link, path, said, attachments=partial(_attachments, link, said))
+
+
+def _attachments(link: Link, said: dict[str, str]) -> Iterator[Attachment]:
+    versions = "".join(f"{name}: '{value}'\n" for name, value in said.items())
+    texts: tuple[tuple[str, Callable[[Link], str]], ...] = (
+        ("versions.yaml", lambda _: versions),
+        ("parameters.yaml", _parameters),
+        ("board.yaml", _board),
+    )
+    for name, text in texts:
+        yield Attachment(name, _YAML, _said(text, link).encode())
+
+
+def _said(text: Callable[[Link], str], link: Link) -> str:
+    try:
+        return text(link)
+    except WheelwireError as error:  # out of reach, or it cannot tell
+        return f"# {error}\n"
+
+
+def _parameters(link: Link) -> str:
+    return ParameterFile.of_robot(DeviceParameters(link).list(), link.info.device).text()
+
+
+def _board(link: Link) -> str:
+    state, found = DeviceBoard(link).read()
+    return f"# {state.doc}\n{to_yaml(found) if found else ''}"

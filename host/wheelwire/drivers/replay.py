@@ -1,0 +1,63 @@
+"""The driver of a robot that is a recording: what was measured then is measured again."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+from ..arguments import timeout_s
+from ..link.clock import host_clock_us
+from ..recording.reader import records
+from ..recording.replay import Comparison, ReplayLink
+from .options import ReplayOptions, takes
+from .transport_driver import DeviceDriver
+
+
+class ReplayDriver(DeviceDriver):
+    """A recording, as a robot. It is opened at its first session.
+
+    Setpoints are taken, and compared with those of the day; stops are taken; what else is asked for
+    is answered if it was asked for on that day. The recording's end is `LinkClosed`; iterators end.
+
+    Args:
+        file: The recording.
+        speed: How much faster than on the day time passes; with 0 it passes only in `advance` and
+            while a call waits, and one thread may use the driver.
+
+    Attributes:
+        speed: As it was given.
+
+    Raises:
+        InvalidArgument: One of these is of a wrong type or size.
+        RecordingError: The file is no recording, or has no session.
+    """
+
+    _link: ReplayLink
+
+    @takes(ReplayOptions)
+    def __init__(self, options: ReplayOptions) -> None:
+        file, self.speed = options.checked()
+        super().__init__(
+            partial(ReplayLink, name=str(file), records=partial(records, file), speed=self.speed)
+        )
+
+    @property
+    def comparison(self) -> Comparison:
+        """This run's setpoints beside the recorded ones, one by one in their order."""
+        return self._link.comparison
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass.
+
+        Raises:
+            InvalidCommand: Time passes by itself.
+        """
+        self._link.advance(timeout_s("seconds", seconds))
+
+    def noted(self, name: str) -> Any:
+        """What the program of the day said of itself by `note`: the newest value, or None."""
+        return self._link.noted(name)
+
+    def _now_us(self) -> int:
+        # Of setpoints: their stamps are today's, whenever the samples were measured.
+        return self._link.now_us if self._link.in_virtual_time else host_clock_us()

@@ -1,0 +1,127 @@
+"""One description of each operation for threads and for asyncio: a coroutine that sends requests.
+
+On a thread, what it awaits blocks and never suspends, so that `run` has its result at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Coroutine
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeAlias, TypeVar, cast
+
+from wheelwire_protocol.codec import schema_hash
+from wheelwire_protocol.codes import Contradiction, Group, RefusalCode
+from wheelwire_protocol.types import (
+    ClearEstop,
+    ClearFault,
+    Contradictions,
+    ContradictionsGet,
+    ControlCounters,
+    ControlCountersGet,
+    GroupGet,
+    GroupInfo,
+    LinkCounters,
+    LinkCountersGet,
+)
+
+from ..errors import DeviceRefused, GroupUnavailable
+from ..link.connection import Link
+from ..link.requests import Answer, RequestMessage, subject
+
+if TYPE_CHECKING:
+    from ..link.attached import AttachedLink
+    from ..recording.replay import ReplayLink
+    from ..simulation.virtual_link import VirtualLink
+
+DeviceLink: TypeAlias = "Link | VirtualLink | ReplayLink | AttachedLink"
+P = ParamSpec("P")
+Result = TypeVar("Result")
+
+
+class Requests:
+    """Requests over a link; each of them blocks the thread until it is answered."""
+
+    def __init__(self, link: DeviceLink) -> None:
+        self.link = link
+
+    def answer_to(self, message: RequestMessage) -> Answer:
+        """As `Link.request`, for what cannot be awaited."""
+        return self.link.request(message)
+
+    async def request(self, message: RequestMessage) -> Answer:
+        """As `Link.request`."""
+        return self.link.request(message)
+
+    async def ask(self, message: RequestMessage) -> Answer:
+        """As `request`; the refusal of contradictory values says what contradicts what."""
+        try:
+            return await self.request(message)
+        except DeviceRefused as error:
+            if error.code != RefusalCode.CONTRADICTION:
+                raise
+            found = cast("Contradictions", await self.request(ContradictionsGet(0, 0)))
+            flags = Contradiction(found.refused)
+            sentences = " ".join(flag.doc for flag in Contradiction if flag in flags)
+            raise DeviceRefused(error.code, subject(message), hint=sentences) from None
+
+    async def check_group(self, group: Group) -> None:
+        """Raise `GroupUnavailable` unless both sides have the same messages of this group."""
+        info = cast("GroupInfo", await self.ask(GroupGet(0, 0, group)))
+        if info.hash != schema_hash(group):
+            raise GroupUnavailable(group.name.lower(), schema_hash(group), info.hash)
+
+    async def pause(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
+
+
+class AwaitableDevice:
+    """What a device is asked for, beside its parameters and its board."""
+
+    def __init__(self, requests: Requests) -> None:
+        self._requests = requests
+
+    async def clear_estop(self) -> None:
+        """End the emergency stop; `DeviceRefused` while its cause lasts."""
+        await self._requests.request(ClearEstop(0, 0))
+
+    async def clear_fault(self) -> None:
+        """Clear the latched faults; `DeviceRefused` while their cause lasts."""
+        await self._requests.request(ClearFault(0, 0))
+
+    async def device_counters(self) -> LinkCounters:
+        """What the device has counted at its end of the link since its reset."""
+        return cast("LinkCounters", await self._requests.request(LinkCountersGet(0, 0)))
+
+    async def contradictions(self) -> Contradiction:
+        """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
+        answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
+        return Contradiction(answer.active)
+
+    async def control_counters(self) -> ControlCounters:
+        """What the device's control loop and encoders have counted since its reset."""
+        return cast("ControlCounters", await self._requests.request(ControlCountersGet(0, 0)))
+
+
+def run(
+    operation: Callable[P, Coroutine[Any, Any, Result]], *args: P.args, **kwargs: P.kwargs
+) -> Result:
+    """The result of an operation whose `Requests` block."""
+    try:
+        operation(*args, **kwargs).send(None)
+    except StopIteration as end:
+        return cast("Result", end.value)
+    raise RuntimeError("an operation for asyncio was run on a thread")
+
+
+def blocking(
+    operation: Callable[Concatenate[Any, P], Coroutine[Any, Any, Result]],
+) -> Callable[Concatenate[Any, P], Result]:
+    """A method that runs this operation of the object's `_awaited`."""
+
+    @wraps(operation)
+    def method(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> Result:
+        return run(operation, self._awaited, *args, **kwargs)
+
+    return method

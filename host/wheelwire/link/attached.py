@@ -1,0 +1,384 @@
+"""A link beside the program that holds the port: it reads, stops and e-stops, and never drives.
+
+That program passes on what crosses its link (`tap_server`). The session is done again here from
+that, so everything that can be read of a link can be read of this one.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, NoReturn, cast
+
+from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.framing import encode_frame
+from wheelwire_protocol.types import Estop, Stop
+
+from ..errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, WheelwireError
+from .connection import CALL_TIMEOUT_S, CONNECT_TIMEOUT_S, LinkInfo
+from .info import LinkStatistics
+from .latest_sample import LatestSample
+from .port_list import absolute_port
+from .requests import Answer, Done, RequestMessage
+from .rerun_link import RerunLink
+from .tap import Kind, Record, TapReader
+from .tap_directory import SUFFIX, tap_directory
+from .tap_wire import (
+    VERSION,
+    MessageReader,
+    Say,
+    decoded_error,
+    decoded_json,
+    decoded_records,
+    message,
+    tagged,
+    take_tag,
+)
+
+GREETING_S = 3.0
+"""For a program to say what it holds: long, for a busy computer. A suspended one never does."""
+LONGEST_MESSAGE = 1 << 24
+CLOSED = "the link is closed; open it again"
+
+
+@dataclass
+class Holder:
+    """A program that holds a port, and the connection to it.
+
+    Attributes:
+        name: For messages: `python3, process 4711`.
+        identity: Of the robot: its port, or what stands for it.
+        port: That it holds, for messages.
+        board_id: Of the board at the port.
+    """
+
+    name: str
+    identity: str
+    port: str
+    board_id: str
+    connection: socket.socket
+    reader: MessageReader
+    rest: list[tuple[Say, bytes]]
+    """What came behind the greeting."""
+
+
+def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
+    """The program that holds this robot, or the one that this board is at; None if there is none.
+
+    To be closed: `Holder.connection`, or the link that is made of it.
+
+    Args:
+        identity: A port, or what stands for it (`LinkOptions.identity`).
+        board_id: Of the board; the identity is then ignored.
+    """
+    wanted = absolute_port(identity)
+    for holder in _holders(board_id or ""):
+        if holder.board_id == board_id if board_id else holder.identity == wanted:
+            return holder
+        holder.connection.close()
+    return None
+
+
+def _holders(board_id: str) -> Iterator[Holder]:
+    """All programs that offer a link, or those whose socket has this board's name.
+
+    As they answer: one that is suspended keeps nobody from finding the others.
+    """
+    try:
+        paths = sorted(tap_directory().path.glob(f"{board_id}*{SUFFIX}"))
+    except (OSError, WheelwireError):
+        return
+    connections = [one for one in map(_connect, paths) if one is not None]
+    asked = {one.fileno(): one for one in connections}
+    poller = select.poll()
+    for descriptor in asked:
+        poller.register(descriptor, select.POLLIN)
+    end_s = time.monotonic() + GREETING_S
+    try:
+        while asked and (left_s := end_s - time.monotonic()) > 0:
+            for descriptor, _ in poller.poll(left_s * 1000):
+                poller.unregister(descriptor)
+                holder = _greeted(asked.pop(descriptor))
+                if holder is not None:
+                    yield holder
+    finally:
+        for connection in asked.values():
+            connection.close()
+
+
+def _connect(path: Path) -> socket.socket | None:
+    connection = socket.socket(socket.AF_UNIX)
+    try:
+        connection.settimeout(GREETING_S)
+        connection.connect(str(path))
+        connection.sendall(VERSION)
+    except OSError:  # it was killed, or is ending
+        connection.close()
+        return None
+    return connection
+
+
+def _greeted(connection: socket.socket) -> Holder | None:
+    try:
+        reader = MessageReader(LONGEST_MESSAGE)
+        messages: list[tuple[Say, bytes]] = []
+        while not messages:
+            data = connection.recv(4096)
+            if not data:
+                raise ConnectionError
+            messages = reader.feed(data)
+        known = decoded_json(messages.pop(0)[1])
+        name = f"{known['program']}, process {known['pid']}"
+        robot = known["identity"], known["port"], known["board_id"]
+        return Holder(name, *robot, connection, reader, messages)
+    except (OSError, ValueError, KeyError):  # it is ending, or of another release
+        connection.close()
+        return None
+
+
+class AttachedLink(RerunLink):
+    """A link that another program holds.
+
+    Args:
+        latest_sample: Takes the samples.
+        holder: That program; its connection is closed with this link.
+        listens: Whether what crosses the link is wanted: a stop alone needs nothing of it.
+
+    Attributes:
+        lost: Records that this program took too late; the session was taken over anew each time.
+    """
+
+    def __init__(
+        self, latest_sample: LatestSample, holder: Holder, *, listens: bool = True
+    ) -> None:
+        super().__init__(latest_sample)
+        self.holder = holder
+        self.lost = 0
+        self._listens = listens
+        self._status: dict[str, Any] | None = None
+        self._tags = count(1)
+        self._asked: dict[int, Done] = {}
+        self._readers: list[TapReader] = []
+        self._joining: list[TapReader] = []
+        """Who is to get all from the next START on."""
+        self._thread = threading.Thread(
+            target=self._run, name=f"wheelwire attached to {holder.port}", daemon=True
+        )
+
+    # --- opening and closing -------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Begin to listen, and wait until the state of the session is known.
+
+        Raises:
+            LinkLost: The program says nothing.
+        """
+        self.holder.connection.settimeout(None)
+        self._thread.start()
+        if not self._listens:
+            return
+        try:
+            self._send(message(Say.LISTEN))
+            self.changed.wait_for(self._is_known, CONNECT_TIMEOUT_S)
+            self._check_known()
+        except BaseException:
+            self.close()
+            raise
+
+    def _is_known(self) -> bool:
+        known = self._rerun.session is not None and self._status is not None
+        return known or self._end is not None
+
+    def _check_known(self) -> None:
+        self._check_alive()
+        if not self._is_known():
+            raise LinkLost(f"{self.holder.name}, which holds {self.name}, says nothing")
+
+    def finish(self) -> None:
+        """Begin to close, without waiting."""
+        self._finish(LinkClosed(CLOSED))
+
+    def close(self) -> None:
+        """End it; the robot goes on as the other program drives it. Safe to call more than once."""
+        self.finish()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join(CALL_TIMEOUT_S)
+        self.holder.connection.close()
+
+    def _finish(self, end: LinkClosed) -> None:
+        if self._end is not None:
+            return
+        self._end = end
+        with suppress(OSError):  # the other side was faster
+            self.holder.connection.shutdown(socket.SHUT_RDWR)
+        for tag in tuple(self._asked):
+            self._answer(tag, end)
+        self._latest_sample.fail(end)
+        self.changed.notify_all()
+
+    # --- what comes ----------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        """Take what the other program says, until it ends: the thread's main function."""
+        holder, end = self.holder, self._gone
+        try:
+            messages = holder.rest
+            while True:
+                for kind, data in messages:
+                    self._take(kind, data)
+                received = holder.connection.recv(1 << 16)
+                if not received:
+                    break
+                messages = holder.reader.feed(received)
+        except OSError:
+            pass  # as if it had closed the connection
+        except ValueError as error:
+            end = f"{holder.name} holds {self.name} and cannot be understood ({error}): " + (
+                "use one release of Wheelwire in both programs"
+            )
+        self._finish(LinkClosed(end))
+
+    @property
+    def _gone(self) -> str:
+        return f"{self.holder.name}, which held {self.name}, has ended or closed it: run this again"
+
+    def _take(self, kind: Say, data: bytes) -> None:
+        if kind is Say.RECORDS:
+            for record in decoded_records(data):
+                self._do_again(record)
+            self._latest_sample.notify_all()
+        elif kind is Say.STATUS:
+            self._status = decoded_json(data)
+            self.changed.notify_all()
+        elif kind is Say.ANSWER:
+            tag, frame = take_tag(data)
+            for answer in Decoder().feed(frame):
+                self._answer(tag, cast("Answer", answer))
+        elif kind is Say.FAILURE:
+            tag, error = take_tag(data)
+            self._answer(tag, decoded_error(error))
+        elif kind is Say.LOST:
+            self.lost += take_tag(data)[0]
+
+    def _do_again(self, record: Record) -> None:
+        if record.kind is Kind.START:
+            while self._joining:
+                self._readers.append(self._joining.pop())
+        for reader in tuple(self._readers):
+            reader.append(record)
+        super()._do_again(record)
+        if record.kind is Kind.START:  # with another device, perhaps
+            self.changed.notify_all()
+
+    def _answer(self, tag: int, result: Answer | WheelwireError) -> None:
+        done = self._asked.pop(tag, None)
+        if done is not None:
+            done(result)
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The port."""
+        return self.holder.port
+
+    @property
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+        session, status = self._session, self._status or {}
+        if session.device is None:
+            raise session.error
+        return LinkInfo(
+            status.get("port", self.name),
+            status.get("baud_rate"),
+            status.get("low_latency"),
+            session.device,
+            session.board,
+        )
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What the other program has counted since it opened the link; a second old at most."""
+        return LinkStatistics(**(self._status or {}).get("statistics", {}))
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """As `Link.listen_to_tap`; records that this program takes too late are missing."""
+        self._joining.append(reader)
+        self._send(message(Say.LISTEN))
+
+    def leave_tap(self, reader: TapReader) -> None:
+        """`reader` gets nothing more."""
+        for readers in (self._joining, self._readers):
+            with suppress(ValueError):
+                readers.remove(reader)
+
+    # --- what is asked for -----------------------------------------------------------------------
+
+    def post(self, message: RequestMessage, done: Done) -> None:
+        """As `Link.post`; an `InvalidCommand` for what changes something."""
+        self._ask(message, done)
+
+    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """As `Link.post_stop`. The other program's next setpoint drives again."""
+        self._ask(Stop(0, 0, 0, mode), done)
+
+    def post_estop(self, done: Done) -> None:
+        """As `Link.post_estop`: nothing drives until a clear."""
+        self._ask(Estop(0, 0), done)
+
+    def withdraw(self, done: Done) -> None:
+        """Whoever waits for `done` has given up."""
+        for tag in [tag for tag, one in self._asked.items() if one is done]:
+            self._asked.pop(tag, None)
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> NoReturn:  # noqa: ARG002
+        """Refuse: the other program drives.
+
+        Raises:
+            InvalidCommand: Always.
+        """
+        raise InvalidCommand(
+            f"{self.holder.name} holds {self.name} and alone drives, sets and clears; a program "
+            "that is attached reads, stops and e-stops"
+        )
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> NoReturn:
+        """As `drive_velocity`."""
+        self.drive_velocity(left, right, expiry_us)
+
+    def _ask(self, asked: RequestMessage, done: Done) -> None:
+        self._check_alive()
+        tag = next(self._tags)
+        self._asked[tag] = done
+        self._send(tagged(Say.ASK, tag, encode_frame(asked, 0)))
+
+    def _send(self, data: bytes) -> None:
+        # One call, all or nothing: any thread may send without a lock.
+        try:
+            self.holder.connection.sendall(data)
+        except OSError:
+            self._finish(LinkClosed(self._gone))
+            self._check_alive()
+
+    def _result(self, post: Callable[[Done], None]) -> Answer:
+        results: SimpleQueue[Answer | WheelwireError] = SimpleQueue()
+        post(results.put)
+        try:
+            result = results.get(timeout=CALL_TIMEOUT_S)
+        except Empty:
+            raise RequestTimeout(
+                f"{self.holder.name}, which holds {self.name}, gave no answer for "
+                f"{CALL_TIMEOUT_S:g} s: whether it was done is not known"
+            ) from None
+        if isinstance(result, WheelwireError):
+            raise result.with_traceback(None)
+        return result

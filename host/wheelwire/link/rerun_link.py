@@ -1,0 +1,51 @@
+"""What a link knows whose session happens elsewhere, or happened: it is done again from records."""
+
+from __future__ import annotations
+
+from ..errors import LinkLost
+from .inline_link import PostedLink
+from .latest_sample import LatestSample
+from .rerun import Rerun
+from .session import Phase, Session
+from .tap import Record
+from .waiting import Notifier
+
+
+class RerunLink(PostedLink):
+    """A link that follows records.
+
+    Args:
+        latest_sample: Takes the samples.
+
+    Attributes:
+        changed: Notified when the session opens or ends.
+    """
+
+    def __init__(self, latest_sample: LatestSample) -> None:
+        self.changed = Notifier()
+        self._latest_sample = latest_sample
+        self._rerun = Rerun()
+
+    @property
+    def _session(self) -> Session:  # type: ignore[override]
+        session = self._rerun.session
+        if session is None:
+            self._check_alive()
+            raise LinkLost(f"{self.name}: nothing is known of its session yet")
+        return session
+
+    @property
+    def _is_open(self) -> bool:
+        session = self._rerun.session
+        return session is not None and session.phase is Phase.OPEN
+
+    def _do_again(self, record: Record) -> None:
+        was_open = self._is_open
+        for measurement in self._rerun.feed(record):
+            self._latest_sample.put(measurement)
+        if was_open and not self._is_open:
+            self._latest_sample.interrupt()
+        if was_open is not self._is_open:
+            self.changed.notify_all()
+        if self._rerun.session is not None:
+            self._tell_listener()

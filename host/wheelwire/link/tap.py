@@ -1,0 +1,155 @@
+"""What crosses a link, for whoever listens: every input of its session, every byte that it wrote.
+
+The inputs alone decide what a session does. Given to another session in the same order
+(`recording.replay`), they bring about the same samples, counters and stamps.
+
+Whoever listens has a queue of its own, from which the oldest records fall when it is full. Nothing
+here waits, locks or writes: a slow listener costs the link nothing.
+"""
+
+from __future__ import annotations
+
+import enum
+import json
+from collections import deque
+from collections.abc import Mapping
+from itertools import count
+from typing import Any, NamedTuple
+
+QUEUE = 20_000
+"""Records that wait for a listener: 5 s of a link at 1 kHz that is driven at 1 kHz."""
+
+
+STOP_ASKED = "stop_asked"
+"""The note of who asked the link for a stop, beside the program that holds it: `by`, `host_us`."""
+
+
+class Kind(enum.IntEnum):
+    """What a record says, and what its `data` is."""
+
+    START = 0
+    """The session as a listener finds it: JSON, see `Session.snapshot`."""
+    CONNECTED = 1
+    """The port was opened. Empty."""
+    DISCONNECTED = 2
+    """The port was lost or closed. Why, as UTF-8."""
+    RENEWED = 3
+    """A new session is wanted. Why, as UTF-8."""
+    NONCE = 4
+    """Drawn for the next hello: u32."""
+    ADVANCED = 5
+    """The session did what was due. Empty."""
+    RECEIVED = 6
+    """Bytes that arrived together; the newest of their state frames became a sample."""
+    RECEIVED_EACH = 7
+    """Bytes that arrived together; each of their state frames became a sample."""
+    SENT = 8
+    """Bytes that the port took; no input of the session."""
+    REQUEST = 9
+    """The application's request: an encoded frame, its ids not filled in."""
+    STOP = 10
+    """The application stops: mode, u8; 255 for an e-stop."""
+    STOP_COPY = 11
+    """As STOP: its copy, which the calling thread writes at once."""
+    VELOCITY = 12
+    """The application's setpoint: left, right [m/s], expiry [us, host's clock]: f64 f64 i64."""
+    DUTY = 13
+    """As VELOCITY, in duties of -1..1."""
+    WITHDRAWN = 14
+    """Requests were given up: their places among those that are open or wait, u32 each."""
+    RELEASED = 15
+    """The application left its trial of parameters. Empty."""
+    NOTE = 16
+    """What the application says of itself; no input of the session. An object as JSON."""
+
+
+class Record(NamedTuple):
+    """One thing that happened."""
+
+    number: int
+    """Counts all records of the link; what is missing was lost on the way to this listener."""
+    kind: Kind
+    host_us: int
+    """The host's monotonic clock."""
+    data: bytes = b""
+
+
+class TapReader:
+    """One listener's queue. The link's threads append; the listener's own takes.
+
+    Attributes:
+        lost: How many records fell from the queue before they were taken.
+    """
+
+    def __init__(self, limit: int = QUEUE) -> None:
+        self.lost = 0
+        self._queue: deque[Record] = deque(maxlen=limit)
+        self._limit = limit
+        self._missing: int | None = None
+        """How many numbers up to the highest were not taken yet; None before the first record."""
+        self._highest = -1
+        self.append = self._queue.append
+
+    def take(self) -> list[Record]:
+        """What was not taken yet, in order. Never waits."""
+        # By one call into C each: the link's threads append meanwhile.
+        taken = [self._queue.popleft() for _ in range(len(self._queue))]
+        if taken:
+            self._note_what_is_missing(taken)
+        return taken
+
+    def _note_what_is_missing(self, taken: list[Record]) -> None:
+        before = self._highest
+        self._highest = max(before, *(record.number for record in taken))
+        if self._missing is None:
+            before = taken[0].number - 1
+            self._missing = 0
+        self._missing += self._highest - before - len(taken)
+        # Not by the numbers alone: of two threads' records one may overtake the other.
+        if self._missing > 0 and len(taken) > self._limit // 2:
+            self.lost += self._missing
+            self._missing = 0
+
+
+class Tap:
+    """Passes on what happens on one link.
+
+    Attributes:
+        readers: Who listens. Replaced as a whole; empty in most programs, so whoever calls `put`
+            asks first.
+        host_us: When the newest record was put.
+    """
+
+    def __init__(self) -> None:
+        self.readers: tuple[TapReader, ...] = ()
+        self.host_us = 0
+        self._numbers = count()
+        self._said: dict[str, Any] = {}
+
+    def put(self, kind: Kind, host_us: int, data: bytes = b"") -> None:
+        """Pass one record on; from any thread."""
+        self.host_us = host_us
+        record = Record(next(self._numbers), kind, host_us, data)
+        for reader in self.readers:
+            reader.append(record)
+
+    def add(self, reader: TapReader, start: bytes) -> None:
+        """From now on `reader` gets all; first the session as it is, `start`, and the notes."""
+        number = next(self._numbers)
+        # The others are not to miss its number.
+        for other in self.readers:
+            other.append(Record(number, Kind.NOTE, self.host_us, b"{}"))
+        reader.append(Record(number, Kind.START, self.host_us, start))
+        self.readers = (*self.readers, reader)
+        if self._said:
+            self.put(Kind.NOTE, self.host_us, json.dumps(self._said).encode())
+
+    def note(self, what: Mapping[str, Any], host_us: int) -> None:
+        """Pass on what the application says; whoever comes later gets the newest of each name."""
+        self._said = {**self._said, **what}
+        if self.readers:
+            self.put(Kind.NOTE, host_us, json.dumps(what).encode())
+
+    def remove(self, reader: TapReader) -> None:
+        """`reader` gets nothing more. Harmless when repeated."""
+        self.readers = tuple(one for one in self.readers if one is not reader)

@@ -1,0 +1,19 @@
+"""A file that is the robot's day: what crossed a link, recorded and done again.
+
+| module | subject |
+|-|-|
+| `black_box` | a device's black box: a file of it, and its re-run |
+| `cdr` | ROS 2 messages, laid out field by field |
+| `frames` | the messages that crossed the link, one by one |
+| `messages` | the ROS 2 messages that viewers know, and their definitions |
+| `plot` | a picture of a trace |
+| `raw` | the tap's records as messages of a file |
+| `reader` | what a file holds, also one that has no end |
+| `recorder` | records a link, in a thread of its own |
+| `repair` | writes the end of a file that a crash has left without one |
+| `replay` | a link to what was recorded: the same samples, in their own time or step by step |
+| `summary` | a recording in a few numbers |
+| `trace` | what a recording shows over time |
+| `views` | what viewers show, made while it is recorded |
+| `writer` | a file that is being written |
+"""

@@ -1,0 +1,48 @@
+"""The messages that crossed the link, one by one, as core's decoder finds them in the bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+from wheelwire_protocol.decoder import Decoder
+
+from ..link.tap import Kind, Record
+
+
+class Frame(NamedTuple):
+    """One message, and when its last byte crossed the link."""
+
+    host_us: int
+    """The host's monotonic clock, which a sample's stamp is of as well."""
+    is_sent: bool
+    """By the host."""
+    message: Any
+
+
+class FrameReader:
+    """Finds the messages of both directions in a tap's records."""
+
+    def __init__(self) -> None:
+        self._received = Decoder()
+        self._sent = Decoder()
+
+    def feed(self, record: Record) -> Iterator[Frame]:
+        """Those that one record completes."""
+        kind = record.kind
+        if kind is Kind.CONNECTED:  # a frame that was cut by the loss of the port has no rest
+            self._received.restart()
+            self._sent.restart()
+        elif kind in (Kind.RECEIVED, Kind.RECEIVED_EACH):
+            for message in self._received.feed(record.data):
+                yield Frame(record.host_us, False, message)
+        elif kind is Kind.SENT:
+            for message in self._sent.feed(record.data):
+                yield Frame(record.host_us, True, message)
+
+
+def frames(records: Iterable[Record]) -> Iterator[Frame]:
+    """All of a recording's, in order."""
+    reader = FrameReader()
+    for record in records:
+        yield from reader.feed(record)

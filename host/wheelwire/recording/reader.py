@@ -1,0 +1,305 @@
+"""What a recording holds. It need not be complete: what a crash left is read to its last chunk.
+
+The package `mcap` reads its parts; its own readers refuse a file that does not end.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import stat
+import struct
+import zlib
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
+
+from wheelwire_protocol.codec import schema_hash
+
+from ..errors import RecordingError
+from ..link.tap import Record
+from .raw import TOPICS, decode
+
+if TYPE_CHECKING:
+    from mcap.records import Chunk
+
+MAGIC = b"\x89MCAP0\r\n"
+METADATA = "wheelwire"
+"""The name of the metadata record that says what was recorded."""
+INSTALL = "recordings need the package mcap: pip install 'wheelwire[record]'"
+NOTHING = (
+    "it is no MCAP file, or nothing of it was written; name a file that `wheelwire log record` "
+    "has made"
+)
+FOREIGN = (
+    "it is no recording of a robot by Wheelwire; name a file that `wheelwire log record` has made"
+)
+
+_HEAD = struct.Struct("<BQ")
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
+ATTACHMENT, METADATA_RECORD, DATA_END = 9, 12, 15
+"""By MCAP's specification. The last is the highest."""
+_MESSAGE = struct.Struct("<HIQQ")
+"""How a message begins: channel, sequence, and two times."""
+_DATA_END = _HEAD.pack(DATA_END, 4)
+_FOOTER = struct.Struct("<BQQQI8s")
+"""With the magic behind it: opcode, length, where the index begins, 0, the index's checksum."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A record of the file's outermost level.
+
+    Attributes:
+        offset: Where it begins.
+        opcode: What it is, by MCAP's specification.
+        content: Without opcode and length.
+    """
+
+    offset: int
+    opcode: int
+    content: bytes
+
+    @property
+    def end(self) -> int:
+        """Where the next one begins."""
+        return self.offset + _HEAD.size + len(self.content)
+
+
+def require_mcap() -> None:
+    """Raise `RecordingError` if the package is not installed."""
+    try:
+        import mcap.records  # noqa: F401 - here, for most programs record nothing
+    except ImportError as error:
+        raise RecordingError(INSTALL) from error
+
+
+def parts(file: BinaryIO) -> Iterator[Part]:
+    """The whole parts of the data section, in order, up to the first that is damaged or cut."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        return
+    offset = len(MAGIC)
+    while True:
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            return
+        opcode, length = _HEAD.unpack(head)
+        # A page that was never written reads as zeros.
+        if not HEADER <= opcode <= DATA_END or offset + _HEAD.size + length > size:
+            return
+        part = Part(offset, opcode, file.read(length))
+        if not _is_whole(part):
+            return
+        yield part
+        if opcode == DATA_END:
+            return
+        offset = part.end
+
+
+def _is_whole(part: Part) -> bool:
+    """Whether a part that bears a checksum, or is of a known form, is as it was written."""
+    from mcap.exceptions import McapError
+    from mcap.records import Header, Metadata
+
+    try:
+        if part.opcode == CHUNK:
+            chunk = chunk_of(part)
+            # Without one (0) it is a page that was not written. Others may have compressed it.
+            return bool(chunk.uncompressed_crc) and (
+                bool(chunk.compression) or zlib.crc32(chunk.data) == chunk.uncompressed_crc
+            )
+        if part.opcode == ATTACHMENT:
+            return _attachment_is_whole(part.content)
+        if part.opcode in (HEADER, METADATA_RECORD):
+            (Header if part.opcode == HEADER else Metadata).read(stream_of(part.content))
+    except (McapError, ValueError, OverflowError, struct.error, EOFError):
+        return False
+    return True
+
+
+def _attachment_is_whole(content: bytes) -> bool:
+    (crc,) = struct.unpack("<I", content[-4:])
+    return bool(crc == zlib.crc32(content[:-4]))
+
+
+def chunk_of(part: Part) -> Chunk:
+    """A part that is a chunk."""
+    from mcap.records import Chunk
+
+    return Chunk.read(stream_of(part.content))
+
+
+def stream_of(content: bytes) -> Any:
+    """What `mcap` reads a part from."""
+    from io import BytesIO
+
+    from mcap.data_stream import ReadDataStream
+
+    return ReadDataStream(BytesIO(content))
+
+
+def records(path: str | Path) -> Iterator[Record]:
+    """What the link's tap had reported, in order.
+
+    Raises:
+        RecordingError: The file cannot be read, is no recording, or of another release.
+    """
+    _check_release(metadata(path), path)
+    for topic, _, data in messages(path):
+        if topic in TOPICS:
+            try:
+                yield decode(data)
+            except ValueError as error:
+                raise RecordingError(f"{path}: {error}") from error
+
+
+def messages(path: str | Path) -> Iterator[tuple[str, int, bytes]]:
+    """Each message's topic, its time [ns since 1970] and what it says, in the file's order.
+
+    Raises:
+        RecordingError: The file cannot be read.
+    """
+    from_file = _parts_of(path)  # first: it says what to install
+    from mcap.records import Channel
+
+    topics: dict[int, str] = {}
+    with closing(from_file):
+        for part in from_file:
+            if part.opcode != CHUNK:
+                continue
+            chunk = chunk_of(part)
+            if chunk.compression:
+                raise RecordingError(
+                    f"{path} was compressed by another program: `mcap decompress` undoes that"
+                )
+            data = chunk.data
+            for opcode, begin, end in within(data):
+                if opcode == MESSAGE:
+                    channel, _, time_ns, _ = _MESSAGE.unpack_from(data, begin)
+                    yield topics[channel], time_ns, data[begin + _MESSAGE.size : end]
+                elif opcode == CHANNEL:
+                    one = Channel.read(stream_of(data[begin:end]))
+                    topics[one.id] = one.topic
+
+
+def within(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """What a chunk's data hold: each part's opcode, and from where to where its content goes."""
+    end = 0
+    while end < len(data):
+        opcode, length = _HEAD.unpack_from(data, end)
+        begin = end + _HEAD.size
+        end = begin + length
+        yield opcode, begin, end
+
+
+def metadata(path: str | Path) -> dict[str, str]:
+    """What the recorder wrote at the beginning: version, board, driver, the clock's offset.
+
+    Raises:
+        RecordingError: The file cannot be read, or is no recording of a robot.
+    """
+    with closing(_parts_of(path)) as from_file:
+        for part in from_file:
+            if part.opcode == METADATA_RECORD and (said := _said(part)) is not None:
+                return said
+    raise RecordingError(f"{path}: {FOREIGN}")
+
+
+def offset_us(said: Mapping[str, str]) -> int:
+    """What `metadata` says is to be added to the host's clock for the time of day."""
+    text = said.get("unix_minus_monotonic_ns", "0")
+    # Of a damaged one only the date is lost.
+    return int(text) // 1000 if text.lstrip("-").isdecimal() else 0
+
+
+def _said(part: Part) -> dict[str, str] | None:
+    """Of a part with metadata: ours."""
+    from mcap.records import Metadata
+
+    found = Metadata.read(stream_of(part.content))
+    return dict(found.metadata) if found.name == METADATA else None
+
+
+def _check_release(said: Mapping[str, str], path: str | Path) -> None:
+    ours = f"{schema_hash():08x}"
+    if said.get("schema", ours) != ours:
+        version = said.get("version", "another release")
+        raise RecordingError(
+            f"{path} was recorded by Wheelwire {version}, whose messages are others: "
+            f"read it with that release"
+        )
+
+
+def has_end(file: BinaryIO) -> bool:
+    """Whether a file ends as a complete one does, the index by its checksum.
+
+    The end is written once all before it is on the disk.
+    """
+    size = file.seek(0, os.SEEK_END)
+    if size < len(MAGIC) + len(_DATA_END) + _FOOTER.size:
+        return False
+    file.seek(size - _FOOTER.size)
+    opcode, length, index, _, crc, magic = _FOOTER.unpack(file.read())
+    begin = index - _HEAD.size - 4
+    if (opcode, length, magic) != (FOOTER, 20, MAGIC) or not len(MAGIC) <= begin < size:
+        return False
+    file.seek(begin)
+    data = file.read(size - begin - len(MAGIC) - 4)
+    return data.startswith(_DATA_END) and bool(crc == zlib.crc32(data[_HEAD.size + 4 :]))
+
+
+def is_complete(path: str | Path) -> bool:
+    """Whether all of a recording is whole, its end included.
+
+    Raises:
+        RecordingError: The file cannot be read.
+    """
+    with closing(_parts_of(path)) as from_file:
+        if not any(part.opcode == DATA_END for part in from_file):
+            return False
+    with opened(path) as file:
+        return has_end(file)
+
+
+def is_being_written(path: str | Path) -> bool:
+    """Whether a recorder, or a repair, has the file now."""
+    with opened(path) as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+def opened(path: str | Path, mode: str = "rb") -> BinaryIO:
+    """A recording's file.
+
+    Raises:
+        RecordingError: It cannot be opened.
+    """
+    require_mcap()
+    try:
+        if stat.S_ISREG(Path(path).stat().st_mode):
+            return cast("BinaryIO", Path(path).open(mode))
+        reason = "it is no file"  # opening a port or a pipe would wait
+    except OSError as error:
+        reason = error.strerror or str(error)
+    raise RecordingError(f"cannot open {path}: {reason}; name a recording, FILE.mcap")
+
+
+def _parts_of(path: str | Path) -> Generator[Part, None, None]:
+    return _closing(opened(path), path)
+
+
+def _closing(file: BinaryIO, path: str | Path) -> Generator[Part, None, None]:
+    with file:
+        found = False
+        for part in parts(file):
+            found = True
+            yield part
+        if not found:
+            raise RecordingError(f"{path}: {NOTHING}")

@@ -1,0 +1,295 @@
+"""Records what crosses a link, in a thread of its own: the link never waits for it.
+
+What was recorded is on the disk after a second. When the disk is full or gone, the recording ends,
+and the robot drives on.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from ..errors import RecordingError
+from ..link.forking import abandon_in_child
+from ..link.tap import Kind, Record, Tap, TapReader
+from .reader import require_mcap
+from .repair import repair_folder
+from .views import CHANNELS, Views
+from .writer import RecordingFile, check_folder, free_path
+
+PERIOD_S = 0.05
+"""How often the link's records are fetched."""
+CHUNK_S = 0.25
+"""How often a chunk is closed: the longest that the interpreter is held for one grows with it."""
+SYNC_S = 1.0
+"""How much a power cut takes."""
+SLICE = 16
+"""Records between two pauses, in which the link's threads get the interpreter."""
+PAUSE_S = 0.0002
+QUEUE = 100_000
+"""Records that wait while the disk does not answer: 20 s of a link that is driven at 1 kHz."""
+MAX_BYTES = 1 << 30
+MAX_S = 3600.0
+CLOSE_S = 10.0
+_LOG = logging.getLogger("wheelwire.recording")
+
+
+class Tapped(Protocol):
+    """A link that can be listened to."""
+
+    @property
+    def tap(self) -> Tap:
+        """Where a listener is removed."""
+
+    @property
+    def has_ended(self) -> bool:
+        """Nothing more will come."""
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """Have `reader` get all from now on, and first how the session is."""
+
+
+class Attachment(NamedTuple):
+    """A file within the recording."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """When a recording goes on in a next file."""
+
+    max_bytes: int = MAX_BYTES
+    max_s: float = MAX_S
+
+
+class _Inlet:
+    """What one listener gets, from its START up to the first record that is missing.
+
+    Behind a gap nothing can be done again.
+
+    Attributes:
+        has_gap: A record is missing.
+        lost: Records that are missing or came behind one that is.
+    """
+
+    def __init__(self) -> None:
+        self.reader = TapReader(QUEUE)
+        self.has_gap = False
+        self.lost = 0
+        self._has_begun = False
+
+    def take(self) -> list[Record]:
+        records = self.reader.take()
+        if not records:
+            return []
+        if not self._has_begun:
+            self._has_begun = True
+            self.has_gap = records[0].kind is not Kind.START
+        elif self.reader.lost > 0:
+            self.has_gap = True
+        if not self.has_gap:
+            return records
+        self.lost += len(records) + self.reader.lost
+        self.reader.lost = 0
+        return []
+
+
+class Recorder:
+    """Records a link until it ends or `close` is called.
+
+    Args:
+        link: To be recorded.
+        path: The file; a folder: a file in it that is named by the time. A file that exists is
+            left as it is: a number is put behind the new one's name.
+        metadata: What the file says of the robot.
+        rotation: When to go on in a next file, whose name has the next number.
+        attachments: Gives what is to be attached; called in a thread of its own, once. None of it
+            need be there: it may raise a WheelwireError.
+
+    Attributes:
+        lost: Records that came faster than they could be written.
+        error: Why the recording has ended before the link.
+        files: All that were written, in order; of the last one more may come.
+
+    Raises:
+        RecordingError: The file cannot be made, or the package `mcap` is not installed.
+    """
+
+    def __init__(
+        self,
+        link: Tapped,
+        path: str | Path,
+        metadata: Mapping[str, str],
+        rotation: Rotation | None = None,
+        attachments: Callable[[], Iterable[Attachment]] | None = None,
+    ) -> None:
+        self.lost = 0
+        self.error: RecordingError | None = None
+        self.files: list[Path] = []
+        self._link = link
+        self._path = recording_path(path)
+        self._metadata = dict(metadata)
+        self._rotation = rotation or Rotation()
+        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._part = 0
+        self._file = self._next_file()
+        self._views = Views(self._offset_ns)
+        self._successor: _Inlet | None = None
+        """Takes over in a moment: for the next file, or after a loss."""
+        self._lost_before = 0
+        """By earlier inlets."""
+        self._attached: list[Attachment] = []
+        self._closing = threading.Event()
+        self._pid = os.getpid()
+        self._synced_s = self._chunk_s = time.monotonic()
+        self._inlet = self._listen()
+        self._thread = threading.Thread(target=self._run, name="wheelwire recorder", daemon=True)
+        self._thread.start()
+        folder = self._path.parent
+        threading.Thread(target=repair_folder, args=(folder,), daemon=True).start()
+        if attachments is not None:
+            threading.Thread(target=self._fetch, args=(attachments,), daemon=True).start()
+        atexit.register(self.close)
+
+    @property
+    def file(self) -> Path:
+        """The file that is being written, or was last."""
+        return self._file.path
+
+    def close(self) -> None:
+        """Write what is left and the file's end. Safe to call more than once."""
+        self._closing.set()
+        if os.getpid() == self._pid and threading.current_thread() is not self._thread:
+            self._thread.join(CLOSE_S)
+        atexit.unregister(self.close)
+
+    def _next_file(self) -> RecordingFile:
+        self._part += 1
+        self._began_s = time.monotonic()
+        said = self._metadata | {"part": str(self._part)}
+        if self._part > 1:
+            said["previous"] = self._file.path.name
+        while True:
+            path = free_path(self._path)
+            try:
+                file = RecordingFile(path, self._offset_ns, said, CHANNELS)
+            except FileExistsError:
+                continue  # another recorder was faster
+            except OSError as error:
+                raise RecordingError(f"cannot record to {path}: {error.strerror}") from error
+            abandon_in_child(file)
+            self.files.append(path)
+            return file
+
+    def _fetch(self, attachments: Callable[[], Iterable[Attachment]]) -> None:
+        self._attached += attachments()
+
+    # --- the thread ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.wait(PERIOD_S) and not self._link.has_ended:
+                self._write(self._taken())
+                self._keep_time()
+            self._write(self._taken())
+            self._attach()
+            self._file.close()
+        except (OSError, RecordingError) as error:
+            self._give_up(error)
+        finally:
+            self._stop_listening()
+
+    def _give_up(self, error: OSError | RecordingError) -> None:
+        reason = error.strerror if isinstance(error, OSError) else error
+        self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
+        _LOG.error("%s; the robot is driven on", self.error)
+        with suppress(OSError):  # it may have been closed already
+            self._file.abandon()
+
+    def _stop_listening(self) -> None:
+        for inlet in (self._inlet, self._successor):
+            if inlet is not None:
+                self._link.tap.remove(inlet.reader)
+
+    def _taken(self) -> list[Record]:
+        """What is to be written to this file. Begins the next file, or anew after a loss."""
+        records = self._inlet.take()
+        if self._inlet.has_gap:
+            self.lost = self._lost_before + self._inlet.lost
+            if self._successor is None:
+                self._successor = self._listen()
+        fresh = self._successor.take() if self._successor is not None else []
+        if self._successor is not None and self._successor.has_gap:
+            self._link.tap.remove(self._successor.reader)
+            self._successor = self._listen()
+        if not fresh or self._successor is None:
+            return records
+        self._write([record for record in records if record.number < fresh[0].number])
+        self._link.tap.remove(self._inlet.reader)
+        self._inlet, self._successor = self._successor, None
+        self._lost_before = self.lost
+        if self._is_full:
+            self._rotate()
+        return fresh
+
+    def _listen(self) -> _Inlet:
+        inlet = _Inlet()
+        self._link.listen_to_tap(inlet.reader)
+        return inlet
+
+    def _write(self, records: list[Record]) -> None:
+        file, views = self._file, self._views
+        for begin in range(0, len(records), SLICE):
+            for record in records[begin : begin + SLICE]:
+                file.add(record)
+                for view in views.feed(record):
+                    file.add_message(*view)
+            time.sleep(PAUSE_S)
+
+    def _keep_time(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._synced_s >= SYNC_S:
+            self._attach()
+            self._file.sync()
+            self._synced_s = self._chunk_s = now_s
+            if self._is_full and self._successor is None:
+                self._successor = self._listen()
+        elif now_s - self._chunk_s >= CHUNK_S:
+            self._file.flush()
+            self._chunk_s = now_s
+
+    @property
+    def _is_full(self) -> bool:
+        rotation = self._rotation
+        age_s = time.monotonic() - self._began_s
+        return self._file.size >= rotation.max_bytes or age_s >= rotation.max_s
+
+    def _rotate(self) -> None:
+        self._file.close()
+        self._file = self._next_file()
+
+    def _attach(self) -> None:
+        while self._attached:
+            self._file.attach(*self._attached.pop(0), time.time_ns())
+
+
+def recording_path(path: str | Path) -> Path:
+    """The file that is meant; raises `RecordingError` where none can be made."""
+    require_mcap()
+    found = Path(path)
+    if found.is_dir():
+        found /= f"wheelwire-{datetime.now().astimezone():%Y%m%d-%H%M%S}.mcap"
+    check_folder(found)
+    return found

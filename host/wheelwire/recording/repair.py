@@ -1,0 +1,293 @@
+"""Writes the end of a recording that a crash or a power cut has left without one.
+
+What is whole stays where it is: only what a crash has damaged is cut off, and the index is written
+behind the rest.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import struct
+import time
+import zlib
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from ..errors import RecordingError
+from .reader import (
+    ATTACHMENT,
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    FOREIGN,
+    HEADER,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    METADATA_RECORD,
+    NOTHING,
+    SCHEMA,
+    Part,
+    chunk_of,
+    has_end,
+    opened,
+    parts,
+    stream_of,
+    within,
+)
+from .writer import LIBRARY
+
+if TYPE_CHECKING:
+    from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Schema
+
+PAUSE_S = 0.01
+"""After each chunk, where a robot is being driven meanwhile."""
+LARGEST_REST = 4 << 20
+"""More than a crash can damage: the last second."""
+_HEAD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQ")
+"""How a message begins: channel, sequence, time."""
+_LOG = logging.getLogger("wheelwire")
+
+
+@dataclass
+class _Found:
+    """What a file holds, and where."""
+
+    end: int = len(MAGIC)
+    """Of what is whole."""
+    is_complete: bool = False
+    tail: bytes = b""
+    """What is missing behind `end`: the index of the last chunk."""
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+
+
+def repair(path: str | Path) -> bool:
+    """Make a recording complete. False if it was.
+
+    Raises:
+        RecordingError: It is being recorded, is no recording, or is damaged in its middle.
+    """
+    try:
+        with opened(path, "r+b") as file:
+            _lock(file, path)
+            first = next(parts(file), None)
+            if first is None:
+                raise RecordingError(f"{path}: {NOTHING}")
+            if not _is_ours(first):
+                raise RecordingError(f"{path}: {FOREIGN}")
+            found = _found(file, 0.0)
+            if found.is_complete:
+                return False
+            _finish(file, found, path)
+    except OSError as error:
+        raise RecordingError(f"cannot repair {path}: {error.strerror}") from error
+    return True
+
+
+def repair_folder(folder: Path) -> None:
+    """Repair every recording of ours that is there and that nobody writes."""
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            with path.open("r+b") as file:
+                if has_end(file) or not _is_ours(next(parts(file), None)):
+                    continue
+                _lock(file, path)
+                _finish(file, _found(file, PAUSE_S), path)
+            _LOG.info("repaired %s, which had no end", path)
+        except RecordingError as error:
+            if not isinstance(error, _BeingWritten):
+                _LOG.warning("%s", error)
+        except OSError as error:
+            _LOG.warning("cannot repair %s: %s", path, error.strerror)
+
+
+class _BeingWritten(RecordingError):  # noqa: N818 - it says the state
+    """A program writes the file."""
+
+
+def _lock(file: BinaryIO, path: str | Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise _BeingWritten(
+            f"{path} is being written, by a recording or a repair: end that first"
+        ) from None
+
+
+def _is_ours(first: Part | None) -> bool:
+    """Whether a file that begins with this part is a recorder's."""
+    from mcap.records import Header
+
+    return (
+        first is not None
+        and first.opcode == HEADER
+        and Header.read(stream_of(first.content)).library == LIBRARY
+    )
+
+
+def _found(file: BinaryIO, pause_s: float) -> _Found:
+    """Look through the file, up to the first damage."""
+    found = _Found()
+    awaited: list[bytes] = []
+    """What has to follow: the index of the chunk before, one part for each channel."""
+    for part in parts(file):
+        if awaited and part.opcode != MESSAGE_INDEX:
+            break
+        if part.opcode == MESSAGE_INDEX:
+            if not awaited or awaited[0] != part.content:
+                break
+            del awaited[0]
+        elif part.opcode == CHUNK:
+            awaited = _take_chunk(found, part)
+            time.sleep(pause_s)
+        elif part.opcode in (ATTACHMENT, METADATA_RECORD):
+            _take_other(found, part)
+        elif part.opcode == DATA_END:
+            found.is_complete = has_end(file)
+            break
+        found.end = part.end
+    for content in awaited:
+        found.tail += _HEAD.pack(MESSAGE_INDEX, len(content)) + content
+    return found
+
+
+def _take_chunk(found: _Found, part: Part) -> list[bytes]:
+    """Note a chunk; returns its messages' index, as it has to follow."""
+    from mcap.records import ChunkIndex
+
+    chunk = chunk_of(part)
+    indexes = _indexes(found, chunk.data)
+    places: dict[int, int] = {}
+    offset = part.end
+    contents = []
+    for channel, entries in indexes.items():
+        contents.append(struct.pack(f"<HI{len(entries)}Q", channel, 8 * len(entries), *entries))
+        places[channel] = offset
+        offset += _HEAD.size + len(contents[-1])
+        found.counts[channel] += len(entries) // 2
+    found.chunks.append(
+        ChunkIndex(
+            message_start_time=chunk.message_start_time,
+            message_end_time=chunk.message_end_time,
+            chunk_start_offset=part.offset,
+            chunk_length=part.end - part.offset,
+            message_index_offsets=places,
+            message_index_length=offset - part.end,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            uncompressed_size=chunk.uncompressed_size,
+        )
+    )
+    return contents
+
+
+def _indexes(found: _Found, data: bytes) -> dict[int, list[int]]:
+    """Each channel's messages in a chunk: time, offset, time, offset, ..."""
+    from mcap.records import Channel, Schema
+
+    indexes: dict[int, list[int]] = {}
+    for opcode, begin, end in within(data):
+        if opcode == MESSAGE:
+            channel, _, time_ns = _MESSAGE.unpack_from(data, begin)
+            indexes.setdefault(channel, []).extend((time_ns, begin - _HEAD.size))
+        elif opcode == SCHEMA:
+            schema = Schema.read(stream_of(data[begin:end]))
+            found.schemas[schema.id] = schema
+        elif opcode == CHANNEL:
+            one = Channel.read(stream_of(data[begin:end]))
+            found.channels[one.id] = one
+    return indexes
+
+
+def _take_other(found: _Found, part: Part) -> None:
+    from mcap.records import Attachment, AttachmentIndex, Metadata, MetadataIndex
+
+    length = part.end - part.offset
+    if part.opcode == METADATA_RECORD:
+        name = Metadata.read(stream_of(part.content)).name
+        found.metadata.append(MetadataIndex(part.offset, length, name))
+        return
+    one = Attachment.read(stream_of(part.content))
+    found.attachments.append(
+        AttachmentIndex(
+            offset=part.offset,
+            length=length,
+            log_time=one.log_time,
+            create_time=one.create_time,
+            data_size=len(one.data),
+            name=one.name,
+            media_type=one.media_type,
+        )
+    )
+
+
+def _finish(file: BinaryIO, found: _Found, path: str | Path) -> None:
+    """Cut off what is damaged, and write what is missing."""
+    file.seek(found.end)
+    rest = file.read().strip(b"\0")  # pages that were never written read as zeros
+    if len(rest) > LARGEST_REST:
+        raise RecordingError(
+            f"{path} is damaged {found.end} bytes from its beginning, not at its end as by a "
+            f"crash: {len(rest)} bytes behind that would be lost, so nothing was changed"
+        )
+    file.seek(found.end)
+    file.truncate()
+    file.write(found.tail)
+    file.flush()
+    os.fsync(file.fileno())  # first: a file that has an end is whole
+    file.write(_end(found, found.end + len(found.tail)))
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def _end(found: _Found, offset: int) -> bytes:
+    """The end of the data, the summary and the footer of a file that goes to `offset`."""
+    from mcap.data_stream import RecordBuilder
+    from mcap.records import DataEnd, Footer
+
+    builder = RecordBuilder()
+    DataEnd(0).write(builder)
+    begin = builder.count
+    for one in (
+        *found.schemas.values(),
+        *found.channels.values(),
+        _statistics(found),
+        *found.chunks,
+        *found.attachments,
+        *found.metadata,
+    ):
+        one.write(builder)
+    data = builder.end()
+    # The checksum is of the summary and the footer's beginning.
+    head = struct.pack("<BQQQ", FOOTER, 20, offset + begin, 0)
+    crc = zlib.crc32(head, zlib.crc32(data[begin:]))
+    Footer(summary_start=offset + begin, summary_offset_start=0, summary_crc=crc).write(builder)
+    return bytes(data + builder.end() + MAGIC)
+
+
+def _statistics(found: _Found) -> Any:
+    from mcap.records import Statistics
+
+    chunks = found.chunks
+    return Statistics(
+        attachment_count=len(found.attachments),
+        channel_count=len(found.channels),
+        channel_message_counts=dict(found.counts),
+        chunk_count=len(chunks),
+        message_count=sum(found.counts.values()),
+        message_end_time=max((chunk.message_end_time for chunk in chunks), default=0),
+        message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
+        metadata_count=len(found.metadata),
+        schema_count=len(found.schemas),
+    )

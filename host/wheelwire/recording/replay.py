@@ -1,0 +1,479 @@
+"""A link to what was recorded: the same samples, stamps and counters as on that day.
+
+A recording answers nothing that nobody asked then, and nothing that is sent to it has an effect.
+Setpoints are compared with those of the day.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import islice, takewhile
+from typing import Any, cast
+
+from wheelwire_protocol.codec import message_id
+from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import (
+    Ack,
+    AnyMessage,
+    BoardGet,
+    BoardValue,
+    Contradictions,
+    ContradictionsGet,
+    ControlCounters,
+    ControlCountersGet,
+    GroupGet,
+    GroupInfo,
+    LinkCounters,
+    LinkCountersGet,
+    ParameterEntry,
+    ParameterGet,
+    ParameterList,
+    ParameterSet,
+    ParameterValue,
+    Stop,
+)
+
+from ..errors import InvalidCommand, LinkClosed, RecordingError
+from ..link.clock import host_clock_us
+from ..link.connection import Opening
+from ..link.info import LinkStatistics
+from ..link.inline_link import STEP_S, InlineLink
+from ..link.latest_sample import LatestSample
+from ..link.news import Happening, Listener
+from ..link.requests import Answer, Done, RequestMessage
+from ..link.rerun_link import RerunLink
+from ..link.sample_iterator import QUEUE_US
+from ..link.setpoints import ASKED
+from ..link.tap import Kind, Record, TapReader
+from ..samples import Setpoint
+
+LOOK_S = 0.002
+"""Between two looks whether the program reads samples by now."""
+RECEIVED = (Kind.RECEIVED, Kind.RECEIVED_EACH)
+AHEAD_US = 60_000_000
+NOTES_AHEAD_US = 500_000
+"""How long before its time a note is known."""
+_PLAIN: dict[type[AnyMessage], type[AnyMessage]] = {
+    LinkCountersGet: LinkCounters,
+    ControlCountersGet: ControlCounters,
+    ContradictionsGet: Contradictions,
+    BoardGet: BoardValue,
+}
+_ANSWERS = (ParameterValue, ParameterEntry, GroupInfo, *_PLAIN.values())
+OPEN_S = 10.0
+"""How much of a recording may pass before its first session is open."""
+QUEUE = 100_000
+"""Setpoints that wait for their counterpart, from either side."""
+CLOSED = "the replay is closed; open it again"
+ENDED = "the recording has ended"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The setpoints of this run beside those of the recording, one by one in their order."""
+
+    compared: int = 0
+    different: int = 0
+    first_difference: tuple[int, Setpoint, Setpoint] | None = None
+    """Its number, from 0; what was recorded; what was asked for in its place."""
+
+
+class _Comparing:
+    """Pairs setpoints as they come, from either side."""
+
+    def __init__(self) -> None:
+        self.result = Comparison()
+        self._recorded: deque[Setpoint] = deque(maxlen=QUEUE)
+        self._asked: deque[Setpoint] = deque(maxlen=QUEUE)
+        self._lock = threading.Lock()
+
+    def note_recorded(self, setpoint: Setpoint) -> None:
+        with self._lock:
+            self._recorded.append(setpoint)
+            self._compare()
+
+    def note_asked(self, setpoint: Setpoint) -> None:
+        with self._lock:
+            self._asked.append(setpoint)
+            self._compare()
+
+    def _compare(self) -> None:
+        while self._recorded and self._asked:
+            recorded, asked = self._recorded.popleft(), self._asked.popleft()
+            known = self.result
+            differs = recorded != asked
+            first = known.first_difference
+            if differs and first is None:
+                first = known.compared, recorded, asked
+            self.result = Comparison(known.compared + 1, known.different + differs, first)
+
+
+class _Answers:
+    """What the device answered on the day, for whoever asks the same again.
+
+    Known is what was answered up to now; of what was not, the first answer within the minute ahead:
+    a program asks at its beginning what another one had asked a moment later.
+    """
+
+    def __init__(self, records: Callable[[], Iterable[Record]]) -> None:
+        self._records = records
+        self._known: dict[tuple[type[AnyMessage], int], Answer] = {}
+        self._ahead_from = -1
+        self._feed = Decoder().feed
+
+    def note(self, data: bytes) -> None:
+        """Take in what came from the device."""
+        self._known |= _answers_in(self._feed(data))
+
+    def to(self, message: RequestMessage, session: int, now_us: int) -> Answer | None:
+        """The answer, if there is one; `session` counts them, for each is looked ahead in once."""
+        key = _key_asked_for(message)
+        if key is None:
+            return None
+        if key not in self._known and self._ahead_from != session:
+            self._ahead_from = session
+            self._look_ahead(now_us)
+        answer = self._known.get(key)
+        # Whoever sets what is set already asks for nothing new.
+        if isinstance(message, ParameterSet) and getattr(answer, "value", None) != message.value:
+            return None
+        return answer
+
+    def _look_ahead(self, now_us: int) -> None:
+        feed = Decoder().feed
+        for record in self._records():
+            if record.host_us > now_us + AHEAD_US:
+                return
+            if record.host_us >= now_us and record.kind in RECEIVED:
+                self._known = _answers_in(feed(record.data)) | self._known
+
+
+def _answers_in(messages: Iterable[AnyMessage]) -> dict[tuple[type[AnyMessage], int], Answer]:
+    answers = [cast("Answer", message) for message in messages if isinstance(message, _ANSWERS)]
+    found = {_key_of(answer): answer for answer in answers}
+    for answer in answers:
+        if isinstance(answer, ParameterEntry):  # it also says what its value is
+            value = ParameterValue(0, 0, answer.parameter, answer.value)
+            found[_key_of(value)] = value
+    return found
+
+
+def _key_of(answer: Answer) -> tuple[type[AnyMessage], int]:
+    if isinstance(answer, ParameterValue):
+        return ParameterValue, answer.parameter
+    if isinstance(answer, ParameterEntry):
+        return ParameterEntry, answer.parameter_index
+    if isinstance(answer, GroupInfo):
+        return GroupInfo, answer.group
+    return type(answer), 0
+
+
+def _key_asked_for(message: RequestMessage) -> tuple[type[AnyMessage], int] | None:
+    if isinstance(message, (ParameterGet, ParameterSet)):
+        return ParameterValue, message.parameter
+    if isinstance(message, ParameterList):
+        return ParameterEntry, message.parameter_index
+    if isinstance(message, GroupGet):
+        return GroupInfo, message.group
+    kind = _PLAIN.get(type(message))
+    return None if kind is None else (kind, 0)
+
+
+class ReplayLink(RerunLink, InlineLink):
+    """A link to a recording.
+
+    Args:
+        latest_sample: Takes the samples.
+        name: Of the recording, for messages.
+        records: Gives all of it, in order, from the beginning whenever it is called.
+        speed: How much faster than on the day time passes; 0: only in `advance`.
+    """
+
+    def __init__(
+        self,
+        latest_sample: LatestSample,
+        name: str,
+        records: Callable[[], Iterable[Record]],
+        speed: float,
+    ) -> None:
+        super().__init__(latest_sample)
+        self.in_virtual_time = not speed
+        latest_sample.now_us = lambda: self.now_us
+        # A faster replay leaves its reader as long, on this computer's clock.
+        latest_sample.queue_us = round(QUEUE_US * max(1.0, speed))
+        if not speed:
+            latest_sample.wait_for = self.wait_for
+        self._name = name
+        self._records: Iterator[Record] = iter(())
+        self._answers = _Answers(records)
+        self._open_records = records
+        self._next: Record | None = None
+        self._speed = speed
+        self._comparing = _Comparing()
+        self._notes: dict[str, Any] = {}
+        self._connections = 0
+        self._played_us = 0
+        """The recorded clock, up to which everything was done again."""
+        self._is_used = False
+        """Something was sent, or is listened for: time passes, even if nobody reads samples."""
+        self._began: tuple[int, float] | None = None
+        """That clock, and this computer's, when time began to pass."""
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"wheelwire {name}", daemon=True)
+
+    # --- time ----------------------------------------------------------------------------------
+
+    @property
+    def now_us(self) -> int:
+        """The recorded clock."""
+        began = self._began
+        if not self._speed or began is None:
+            return self._played_us
+        return began[0] + round((time.monotonic() - began[1]) * self._speed * 1e6)
+
+    def advance(self, seconds: float) -> None:
+        """Let the recording's time pass; for a speed of 0."""
+        if self._speed:
+            super().advance(seconds)
+        self._check_alive()
+        self._play_until(self._played_us + round(seconds * 1e6))
+
+    def _pass(self) -> None:
+        # Nothing changes before the next record, which may be hours away.
+        ahead_us = 0 if self._next is None else self._next.host_us - self._played_us
+        self.advance(max(STEP_S, ahead_us / 1e6))
+
+    def _play_until(self, until_us: int) -> None:
+        """Do again what happened until then."""
+        while self._next is not None and self._next.host_us <= until_us:
+            self._play(self._next)
+        self._played_us = max(self._played_us, until_us)
+        if self._next is None:
+            self._finish(LinkClosed(ENDED))
+
+    def _play(self, record: Record) -> None:
+        """Do one record again, and look ahead to the next."""
+        self._fetch()
+        self._played_us = max(self._played_us, record.host_us)
+        self._connections += record.kind is Kind.CONNECTED
+        if record.kind is Kind.NOTE:
+            self._notes |= _note_of(record)
+        if record.kind in (Kind.VELOCITY, Kind.DUTY):
+            left, right, _ = _asked(record)
+            self._comparing.note_recorded(Setpoint(left, right, record.kind is Kind.DUTY))
+        if record.kind in RECEIVED:
+            self._answers.note(record.data)
+        self._do_again(record)
+        if record.kind in RECEIVED:
+            self._latest_sample.notify_all()
+
+    def _fetch(self) -> None:
+        self._next = next(self._records, None)
+
+    def _begin(self) -> None:
+        """Find where the recording begins."""
+        self._records = _notes_first(self._open_records())
+        self._fetch()
+        if self._next is None or self._next.kind is not Kind.START:
+            raise RecordingError(f"{self._name}: it holds nothing of a link: record it again")
+        # One that begins in the middle of a session was connected before.
+        self._connections = b'"phase": "OPEN"' in self._next.data
+        self._played_us = self._next.host_us
+        self._play(self._next)
+
+    def _run(self) -> None:
+        """Play in time: the thread's main function."""
+        # A program that opens a robot is a moment later ready to read it: it gets all samples.
+        while not self._is_used and not self._latest_sample.is_read(host_clock_us()):
+            if self._ending.wait(LOOK_S):
+                return
+        self._began = self._played_us, time.monotonic()
+        try:
+            while self._next is not None and not self._ending.is_set():
+                ahead_s = (self._next.host_us - self.now_us) / 1e6 / self._speed
+                if ahead_s > 0 and self._ending.wait(ahead_s):
+                    return
+                self._play(self._next)
+            self._finish(LinkClosed(ENDED))
+        except ValueError as error:  # of a record, or of the file below it
+            self._finish(RecordingError(f"{self._name}: {error}"))
+        except RecordingError as error:
+            self._finish(error)
+
+    def _finish(self, end: LinkClosed | RecordingError) -> None:
+        if self._end is not None:
+            return
+        self._end = end
+        if isinstance(end, LinkClosed):
+            self._latest_sample.close()  # whoever iterates comes to an end, without an error
+        self._latest_sample.fail(end)
+        self.changed.notify_all()
+
+    # --- opening and closing -------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Play up to the first session.
+
+        Raises:
+            RecordingError: There is none within 10 s, or the file is damaged.
+        """
+        for ready, timeout_s in self.opening():
+            if self._speed:
+                self.changed.wait_for(ready, timeout_s)
+
+    def opening(self) -> Opening:
+        """As `Link.opening`."""
+        try:
+            self._begin()
+            # All at once: nobody waits again for what took long on the day.
+            until_us = self._played_us + round(OPEN_S * 1e6)
+            while not self._is_open and self._next is not None and self._next.host_us <= until_us:
+                self._play(self._next)
+        except ValueError as error:
+            raise RecordingError(f"{self._name}: {error}") from error
+        if not self._is_open:
+            raise RecordingError(
+                f"{self._name}: no session was open within {OPEN_S:g} s of its beginning"
+            )
+        if self._speed:
+            self._thread.start()
+        yield lambda: True, 0.0
+
+    def finish(self) -> None:
+        """Begin to close, without waiting."""
+        self._ending.set()
+
+    def close(self) -> None:
+        """End the replay. Safe to call more than once."""
+        self.finish()
+        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+            self._thread.join()
+        self._finish(LinkClosed(CLOSED))
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """The recording."""
+        return self._name
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """What was counted up to this moment of the day."""
+        counted = self._session.statistics(self._rerun.host_us)
+        return replace(counted, reconnects=max(0, self._connections - 1))
+
+    @property
+    def comparison(self) -> Comparison:
+        """The setpoints that were asked for beside the recorded ones."""
+        return self._comparing.result
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """As `Link.listen`."""
+        super().listen(listener, happening)
+        self._is_used = True
+
+    def noted(self, name: str) -> Any:
+        """What the program of the day said of itself up to now and half a second after.
+
+        If that is nothing, what it said first within the minute ahead, or None.
+        """
+        if name not in self._notes:
+            ahead_us = self._played_us + AHEAD_US
+            ahead = takewhile(lambda record: record.host_us <= ahead_us, self._open_records())
+            notes = (_note_of(record) for record in ahead if record.kind is Kind.NOTE)
+            self._notes[name] = next((note[name] for note in notes if name in note), None)
+        return self._notes[name]
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """A replay is recorded nowhere."""
+
+    def listen_to_tap(self, reader: TapReader) -> None:  # noqa: ARG002 - refused
+        """A replay has no tap: what it would pass on is in the file.
+
+        Raises:
+            InvalidCommand: Always.
+        """
+        raise InvalidCommand(f"{self._name} is a recording already: copy the file")
+
+    # --- what is asked for -----------------------------------------------------------------------
+
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:  # noqa: ARG002
+        """Compare a setpoint with the recorded one."""
+        self._is_used = True
+        self.check()
+        self._comparing.note_asked(Setpoint(left_mps, right_mps, duty=False))
+
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:  # noqa: ARG002
+        """As `drive_velocity`."""
+        self._is_used = True
+        self.check()
+        self._comparing.note_asked(Setpoint(left, right, duty=True))
+
+    def post(self, message: RequestMessage, done: Done) -> None:
+        """What the device had answered by then, for `done`.
+
+        An `InvalidCommand` if that is not known, or if the request would change something.
+        """
+        self.check()
+        known = self._session.values
+        if isinstance(message, ParameterGet) and message.parameter in known:
+            done(ParameterValue(0, 0, message.parameter, known[message.parameter]))
+        elif (answer := self._answers.to(message, self._session.count, self._played_us)) is None:
+            done(
+                InvalidCommand(
+                    f"{type(message).__name__}: {self._name} is a recording, which answers only "
+                    "what was asked on that day"
+                )
+            )
+        else:
+            done(answer)
+
+    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:  # noqa: ARG002
+        """Nothing moves."""
+        self._check_alive()
+        done(Ack(0, 0, message_id(Stop)))
+
+    def post_estop(self, done: Done) -> None:
+        """Nothing moves."""
+        self.post_stop(done)
+
+    def withdraw(self, done: Done) -> None:
+        """Everything is answered at once."""
+
+
+def _notes_first(records: Iterable[Record]) -> Iterator[Record]:
+    """The same, but notes a while before their time: a program may say something of a sample late.
+
+    The session is given none of them, so their order among its inputs is nobody's concern.
+    """
+    rest = iter(records)
+    yield from islice(rest, 1)  # the START
+    waiting: deque[Record] = deque()
+    for record in rest:
+        if record.kind is Kind.NOTE:
+            yield record._replace(host_us=waiting[0].host_us) if waiting else record
+            continue
+        waiting.append(record)
+        while waiting[0].host_us + NOTES_AHEAD_US <= record.host_us:
+            yield waiting.popleft()
+    yield from waiting
+
+
+def _note_of(record: Record) -> dict[str, Any]:
+    note = json.loads(record.data)
+    return note if isinstance(note, dict) else {}
+
+
+def _asked(record: Record) -> tuple[float, float, int]:
+    try:
+        return ASKED.unpack(record.data)
+    except struct.error as error:
+        raise ValueError(f"record {record.number} is damaged: {error}") from error

@@ -1,0 +1,90 @@
+"""What a recording holds, in a few numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+from ..errors import RecordingError
+from ..link.rerun import Rerun
+from ..link.tap import Kind
+from .frames import FrameReader
+from .reader import is_complete, metadata, offset_us, records
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A recording at a glance.
+
+    Attributes:
+        duration_s: From its first record to its last.
+        frames_received: Good frames from the robot.
+        frames_sent: Frames that the port took.
+        frames_lost: On the way from the robot, by their sequence numbers.
+        board_id: Of the robot, as 12 hex digits.
+        complete: It has its end; else what a crash left is what can be read.
+        began: The time of day, in UTC.
+        driver: The name of the program's driver.
+        version: Of the Wheelwire that recorded it.
+        size_bytes: Of the file.
+    """
+
+    duration_s: float
+    frames_received: int
+    frames_sent: int
+    frames_lost: int
+    board_id: str
+    complete: bool
+    began: str
+    driver: str
+    version: str
+    size_bytes: int
+
+
+def summary(path: str | Path) -> Summary:
+    """Read all of a recording.
+
+    Raises:
+        RecordingError: The file cannot be read, is no recording, or of another release.
+    """
+    said = metadata(path)
+    again, reader = Rerun(), FrameReader()
+    first_us = received = sent = lost = 0
+
+    def count() -> tuple[int, int]:
+        if again.session is None:
+            return received, lost
+        counted = again.session.statistics(again.host_us)
+        return received + counted.frames_received, lost + counted.frames_lost
+
+    try:
+        for record in records(path):
+            if record.kind is Kind.START:  # anew, where records are missing
+                received, lost = count()
+                first_us = first_us or record.host_us
+            again.feed(record)
+            if record.kind is Kind.SENT:
+                sent += sum(1 for _ in reader.feed(record))
+    except ValueError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    received, lost = count()
+    return Summary(
+        duration_s=(again.host_us - first_us) / 1e6,
+        frames_received=received,
+        frames_sent=sent,
+        frames_lost=lost,
+        board_id=said.get("board_id", ""),
+        complete=is_complete(path),
+        began=time_of_day(first_us, said),
+        driver=said.get("driver", ""),
+        version=said.get("version", ""),
+        size_bytes=Path(path).stat().st_size,
+    )
+
+
+def time_of_day(host_us: int, said: Mapping[str, str]) -> str:
+    """A time of the host's clock, in UTC, by what `metadata` says."""
+    moment = datetime.fromtimestamp((host_us + offset_us(said)) / 1e6, timezone.utc)
+    return moment.isoformat(timespec="seconds")

@@ -1,0 +1,212 @@
+"""One MCAP file that is being written: whole up to the last `sync`, whatever happens."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import RecordingError
+from ..link.tap import Record
+from . import raw
+from .reader import METADATA, require_mcap
+
+LIBRARY = "wheelwire"
+"""In the file's header: whose file it is."""
+PROFILE = "ros2"
+# What rosbag2 itself writes of a reliable publisher: without it `ros2 bag play` has to guess.
+_QOS = """- history: 1
+  depth: 10
+  reliability: 1
+  durability: 2
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: 1
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+class Channel(NamedTuple):
+    """A topic and its messages."""
+
+    topic: str
+    schema: str
+    """The name of a ROS 2 message."""
+    definition: str
+    """The message in ROS 2's own language, the messages that it contains included."""
+
+
+RAW_DEFINITION = """MultiArrayLayout layout
+uint8[] data
+================================================================================
+MSG: std_msgs/MultiArrayLayout
+MultiArrayDimension[] dim
+uint32 data_offset
+================================================================================
+MSG: std_msgs/MultiArrayDimension
+string label
+uint32 size
+uint32 stride
+"""
+RAW_CHANNELS = tuple(
+    Channel(topic, "std_msgs/msg/UInt8MultiArray", RAW_DEFINITION) for topic in raw.TOPICS
+)
+
+
+class _Output:
+    """What `mcap` writes to. Keeps all until a flush, and after a failure writes nothing more."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._waiting: list[bytes] = []
+        self._count = 0
+
+    def write(self, data: bytes) -> int:
+        self._waiting.append(bytes(data))
+        self._count += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._count
+
+    def flush(self) -> None:
+        rest = memoryview(b"".join(self._waiting))
+        self._waiting.clear()
+        while rest:
+            rest = rest[os.write(self._descriptor, rest) :]
+
+
+class RecordingFile:
+    """A file that is being written. Others see by its lock that it is.
+
+    Args:
+        path: Must not exist.
+        unix_minus_monotonic_ns: What to add to the host's clock for the time of day.
+        metadata: What else to write at its beginning.
+        channels: Of the messages for viewers.
+
+    Attributes:
+        path: Where it is.
+        size: Bytes written.
+
+    Raises:
+        RecordingError: The package `mcap` is not installed.
+        FileExistsError: There is one.
+        OSError: It cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        unix_minus_monotonic_ns: int,
+        metadata: Mapping[str, str],
+        channels: tuple[Channel, ...] = (),
+    ) -> None:
+        require_mcap()
+        from mcap.writer import CompressionType, Writer
+
+        self.path = path
+        self._offset_ns = unix_minus_monotonic_ns
+        self._descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o644)
+        self._output = _Output(self._descriptor)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._writer = Writer(self._output, compression=CompressionType.NONE)
+            self._writer.start(PROFILE, LIBRARY)
+            said = {"unix_minus_monotonic_ns": str(unix_minus_monotonic_ns), **metadata}
+            self._writer.add_metadata(METADATA, said)
+            self._channels = self._register((*RAW_CHANNELS, *channels))
+            self.sync()
+            _sync_folder(path.parent)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def _register(self, channels: tuple[Channel, ...]) -> dict[str, int]:
+        ids: dict[str, int] = {}
+        schemas: dict[str, int] = {}
+        for topic, schema, definition in channels:
+            if schema not in schemas:
+                schemas[schema] = self._writer.register_schema(
+                    schema, "ros2msg", definition.encode()
+                )
+            ids[topic] = self._writer.register_channel(
+                topic, "cdr", schemas[schema], {"offered_qos_profiles": _QOS}
+            )
+        return ids
+
+    @property
+    def size(self) -> int:
+        """Bytes written."""
+        return self._output.tell()
+
+    def add(self, record: Record) -> None:
+        """A record of the tap."""
+        self.add_message(
+            raw.topic_of(record.kind),
+            record.host_us * 1000 + self._offset_ns,
+            raw.encode(record),
+            record.number & 0xFFFFFFFF,
+        )
+
+    def add_message(self, topic: str, time_ns: int, data: bytes, sequence: int = 0) -> None:
+        """A message for viewers."""
+        self._writer.add_message(self._channels[topic], time_ns, data, time_ns, sequence)
+
+    def attach(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
+        """A file within the file."""
+        self._writer.flush()  # mcap puts it between two chunks
+        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+
+    def flush(self) -> None:
+        """Have all that was added in the file, should this process be killed."""
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Have all that was added on the disk, should the power fail."""
+        self._writer.flush()
+        os.fdatasync(self._descriptor)
+
+    def close(self) -> None:
+        """Write the index, and be done."""
+        try:
+            self.sync()  # first: a file that has an end is whole
+            self._writer.finish()
+            self._output.flush()
+            os.fdatasync(self._descriptor)
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Be done as it is: what cannot be written any more is left out."""
+        os.close(self._descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    """A power cut must not take the file's name away."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def free_path(path: Path) -> Path:
+    """`path`, or with a number behind its name the first that no file has."""
+    number = 1
+    found = path
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{path.stem}-{number}{path.suffix}")
+    return found
+
+
+def check_folder(path: Path) -> None:
+    """Raise `RecordingError` if no file can be made there."""
+    if not path.parent.is_dir():
+        raise RecordingError(f"cannot record to {path}: there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK):
+        raise RecordingError(f"cannot record to {path}: its folder cannot be written to")

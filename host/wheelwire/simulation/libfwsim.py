@@ -1,0 +1,229 @@
+"""The simulated device in virtual time: a thin wrapper of libfwsim's C interface."""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from wheelwire_protocol import native
+from wheelwire_protocol.codes import ResetReason, SupervisorState
+
+from ..errors import SimulatorNotFound, WheelwireError
+
+ENVIRONMENT = "WHEELWIRE_LIBFWSIM"
+LIBRARY = f"libfwsim.{'dylib' if sys.platform == 'darwin' else 'so'}"
+READ_SIZE = 1 << 16
+
+
+class Status(enum.IntEnum):
+    """The results of the library's functions."""
+
+    OK = 0
+    UNKNOWN_NAME = -1
+    READ_ONLY = -2
+    OUT_OF_RANGE = -3
+    BAD_ARGUMENT = -4
+    FAILED = -5
+
+
+class FwSimError(WheelwireError):
+    """The library refused; nothing was changed."""
+
+    def __init__(self, status: Status, subject: str) -> None:
+        super().__init__(f"{subject}: {status.name}")
+        self.status = status
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of the simulation that can be read, and set if it is `settable`."""
+
+    name: str
+    unit: str
+    doc: str
+    minimum: float
+    maximum: float
+    settable: bool
+
+
+class _Description(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_char_p),
+        ("unit", ctypes.c_char_p),
+        ("doc", ctypes.c_char_p),
+        ("minimum", ctypes.c_double),
+        ("maximum", ctypes.c_double),
+        ("settable", ctypes.c_int),
+    )
+
+
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "fwsim_create": (ctypes.c_void_p, (ctypes.c_uint64,)),
+    "fwsim_destroy": (None, (ctypes.c_void_p,)),
+    "fwsim_use_store": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p)),
+    "fwsim_preset": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int, ctypes.c_float)),
+    "fwsim_set": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_double)),
+    "fwsim_get": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_char_p, ctypes.POINTER(ctypes.c_double)),
+    ),
+    "fwsim_advance_us": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int64)),
+    "fwsim_write": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t)),
+    "fwsim_read": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t)),
+    ),
+    "fwsim_box": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(ctypes.c_size_t)),
+    ),
+    "fwsim_reset": (ctypes.c_int, (ctypes.c_void_p, ctypes.c_int)),
+    "fwsim_variable_count": (ctypes.c_size_t, ()),
+    "fwsim_describe": (ctypes.c_int, (ctypes.c_size_t, ctypes.POINTER(_Description))),
+}
+
+
+def library_path() -> Path:
+    """$WHEELWIRE_LIBFWSIM, a checkout's build, or the wheel's own library."""
+    named = os.environ.get(ENVIRONMENT)
+    return Path(named) if named else native.locate(LIBRARY, Path(__file__).parents[1])
+
+
+def _load() -> ctypes.CDLL:
+    path = library_path()
+    if not path.exists():
+        raise SimulatorNotFound(f"the library {path} does not exist: {native.remedy()}")
+    library = ctypes.CDLL(str(path))
+    # What is not declared, ctypes takes for an int: a handle would lose its upper half.
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+    return library
+
+
+class FwSim:
+    """One simulated device and its robot, from power-on at time 0.
+
+    Args:
+        seed: Seed of boot ids and encoder errors. The same seed and calls give the same run.
+        store: File for saved parameters; by default they stay in memory.
+    """
+
+    def __init__(self, seed: int = 1, store: Path | None = None) -> None:
+        # Set first: `__del__` reads it, also when the library is missing.
+        self._handle: int | None = None
+        self._library = _load()
+        self._handle = self._library.fwsim_create(seed)
+        if not self._handle:
+            raise MemoryError
+        self._buffer = ctypes.create_string_buffer(READ_SIZE)
+        if store:
+            status = self._library.fwsim_use_store(self._handle, os.fsencode(store))
+            self._check(status, str(store))
+
+    def close(self) -> None:
+        """Free the device. Safe to call more than once."""
+        if self._handle:
+            self._library.fwsim_destroy(self._handle)
+            self._handle = None
+
+    def __enter__(self) -> FwSim:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    def preset(self, parameter_id: int, value: float) -> None:
+        """Change the default of a parameter, from the next reset on."""
+        status = self._library.fwsim_preset(self._handle, parameter_id, value)
+        self._check(status, f"parameter {parameter_id}")
+
+    def set(self, name: str, value: float) -> None:
+        """Set a variable, in its unit."""
+        self._check(self._library.fwsim_set(self._handle, name.encode(), value), name)
+
+    def get(self, name: str) -> float:
+        """Read a variable, in its unit."""
+        value = ctypes.c_double()
+        status = self._library.fwsim_get(self._handle, name.encode(), ctypes.byref(value))
+        self._check(status, name)
+        return value.value
+
+    @property
+    def state(self) -> SupervisorState:
+        """State of the supervisor."""
+        return SupervisorState(int(self.get("state")))
+
+    def advance_us(self, duration_us: int) -> None:
+        """Run device and world for this long."""
+        self._check(self._library.fwsim_advance_us(self._handle, duration_us), "advance")
+
+    def advance(self, seconds: float) -> None:
+        """Run device and world for this long."""
+        self.advance_us(round(seconds * 1e6))
+
+    def write(self, data: bytes) -> None:
+        """Send bytes from the host."""
+        self._check(self._library.fwsim_write(self._handle, data, len(data)), "write")
+
+    def read(self) -> bytes:
+        """Take all bytes that have reached the host."""
+        received = bytearray()
+        size = ctypes.c_size_t(READ_SIZE)
+        # A buffer that was filled may have left something behind.
+        while size.value == READ_SIZE:
+            status = self._library.fwsim_read(
+                self._handle, self._buffer, READ_SIZE, ctypes.byref(size)
+            )
+            self._check(status, "read")
+            received += self._buffer.raw[: size.value]
+        return bytes(received)
+
+    def black_box(self) -> bytes:
+        """The device's black box: the last second or two, or those before a fault or an e-stop."""
+        size = ctypes.c_size_t()
+        status = self._library.fwsim_box(self._handle, self._buffer, READ_SIZE, ctypes.byref(size))
+        self._check(status, "box")
+        return self._buffer.raw[: size.value]
+
+    def reset(self, reason: ResetReason = ResetReason.EXTERNAL) -> None:
+        """Reset the device; it gets a new boot id."""
+        self._check(self._library.fwsim_reset(self._handle, reason), "reset")
+
+    def variables(self) -> list[Variable]:
+        """All variables of `set` and `get`."""
+        described = []
+        for index in range(self._library.fwsim_variable_count()):
+            raw = _Description()
+            self._check(self._library.fwsim_describe(index, ctypes.byref(raw)), "describe")
+            described.append(
+                Variable(
+                    raw.name.decode(),
+                    raw.unit.decode(),
+                    raw.doc.decode(),
+                    raw.minimum,
+                    raw.maximum,
+                    bool(raw.settable),
+                )
+            )
+        return described
+
+    @staticmethod
+    def _check(status: int, subject: str) -> None:
+        if status != Status.OK:
+            raise FwSimError(Status(status), subject)

@@ -1,0 +1,77 @@
+"""What a person beside the simulated robot would see of its wheels, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from .simulator import TrueState
+
+SIDES = ("left", "right")
+SEEN_TURNS = 0.005
+"""Less than that a person does not see."""
+REST_S = 0.4
+"""Wheels that stand for less go on with the same motion: setup pulses a motor several times."""
+
+
+@dataclass
+class _Wheel:
+    forward: float = 0.0
+    backward: float = 0.0
+
+    def add(self, turns: float) -> None:
+        self.forward += max(turns, 0.0)
+        self.backward += max(-turns, 0.0)
+
+    def said(self) -> str:
+        """Which way it turned, and how far; empty if nobody saw it."""
+        ways = [
+            f"{way} {turns:.2f} turns"
+            for way, turns in (("forward", self.forward), ("backward", self.backward))
+            if turns > SEEN_TURNS
+        ]
+        return " and ".join(ways)
+
+
+@dataclass
+class Narrator:
+    """Says after each motion which wheel turned which way.
+
+    Args:
+        counts: Of an ideal encoder, in a turn of a wheel.
+        say: Called with a sentence, once the wheels stand.
+    """
+
+    counts: float
+    say: Callable[[str], None]
+    _before: TrueState | None = None
+    _wheels: tuple[_Wheel, _Wheel] = field(default_factory=lambda: (_Wheel(), _Wheel()))
+    _moved_us: int | None = None
+    """When they last turned; None: there is nothing to say."""
+
+    def watch(self, state: TrueState) -> None:
+        """Take the next true state, some twenty a second."""
+        before, self._before = self._before, state
+        if before is None:
+            return
+        ticks = state.left_ticks - before.left_ticks, state.right_ticks - before.right_ticks
+        if ticks != (0, 0):
+            self._moved_us = state.t_us
+            for wheel, count in zip(self._wheels, ticks, strict=True):
+                wheel.add(count / self.counts)
+        elif self._moved_us is not None and state.t_us - self._moved_us >= REST_S * 1e6:
+            said = self._sentence()
+            self._moved_us, self._wheels = None, (_Wheel(), _Wheel())
+            if said:
+                self.say(said)
+
+    def _sentence(self) -> str:
+        left, right = (wheel.said() for wheel in self._wheels)
+        if left and left == right:
+            return f"both wheels turned {left}"
+        parts = [
+            f"the {side} wheel turned {said}"
+            for side, said in zip(SIDES, (left, right), strict=True)
+            if said
+        ]
+        return ", ".join(parts)

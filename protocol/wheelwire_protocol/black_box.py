@@ -1,0 +1,298 @@
+"""Black boxes: reading one, and running it again through the firmware's own core.
+
+A box is what a robot was given in the last second or two (counts, times, contact, battery, every
+message) and what it did. `Box.rerun` gives the same to the same core again, in virtual time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+import struct
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from . import native
+from .codec import BY_ID, MIN_PAYLOAD
+from .codes import BoxCause as BoxCause
+from .codes import Fault, RefusalCode, ResetReason, SupervisorEvent, SupervisorState
+from .types import AnyMessage
+
+BOX_SIZE = 32768
+"""Of every box, in bytes."""
+
+
+class BoxError(ValueError):
+    """These bytes are no box, or a damaged one."""
+
+
+class Kind(enum.IntEnum):
+    """What a record is of."""
+
+    STEP = 1
+    CONTACT = 2
+    TRANSITION = 3
+    REFUSAL = 4
+    STORE = 5
+    HANG_UP = 6
+    FAILURE = 7
+    STATE = 8
+    WIDE_STEP = 9
+    MESSAGE = 10
+    PARAMETERS = 11
+    END = 12
+
+
+class BoxHead(NamedTuple):
+    """What the box says about itself."""
+
+    cause: BoxCause
+    reset_reason: ResetReason
+    """Of the reset after which it was stored; else that of the boot in which it was recorded."""
+    number: int
+    """Counts up over all boxes of a device."""
+    boot_id: int
+    core: int
+    """Hash of the core's sources: only the same core can re-run it."""
+    release: str
+    git_hash: int
+    """0: not known."""
+    board: int
+    """Fingerprint; 0: none."""
+    faults: Fault
+    stored_us: int
+    """Device clock."""
+
+
+class Step(NamedTuple):
+    """A control step's inputs. The duties are those that were on the outputs until it."""
+
+    t_us: int
+    left_counter: int
+    """Raw, by the pins, from -32767 to 32767."""
+    right_counter: int
+    battery_mv: int
+    left_duty_q15: int
+    right_duty_q15: int
+
+
+class End(NamedTuple):
+    """A fault or an e-stop ended the box: the duties that came of it."""
+
+    t_us: int
+    left_duty_q15: int
+    right_duty_q15: int
+
+
+class Received(NamedTuple):
+    """A message that the device read."""
+
+    t_us: int
+    message: AnyMessage
+
+
+class Transition(NamedTuple):
+    """A change of the supervisor's state."""
+
+    t_us: int
+    event: SupervisorEvent
+    before: SupervisorState
+    after: SupervisorState
+    faults: Fault
+
+
+class Refusal(NamedTuple):
+    """A message that was refused."""
+
+    t_us: int
+    message_id: int
+    code: RefusalCode
+
+
+class Contact(NamedTuple):
+    """The emergency-stop contact changed."""
+
+    t_us: int
+    open: bool
+
+
+class Stored(NamedTuple):
+    """A write to flash."""
+
+    t_us: int
+    done: bool
+
+
+class HangUp(NamedTuple):
+    """The end of the connection."""
+
+    t_us: int
+
+
+Entry = Step | End | Received | Transition | Refusal | Contact | Stored | HangUp
+
+
+class Outcome(enum.IntEnum):
+    """What came of a re-run."""
+
+    SAME = 0
+    DIFFERS = 1
+    EMPTY = 2
+    OTHER_CORE = 3
+    UNREADABLE = 4
+
+
+class Rerun(NamedTuple):
+    """A re-run, and its first difference from what was recorded."""
+
+    outcome: Outcome
+    steps: int
+    first_us: int
+    """Device clock of the first step."""
+    last_us: int
+    step: int
+    """Of the first difference, counted from 1."""
+    t_us: int
+    field: str
+    """Which value differs, such as "left_duty_q15" or "robot.drive.left.velocity_umps".
+
+    "record": it did another thing than was recorded, by `Kind`.
+    """
+    recorded: float
+    computed: float
+
+
+def core_hash() -> int:
+    """Of the core that is loaded here.
+
+    Raises:
+        NativeMissingError: The library is missing or of another release.
+    """
+    return int(native.load().wheelwire_core_hash())
+
+
+def release_text(release: int) -> str:
+    """Of the firmware, as `0.1.0`."""
+    return f"{release >> 16}.{release >> 8 & 255}.{release & 255}"
+
+
+class Box:
+    """A black box.
+
+    Raises:
+        BoxError: These bytes are none, or a damaged one.
+        NativeMissingError: The library is missing or of another release.
+    """
+
+    def __init__(self, image: bytes) -> None:
+        # Set first: `__del__` reads it, also when the library is missing.
+        self._handle: ctypes.c_void_p | None = None
+        self._library = native.load()
+        self._image = bytes(image)
+        self._handle, self.head = self._open()
+
+    def __del__(self) -> None:
+        if self._handle:
+            self._library.wheelwire_box_close(self._handle)
+
+    def _open(self) -> tuple[ctypes.c_void_p, BoxHead]:
+        handle = ctypes.c_void_p()
+        head = native.BoxHead()
+        status = self._library.wheelwire_box_open(
+            self._image, len(self._image), ctypes.byref(handle), ctypes.byref(head)
+        )
+        if status == native.BOX_DAMAGED:
+            raise BoxError("a black box that is damaged: its checksum does not match")
+        if status != native.BOX_OPENED:
+            raise BoxError("no black box")
+        return handle, BoxHead(
+            BoxCause(head.cause),
+            ResetReason(head.reset_reason),
+            head.number,
+            head.boot_id,
+            head.core,
+            release_text(head.release),
+            head.git_hash,
+            head.board,
+            Fault(head.faults),
+            head.stored_us,
+        )
+
+    def entries(self) -> Iterator[Entry]:
+        """What it holds, from the oldest record on, without what only a re-run needs."""
+        handle, _ = self._open()
+        try:
+            raw = native.BoxEntry()
+            while self._library.wheelwire_box_next(handle, ctypes.byref(raw)):
+                entry = _entry(raw)
+                if entry is not None:
+                    yield entry
+        finally:
+            self._library.wheelwire_box_close(handle)
+
+    def rerun(self, *, any_core: bool = False) -> Rerun:
+        """Give its inputs to this core again, and compare what comes of them.
+
+        Args:
+            any_core: Also if it is of another core. Then the duties and the state may be others:
+                only what the robot did is compared (transitions, refusals, writes to flash).
+        """
+        raw = native.RerunResult()
+        outcome = self._library.wheelwire_box_rerun(self._handle, any_core, ctypes.byref(raw))
+        if outcome == native.RERUN_NO_MEMORY:
+            raise MemoryError("no memory to re-run a black box")
+        return Rerun(
+            Outcome(outcome),
+            raw.steps,
+            raw.first_us,
+            raw.last_us,
+            raw.step,
+            raw.t_us,
+            raw.field.decode(),
+            raw.recorded,
+            raw.computed,
+        )
+
+
+def _entry(raw: native.BoxEntry) -> Entry | None:
+    t_us = raw.t_us
+    match raw.kind:
+        case Kind.STEP | Kind.WIDE_STEP:
+            return Step(
+                t_us,
+                raw.left_counter,
+                raw.right_counter,
+                raw.battery_mv,
+                raw.left_duty_q15,
+                raw.right_duty_q15,
+            )
+        case Kind.END:
+            return End(t_us, raw.left_duty_q15, raw.right_duty_q15)
+        case Kind.MESSAGE:
+            return _received(raw)
+        case Kind.TRANSITION:
+            return Transition(
+                t_us,
+                SupervisorEvent(raw.event),
+                SupervisorState(raw.before),
+                SupervisorState(raw.after),
+                Fault(raw.faults),
+            )
+        case Kind.REFUSAL:
+            return Refusal(t_us, raw.message_id, RefusalCode(raw.code))
+        case Kind.CONTACT:
+            return Contact(t_us, bool(raw.flag))
+        case Kind.STORE:
+            return Stored(t_us, bool(raw.flag))
+        case Kind.HANG_UP:
+            return HangUp(t_us)
+    return None
+
+
+def _received(raw: native.BoxEntry) -> Received | None:
+    codec = BY_ID.get(raw.message_id)
+    body = bytes(raw.body[: raw.body_size])
+    # A box of a later release may hold messages that are not known here.
+    if codec is None or len(body) != codec.size - MIN_PAYLOAD:
+        return None
+    return Received(raw.t_us, codec.type(*struct.unpack(f"<{codec.formats}", body)))

@@ -1,0 +1,168 @@
+"""A device's black boxes and ledger, read by a host."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from wheelwire.drivers.mock import VirtualMockDriver
+from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
+from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
+from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
+
+STORED_S = 15.0
+"""A box is in flash by then: not within ten seconds of a start, and then at rest."""
+
+
+@pytest.fixture
+def robot() -> Iterator[VirtualMockDriver]:
+    with VirtualMockDriver(realtime=False) as driver:
+        yield driver
+
+
+def drive(robot: VirtualMockDriver, seconds: float) -> None:
+    for _ in range(round(seconds / 0.1)):
+        robot.set_velocity(0.2, 0.2)
+        robot.advance(0.1)
+
+
+def estop(robot: VirtualMockDriver) -> None:
+    """Drive into an e-stop, wait until its box is stored, and clear it."""
+    drive(robot, 0.5)
+    robot.estop()
+    robot.advance(STORED_S)
+    robot.clear_estop()
+    robot.advance(1.0)
+
+
+def test_a_box_is_read_and_re_runs(robot: VirtualMockDriver) -> None:
+    assert robot.recorder.boxes() == []
+    estop(robot)
+    (stored,) = robot.recorder.boxes()
+    assert (stored.head.number, stored.head.cause) == (1, BoxCause.ESTOP)
+    assert stored.head.boot_id == robot.info.device.boot_id
+    box = Box(robot.recorder.read_box(stored))
+    assert box.head == stored.head
+    assert box.rerun().outcome is Outcome.SAME
+
+
+def test_the_ledger_counts_what_stopped_the_robot(robot: VirtualMockDriver) -> None:
+    estop(robot)
+    drive(robot, 0.3)
+    robot.advance(2.0)
+    ledger = robot.recorder.ledger()
+    assert ledger.stops[SupervisorEvent.ESTOP] == ledger.stops[SupervisorEvent.DEADLINE] == 1
+    assert ledger.stops[SupervisorEvent.FAULT] == 0
+    assert ledger.resets[ResetReason.POWER_ON] == 1
+    assert sum(ledger.resets.values()) == 1
+    assert 15 < ledger.uptime_s < 30
+
+
+def test_boxes_are_listed_with_the_newest_first(robot: VirtualMockDriver) -> None:
+    for _ in range(3):
+        estop(robot)
+    heads = [stored.head for stored in robot.recorder.boxes()]
+    assert [head.number for head in heads] == [3, 2, 1]
+    assert heads[0].stored_us > heads[1].stored_us > heads[2].stored_us
+
+
+def test_a_box_is_current_until_the_stop_is_cleared(robot: VirtualMockDriver) -> None:
+    drive(robot, 0.5)
+    robot.estop()
+    robot.advance(STORED_S)
+    assert [stored.is_current for stored in robot.recorder.boxes()] == [True]
+    robot.clear_estop()
+    assert [stored.is_current for stored in robot.recorder.boxes()] == [False]
+
+
+def test_while_the_robot_drives_it_says_to_stop_first(robot: VirtualMockDriver) -> None:
+    estop(robot)
+    (stored,) = robot.recorder.boxes()
+    drive(robot, 0.2)
+    assert robot.read().state is SupervisorState.DRIVING
+    for ask in (
+        robot.recorder.boxes,
+        robot.recorder.ledger,
+        lambda: robot.recorder.read_box(stored),
+    ):
+        with pytest.raises(DeviceRefused, match=r"Not possible while driving.*stop"):
+            ask()
+
+
+def test_a_box_that_is_gone_is_refused_by_name(robot: VirtualMockDriver) -> None:
+    estop(robot)
+    (stored,) = robot.recorder.boxes()
+    with pytest.raises(RecordingError, match="black box 7 is no longer on the device"):
+        robot.recorder.read_box(stored._replace(head=stored.head._replace(number=7)))
+
+
+@pytest.mark.parametrize("event", ["reset", "unplug"])
+def test_what_comes_in_the_middle_of_reading_costs_that_call_alone(
+    robot: VirtualMockDriver, event: str
+) -> None:
+    estop(robot)
+    (stored,) = robot.recorder.boxes()
+    whole = robot.recorder.read_box(stored)
+    ask = robot._link.request
+    asked = 0
+
+    def and_then(message: RequestMessage) -> Answer:
+        nonlocal asked
+        asked += 1
+        if asked == 300:
+            if event == "reset":
+                robot.simulator.reset(ResetReason.TASK_WATCHDOG)
+            else:
+                robot.unplug()
+        return ask(message)
+
+    robot._link.request = and_then  # type: ignore[method-assign]
+    with pytest.raises((LinkLost, RequestTimeout)):
+        robot.recorder.read_box(stored)
+    robot.plug()
+    robot.advance(3.0)
+    assert robot.recorder.read_box(stored) == whole
+
+
+def test_boxes_and_ledger_outlive_the_simulator(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    with VirtualMockDriver(realtime=False, store=store) as robot:
+        estop(robot)
+        whole = robot.recorder.read_box(robot.recorder.boxes()[0])
+    with VirtualMockDriver(realtime=False, store=store) as robot:
+        (stored,) = robot.recorder.boxes()
+        assert robot.recorder.read_box(stored) == whole
+        assert not stored.is_current
+        ledger = robot.recorder.ledger()
+        assert ledger.resets[ResetReason.POWER_ON] == 2
+        assert ledger.stops[SupervisorEvent.ESTOP] == 1
+
+
+def test_what_a_recorder_file_lost_is_as_erased(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    with VirtualMockDriver(realtime=False, store=store) as robot:
+        estop(robot)
+        estop(robot)
+    file = store.with_name("store.recorder")
+    file.write_bytes(file.read_bytes()[: BOX_SIZE + 1000])
+    with VirtualMockDriver(realtime=False, store=store) as robot:
+        newest, first = robot.recorder.boxes()
+        assert (newest.head.number, first.head.number) == (2, 1)
+        assert Box(robot.recorder.read_box(first)).head == first.head
+        with pytest.raises(BoxError, match="damaged"):
+            Box(robot.recorder.read_box(newest))
+        # The ledger lay behind the cut.
+        assert robot.recorder.ledger().resets[ResetReason.POWER_ON] == 1
+
+
+def test_a_recorder_file_that_cannot_be_written_costs_the_boxes_alone(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    store.with_name("store.recorder").mkdir()
+    with VirtualMockDriver(realtime=False, store=store) as robot:
+        estop(robot)
+        assert robot.recorder.boxes() == []
+        assert robot.recorder.ledger().stops[SupervisorEvent.ESTOP] == 1
+        drive(robot, 0.3)

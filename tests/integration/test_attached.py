@@ -1,0 +1,261 @@
+"""Commands beside a program that holds the robot's port: they look, stop and e-stop."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from support.attached import wait_for_holder
+from support.command import PROGRAM, TIMEOUT_S, check_error, run
+from support.gpio_chip_process import GpioChip
+from support.lines import GOOD, simulator_on
+from support.pigpio_process import PigpioProcess
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.factory import open_driver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.link.tap_directory import DIRECTORY_VARIABLE
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import SupervisorState
+
+HOLDING = """
+import sys, time, wheelwire
+with wheelwire.open_driver("serial", port=sys.argv[1]) as robot:
+    print("open", flush=True)
+    while True:
+        robot.set_velocity(0.1, 0.0, ttl=0.3)
+        time.sleep(0.05)
+"""
+OURS = f"process {os.getpid()}"
+
+
+@pytest.fixture(params=[GOOD, "noisy"])
+def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
+    with simulator_on(request.param) as simulator:
+        yield simulator
+
+
+@pytest.fixture
+def robot(simulator: Simulator) -> Iterator[SerialDriver]:
+    """Held by this process."""
+    with SerialDriver(simulator.port) as robot:
+        wait_for_holder(simulator.port)
+        yield robot
+
+
+@contextmanager
+def another_holder(port: str) -> Iterator[subprocess.Popen[str]]:
+    """Another process, which drives."""
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDING, port], stdout=subprocess.PIPE, text=True
+    ) as holder:
+        try:
+            assert holder.stdout
+            assert holder.stdout.readline() == "open\n"
+            wait_for_holder(port)
+            yield holder
+        finally:
+            holder.kill()
+
+
+def attached(*arguments: str, **environment: str) -> str:
+    """What a command prints that is attached, and says so in one line."""
+    result = run(*arguments, **environment)
+    assert result.returncode == 0, result.stderr
+    (said,) = result.stderr.splitlines()
+    assert "attached to the link of" in said
+    assert OURS in said
+    return result.stdout
+
+
+def refused(*arguments: str, **environment: str) -> str:
+    """The error of a command for which the port is in use."""
+    return check_error(run(*arguments, **environment), errors.PortUnavailable)
+
+
+def test_what_only_looks_is_attached(robot: SerialDriver, simulator: Simulator) -> None:
+    robot.parameters.set("max_duty", 0.5)
+    port = simulator.port
+    info = json.loads(attached("info", port, "--json"))
+    assert info["link"]["port"] == port
+    assert info["link"]["device"]["board_id"] == robot.info.device.board_id
+    assert info["device_counters"]["frames_received"] > 0
+    assert attached("params", "get", port, "max_duty") == "0.5\n"
+    values = {
+        one["name"]: one["value"] for one in json.loads(attached("params", "list", port, "--json"))
+    }
+    assert values["max_duty"] == 0.5
+    assert "max_duty: 0.5 duty" in attached("params", "export", port)
+    assert "name: L298N, ESP32-DevKitC" in attached("board", "read", port)
+    assert attached("monitor", port, "--seconds", "1.5").count("IDLE") == 2
+    assert robot.is_open
+    assert robot.sessions == 1
+
+
+def test_with_json_the_note_is_json_too(robot: SerialDriver, simulator: Simulator) -> None:
+    assert robot.is_open
+    result = run("info", simulator.port, "--json")
+    assert OURS in json.loads(result.stderr)["note"]
+
+
+def test_a_stop_stops_until_the_holder_drives_again(
+    robot: SerialDriver, simulator: Simulator
+) -> None:
+    robot.parameters.set("ttl_max_s", 5)
+    robot.set_velocity(0.1, 0.0, ttl=5.0)
+    assert OURS in attached("stop", simulator.port)
+    wait_until(lambda: robot.read().state is SupervisorState.IDLE)
+    robot.set_velocity(0.1, 0.0, ttl=1.0)
+    wait_until(lambda: robot.read().state is SupervisorState.DRIVING)
+
+
+def test_an_estop_stops_whoever_drives(robot: SerialDriver, simulator: Simulator) -> None:
+    robot.set_velocity(0.1, 0.0, ttl=1.0)
+    assert "stopped and latched; once" in attached("estop", simulator.port)
+    wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
+    with pytest.raises(errors.DeviceRefused):
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+    robot.clear_estop()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("drive", "{}", "--linear", "0.1"),
+        ("clear", "{}"),
+        ("params", "set", "{}", "max_duty", "0.5"),
+        ("params", "save", "{}"),
+        ("params", "reset", "{}", "--yes"),
+        ("board", "write", "{}", "l298n"),
+        ("board", "confirm", "{}", "--yes"),
+        ("restart", "{}"),
+    ],
+    ids=" ".join,
+)
+def test_whoever_drives_sets_or_clears_needs_the_port(
+    command: tuple[str, ...],
+) -> None:
+    with simulator_on(GOOD) as simulator, SerialDriver(simulator.port) as robot:
+        wait_for_holder(simulator.port)
+        robot.estop()
+        line = refused(*(word.format(simulator.port) for word in command))
+        assert "another program uses it (" in line
+        assert OURS in line
+        assert robot.read().state is SupervisorState.ESTOPPED
+        assert robot.parameters["max_duty"] == 1
+        assert robot.sessions == 1
+
+
+@pytest.mark.parametrize("command", ["estop", "stop"])
+def test_a_stop_that_reaches_nobody_says_so(command: str, tmp_path: Path) -> None:
+    """The holder offers nothing; or it is another user's, who has a folder of his own."""
+    with simulator_on(GOOD) as simulator:
+        with SerialDriver(simulator.port, tap=False) as robot:
+            line = refused(command, simulator.port)
+            assert robot.read().state is SupervisorState.IDLE
+        assert OURS in line
+        assert line.partition(" (more: ")[0].endswith("Nothing was sent")
+        with SerialDriver(simulator.port):
+            wait_for_holder(simulator.port)
+            elsewhere = {DIRECTORY_VARIABLE: str(tmp_path / "another")}
+            line = refused(command, simulator.port, **elsewhere)
+            assert OURS in line
+            assert line.partition(" (more: ")[0].endswith("Nothing was sent")
+            assert refused("info", simulator.port, **elsewhere)
+            attached(command, simulator.port)
+
+
+def test_a_monitor_ends_with_whom_it_is_attached_to(simulator: Simulator) -> None:
+    with (
+        another_holder(simulator.port) as holder,
+        subprocess.Popen(
+            [*PROGRAM, "monitor", simulator.port, "--json"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as monitor,
+    ):
+        assert monitor.stdout
+        assert json.loads(monitor.stdout.readline())["state"] == "DRIVING"
+        # Beside another one that is attached.
+        assert json.loads(run("info", simulator.port, "--json").stdout)["state"] == "DRIVING"
+        holder.send_signal(signal.SIGKILL)
+        _, said = monitor.communicate(timeout=TIMEOUT_S)
+        assert monitor.returncode == errors.LinkClosed.exit_code
+        assert (
+            f"process {holder.pid}, which held {Path(simulator.port).resolve()}, has ended" in said
+        )
+    # It left its socket. The port is free: whoever comes opens it.
+    assert list(Path(os.environ[DIRECTORY_VARIABLE]).glob("*.tap"))
+    result = run("monitor", simulator.port, "--seconds", "0.3")
+    assert (result.returncode, result.stderr) == (0, "")
+
+
+def test_an_estop_beside_a_suspended_holder_says_that_nothing_was_sent(
+    simulator: Simulator,
+) -> None:
+    with another_holder(simulator.port) as holder:
+        holder.send_signal(signal.SIGSTOP)
+        line = refused("estop", simulator.port)
+        assert f"process {holder.pid}" in line
+        assert line.partition(" (more: ")[0].endswith("Nothing was sent")
+        holder.send_signal(signal.SIGCONT)
+        assert run("estop", simulator.port).returncode == 0
+
+
+def test_a_robots_file_and_a_boards_id_lead_to_the_holder_too(
+    robot: SerialDriver, simulator: Simulator, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(f"driver: serial\nserial: {{port: {simulator.port}}}\n")
+    board_id = robot.info.device.board_id
+    for address in (str(file), board_id, board_id.upper()):
+        assert attached("params", "get", address, "max_duty") == "1\n"
+    attached("estop", board_id)
+    wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
+
+
+def test_pins_that_a_pigpiod_moves(tmp_path: Path) -> None:
+    config = tmp_path / "robot.yaml"
+    with PigpioProcess() as daemon, PigpioProcess() as other:
+        config.write_text(
+            f"driver: pigpio\npigpio: {{host: 127.0.0.1, port: {daemon.port}}}\n"
+            "parameters: {overrun_limit_us: 1000000}\n"
+        )
+        check_pins(open_driver("pigpio", host="127.0.0.1", port=daemon.port), config)
+        # Whoever holds another robot's pins is nobody to stop this one.
+        with open_driver("pigpio", host="127.0.0.1", port=other.port) as robot:
+            wait_for_holder("", robot.info.device.board_id)
+            result = run("estop", str(config))
+            assert (result.returncode, result.stderr) == (0, "")
+            assert robot.read().state is SupervisorState.IDLE
+
+
+def test_pins_of_this_computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
+    config = tmp_path / "robot.yaml"
+    config.write_text("driver: l298n\nparameters: {overrun_limit_us: 1000000}\n")
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        for name, value in chip.environment.items():
+            monkeypatch.setenv(name, value)
+        check_pins(open_driver("l298n"), config)
+
+
+def check_pins(robot: DeviceDriver, config: Path) -> None:
+    with robot:
+        wait_for_holder("", robot.info.device.board_id)
+        attached("info", str(config))
+        attached("estop", str(config))
+        wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
+        result = run("clear", str(config))
+        assert result.returncode == errors.DriverUnavailable.exit_code, result.stderr
+        robot.clear_estop()

@@ -1,0 +1,134 @@
+"""A robot in real time is recorded: by a program, by asyncio, by the environment."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+import wheelwire
+from wheelwire import aio
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import InvalidArgument, InvalidCommand, RecordingError
+from wheelwire.link.rerun import Rerun
+from wheelwire.link.session import Phase
+from wheelwire.recording.reader import metadata, records
+from wheelwire.simulation.simulator import Simulator
+
+
+def drive(robot: wheelwire.BaseDriver, seconds: float = 0.5) -> list[wheelwire.WheelSample]:
+    """Samples of a short drive. The first may have come before the recording began."""
+    found = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        robot.set_velocity(0.2, 0.0, ttl=0.3)
+        found.append(robot.read())
+    return found
+
+
+def rerun(path: Path) -> tuple[list[wheelwire.WheelSample], Rerun]:
+    again = Rerun()
+    return [one.sample() for one in again.feed_all(records(path))], again
+
+
+def attached(path: Path) -> dict[str, str]:
+    with path.open("rb") as file:
+        return {one.name: one.data.decode() for one in make_reader(file).iter_attachments()}
+
+
+def test_a_program_records_its_robot(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    with wheelwire.open_driver("mock", record=path) as robot:
+        seen = drive(robot)
+        robot.parameters.set("proportional_gain", 0.5)
+        until_attached = time.monotonic() + 1
+        while time.monotonic() < until_attached:
+            robot.read()
+        robot.stop()
+        statistics = robot.statistics
+        board_id = robot.info.device.board_id
+    samples, again = rerun(path)
+    assert set(seen[1:]) <= set(samples)
+    assert again.session is not None
+    assert again.session.phase is Phase.CLOSED
+    assert again.session.statistics(again.host_us).frames_lost == statistics.frames_lost == 0
+    assert again.session.statistics(again.host_us).foreign == 0
+    said = metadata(path)
+    assert (said["driver"], said["board_id"]) == ("mock", board_id)
+    files = attached(path)
+    assert set(files) == {"versions.yaml", "parameters.yaml", "board.yaml"}
+    assert "proportional_gain" in files["parameters.yaml"]
+    assert board_id in files["versions.yaml"]
+
+
+def test_twice_a_day_gives_two_files(tmp_path: Path) -> None:
+    for _ in range(2):
+        with wheelwire.open_driver("mock", record=tmp_path / "day.mcap") as robot:
+            robot.read()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["day-2.mcap", "day.mcap"]
+
+
+def test_a_serial_robot_by_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WHEELWIRE_RECORD", str(tmp_path))
+    with (
+        Simulator(link=tmp_path / "port") as simulator,
+        wheelwire.connect(simulator.port) as robot,
+    ):
+        seen = drive(robot)
+    (path,) = tmp_path.glob("wheelwire-*.mcap")
+    assert set(seen[1:]) <= set(rerun(path)[0])
+    assert metadata(path)["driver"] == "serial"
+    # What cannot be recorded is opened all the same: the wish is for all robots of a computer.
+    with wheelwire.open_driver("mock", realtime=False) as robot:
+        robot.read()
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
+
+
+def test_on_a_loop(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+
+    async def day() -> list[wheelwire.WheelSample]:
+        async with aio.open_driver("mock", record=path) as robot:
+            robot.set_velocity(0.2, 0.0, ttl=0.3)
+            return [await robot.read() for _ in range(20)]
+
+    seen = asyncio.run(day())
+    assert set(seen[1:]) <= set(rerun(path)[0])
+    assert metadata(path)["driver"] == "mock"
+
+
+def test_where_none_can_be_made_no_robot_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    missing = tmp_path / "none" / "day.mcap"
+    with pytest.raises(RecordingError, match="there is no folder"):
+        wheelwire.open_driver("serial", port="/dev/none", record=missing)
+    with pytest.raises(RecordingError, match="there is no folder"):
+        aio.open_driver("serial", port="/dev/none", record=missing)
+    with pytest.raises(InvalidArgument, match="record = 5"):
+        wheelwire.open_driver("mock", record=5)
+    monkeypatch.setenv("WHEELWIRE_RECORD", str(missing))
+    with pytest.raises(RecordingError, match="there is no folder"):
+        wheelwire.open_driver("mock")
+
+
+def test_virtual_time_is_not_recorded(tmp_path: Path) -> None:
+    with pytest.raises(InvalidCommand, match="only a robot in real time"):
+        wheelwire.open_driver("mock", realtime=False, record=tmp_path / "day.mcap")
+    assert not list(tmp_path.iterdir())
+
+
+def test_recording_can_begin_and_end_at_any_time(tmp_path: Path) -> None:
+    with wheelwire.open_driver("mock") as robot:
+        assert isinstance(robot, DeviceDriver)
+        recorders = [robot.record(tmp_path / f"{name}.mcap") for name in "ab"]
+        seen = drive(robot)
+        recorders[0].close()
+        later = drive(robot)
+    first, second = (rerun(recorder.file)[0] for recorder in recorders)
+    assert set(seen[1:]) <= set(first)
+    assert set(seen[1:] + later) <= set(second)
+    assert not set(later[5:]) & set(first)

@@ -1,0 +1,92 @@
+"""`wheelwire restart`: what a restart keeps, what it loses, and when it is refused."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
+from support.lines import GOOD, simulator_on
+from support.waiting import wait_until
+from wheelwire import errors
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import RefusalCode
+
+
+@pytest.fixture(params=[GOOD, "noisy"])
+def simulator(request: pytest.FixtureRequest) -> Iterator[Simulator]:
+    with simulator_on(request.param) as simulator:
+        yield simulator
+
+
+def test_it_is_back_with_what_was_saved(simulator: Simulator) -> None:
+    run_json("params", "set", simulator.port, "max_duty", "0.5", "--save")
+    run_json("params", "set", simulator.port, "wheel_radius", "0.05")
+    before = simulator.get("boot_id")
+    text = output("restart", simulator.port)
+    assert simulator.get("boot_id") != before
+    assert f"Robot at {simulator.port} is back" in text
+    assert "The firmware restarted itself." in text
+    assert "IDLE" in text
+    values = {p["name"]: p["value"] for p in run_json("params", "list", simulator.port)}
+    assert values["max_duty"] == 0.5
+    assert values["wheel_radius"] == pytest.approx(0.033)
+
+
+def test_twice_is_two_restarts_and_json_has_what_is_active(simulator: Simulator) -> None:
+    first, second = (run_json("restart", simulator.port) for _ in range(2))
+    assert first["device"]["boot_id"] != second["device"]["boot_id"]
+    assert (
+        second["device"]["release"] == run_json("info", simulator.port)["link"]["device"]["release"]
+    )
+    assert second["board"]["name"]
+    assert (second["state"], second["faults"], second["warnings"]) == ("IDLE", [], [])
+
+
+def test_a_latched_estop_stays_latched(simulator: Simulator) -> None:
+    run("estop", simulator.port)
+    text = output("restart", simulator.port, COLUMNS="200")
+    assert (
+        f"ESTOPPED: Emergency stop, latched until it is cleared. `wheelwire clear {simulator.port}`"
+        in text
+    )
+    assert run_json("clear", simulator.port)["ended"] == "ESTOPPED"
+
+
+def test_a_robot_that_drives_refuses(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.set_velocity(0.1, 0.0, ttl=1.0)
+        while robot.read().state.name != "DRIVING":
+            robot.set_velocity(0.1, 0.0, ttl=1.0)
+        with pytest.raises(errors.DeviceRefused, match="while driving") as refused:
+            robot.board.restart()
+        assert refused.value.code == RefusalCode.NOT_STOPPED
+        assert robot.statistics.device_resets == 0
+
+
+def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
+    with simulator_on(GOOD) as simulator:
+        before = simulator.get("boot_id")
+        with subprocess.Popen(
+            [*PROGRAM, "restart", simulator.port], stderr=subprocess.PIPE, text=True
+        ) as command:
+            wait_until(lambda: simulator.get("boot_id") != before)
+            simulator.close()
+            said = command.communicate(timeout=TIMEOUT_S)[1]
+    assert command.returncode == errors.LinkLost.exit_code, said
+    assert "did not come back within 8 s of its restart" in said
+    assert "take its power away" in said
+
+
+def test_two_at_once_are_told_apart_by_the_port(simulator: Simulator) -> None:
+    """The second one is refused by the name of the first, or finds the port free again."""
+    with SerialDriver(simulator.port):
+        line = check_error(run("restart", simulator.port), errors.PortUnavailable)
+        assert "another program uses it (" in line
+
+
+def test_a_robot_that_is_simulated_by_the_command_restarts_too() -> None:
+    assert run_json("restart", "mock")["state"] == "IDLE"

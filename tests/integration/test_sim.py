@@ -1,0 +1,210 @@
+"""`wheelwire sim` to read along: what it says, and its wheels turned by hand."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
+from support.typing_terminal import TypingTerminal
+from support.waiting import wait_until
+from wheelwire import errors
+
+RAISED = ("--set", "wheels_free=1")
+
+
+@contextmanager
+def sim(link: Path, *options: str) -> Iterator[TypingTerminal]:
+    """In a terminal, at which commands may be typed."""
+    terminal = TypingTerminal("sim", "--link", str(link), *options, environment={"COLUMNS": "500"})
+    with terminal:
+        terminal.wait_for("What the wheels do:")
+        yield terminal
+        terminal.press(b"\x03")
+        assert terminal.wait() == 0
+    assert not link.exists()
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / "robot"
+
+
+def test_it_says_what_the_wheels_do(link: Path) -> None:
+    with sim(link) as told:
+        assert b"It stands on the floor (`--set wheels_free=1` raises it" in told.output
+        assert b"a radius of 0.033 m and are 0.2 m apart" in told.output
+        output("drive", str(link), "--linear", "0.2", "--seconds", "0.5")
+        told.wait_for("both wheels turned forward 0.")
+        output("drive", str(link), "--angular", "2", "--seconds", "0.5")
+        told.wait_for("the left wheel turned backward 0.")
+
+
+@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
+def test_a_wheel_is_turned_by_hand(link: Path, options: tuple[str, ...]) -> None:
+    with sim(link, *RAISED, *options) as told:
+        assert b"Its wheels hang free" in told.output
+        text = output("sim", "turn", "left", "1.5")
+        assert text == "the left wheel was turned forward by 1.5 turns\n"
+        told.wait_for("the left wheel turned forward 1.50 turns")
+        said = run_json("sim", "turn", "right", "-0.5", "--link", str(link))
+        assert said == {"wheel": "right", "turns": -0.5}
+        told.wait_for("the right wheel turned backward 0.50 turns")
+
+
+def test_a_wheel_that_does_not_give_way_is_let_go(link: Path) -> None:
+    with sim(link, *RAISED, "--set", "left.blocked=1") as told:
+        result = run("sim", "turn", "left", "2")
+        assert result.returncode == errors.WheelwireError.exit_code
+        assert "the left wheel does not give way after 0.00 turns" in result.stderr
+        told.press(b"get left.hand_turns\n")
+        told.wait_for("left.hand_turns = 0")
+
+
+def test_ctrl_c_lets_go_of_the_wheel_and_another_hand_waits(link: Path) -> None:
+    with sim(link, *RAISED) as told:
+        with TypingTerminal("sim", "turn", "left", "100") as hand:
+            told.press(b"get left.hand_turns\n")
+            wait_until(lambda: _again(told, b"get left.hand_turns\n", b"left.hand_turns = 9"))
+            line = check_error(run("sim", "turn", "left", "1"), errors.InvalidArgument)
+            assert "somebody turns the left wheel already" in line
+            hand.press(b"\x03")
+            assert hand.wait() == 130
+        told.wait_for("the left wheel turned forward")
+        assert output("sim", "turn", "left", "0.2")
+
+
+def _again(told: TypingTerminal, line: bytes, wanted: bytes) -> bool:
+    told.press(line)
+    return wanted in told.output
+
+
+def test_a_simulator_that_ends_half_way(link: Path) -> None:
+    with sim(link, *RAISED) as told, TypingTerminal("sim", "turn", "left", "100") as hand:
+        wait_until(lambda: _again(told, b"get left.hand_turns\n", b"left.hand_turns = 9"))
+        told.press(b"quit\n")
+        assert hand.wait() == errors.WheelwireError.exit_code
+        hand.wait_for("the simulator has ended")
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("middle", "1"), "middle is no wheel: give left or right"),
+        (("left", "0"), "0 turns: give a number from -1000 to 1000, and not 0"),
+        (("left", "nan"), "nan turns"),
+        (("right", "-1001"), "-1001 turns"),
+    ],
+)
+def test_a_turn_that_cannot_be(words: tuple[str, ...], reason: str) -> None:
+    assert reason in check_error(run("sim", "turn", *words), errors.InvalidArgument)
+
+
+def test_no_simulator_and_two(link: Path, tmp_path: Path) -> None:
+    turn = ("sim", "turn", "left", "0.1")
+    line = check_error(run(*turn), errors.SimulatorNotFound)
+    assert "no simulator that can be turned by hand runs: start `wheelwire sim`" in line
+    other = tmp_path / "other"
+    with sim(link, *RAISED), sim(other, *RAISED):
+        line = check_error(run(*turn), errors.SimulatorNotFound)
+        assert "2 simulators run, at " in line
+        assert str(link) in line
+        assert str(other) in line
+        assert "name one by --link" in line
+        assert run(*turn, "--link", str(other)).returncode == 0
+        line = check_error(run(*turn, "--link", "/nowhere"), errors.SimulatorNotFound)
+        assert "runs at /nowhere; one does at " in line
+    assert run(*turn).returncode == errors.SimulatorNotFound.exit_code
+
+
+def test_a_simulator_that_was_killed_is_none(link: Path) -> None:
+    command = [*PROGRAM, "sim", "--link", str(link)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as killed:
+        assert killed.stdout
+        killed.stdout.readline()
+        wait_until(lambda: run("sim", "turn", "left", "0.1").returncode == 0)
+        killed.kill()
+        killed.communicate(timeout=TIMEOUT_S)
+    check_error(run("sim", "turn", "left", "0.1"), errors.SimulatorNotFound)
+    wait_until(lambda: not link.exists())
+
+
+@pytest.mark.parametrize("options", [(), ("--faults", "noisy")])
+def test_several_signals_at_once_end_it_too(link: Path, options: tuple[str, ...]) -> None:
+    """As `timeout` sends them, to the program and to its group."""
+    command = [*PROGRAM, "sim", "--link", str(link), *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as told:
+        assert told.stdout
+        told.stdout.readline()
+        for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            told.send_signal(number)
+        told.communicate(timeout=TIMEOUT_S)
+    assert told.returncode == 0
+    assert not link.exists()
+
+
+def test_what_is_typed_is_a_command(link: Path) -> None:
+    with sim(link) as told:
+        told.press(b"set left.blocked 1\nnonsense\nreset\n")
+        told.wait_for("left.blocked = 1")
+        told.wait_for("the simulator refused `nonsense`: not a command; see --help")
+
+
+def test_a_variable_that_there_is_not(link: Path) -> None:
+    result = run("sim", "--link", str(link), "--set", "colour=1")
+    assert result.returncode == errors.WheelwireError.exit_code
+    assert "cannot set colour; see --help for names and bounds" in result.stderr
+    line = check_error(run("sim", "--set", "mass_kg"), errors.InvalidArgument)
+    assert "give NAME=VALUE, with a number" in line
+
+
+def test_setup_can_be_answered_by_what_it_says(link: Path) -> None:
+    """A person who knows nothing of the wiring, and looks at both terminals."""
+    wiring = ("motors_swapped=1", "left.encoder_reversed=1", "right.motor_reversed=1")
+    options = [word for one in wiring for word in ("--set", one)]
+    wide = {"COLUMNS": "500"}
+    with (
+        sim(link, *RAISED, *options) as told,
+        TypingTerminal("setup", str(link), environment=wide) as person,
+    ):
+
+        def answer(question: str, text: str) -> None:
+            person.wait_for(question)
+            person.press(f"{text}\n".encode())
+
+        answer("hang free, with nothing in their way?", "yes")
+        person.wait_for("Which wheel turned, seen from behind, and which way?")
+        first = _newest(told)
+        person.press(f"{' '.join(first)}\n".encode())
+        person.wait_for("Which way did the other wheel turn?")
+        side, way = _newest(told, before=first)
+        assert side != first[0]
+        person.press(f"{way}\n".encode())
+        person.wait_for("found: motors_swapped, ")
+        found = person.output.decode().partition("found: ")[2].splitlines()[0]
+        assert found == "motors_swapped, right_motor_inverted, left_encoder_inverted"
+        answer("count them by hand", "hand")
+        for side in ("left", "right"):
+            person.wait_for(f"Mark the {side} wheel and turn it 10 times forward by hand")
+            output("sim", "turn", side, "10")
+            person.press(b"\n")
+        person.wait_for("10 turns: 3600 ticks on the left, 3600 on the right: 360 a turn")
+
+
+def _newest(told: TypingTerminal, before: tuple[str, str] | None = None) -> tuple[str, str]:
+    """Which wheel turned, and which way, once that is another one than before."""
+    sentence = re.compile(rb"the (left|right) wheel turned (forward|backward)")
+    wanted: list[tuple[str, str]] = []
+
+    def seen() -> bool:
+        wanted[:] = [(one[1].decode(), one[2].decode()) for one in sentence.finditer(told.output)]
+        return bool(wanted) and (before is None or wanted[-1][0] != before[0])
+
+    wait_until(seen)
+    return wanted[-1]

@@ -1,0 +1,168 @@
+"""`wheelwire why`: of a recording, and of a robot that nobody watched."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+import wheelwire
+from support.command import PROGRAM, check_error, run, run_json
+from support.waiting import wait_until
+from wheelwire.diagnosis import Stop
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import DeviceRefused, OutputFailed, RecordingError
+from wheelwire.recording.black_box import read_box
+from wheelwire.simulation.libfwsim import FwSim
+from wheelwire.simulation.simulator import Simulator
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def drive_into_a_wall(robot: BaseDriver, simulator: Simulator | FwSim) -> None:
+    """Until the robot refuses, which it does within seconds."""
+    begin = time.monotonic()
+    while time.monotonic() < begin + 30.0:
+        robot.set_velocity(0.2, 0.0, ttl=1.0)
+        robot.read()
+        if time.monotonic() > begin + 1.0:
+            simulator.set("left.blocked", 1)
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive that a blocked wheel ends."""
+    file = tmp_path_factory.mktemp("why") / "day.mcap"
+    with wheelwire.open_driver("mock", record=file) as robot:
+        robot.simulator.set("supply_ohm", 0.4)
+        with pytest.raises(DeviceRefused, match="LEFT_NOT_COUNTING"):
+            drive_into_a_wall(robot, robot.simulator)
+    return file
+
+
+def test_a_recording_says_what_stopped_the_robot(day: Path) -> None:
+    (stop,) = run_json("why", str(day))
+    assert stop["cause"] == "wheel_blocked"
+    assert stop["sentence"] == "Left wheel was held fast while driven."
+    assert any("the supply sagged" in text for text in stop["evidence"])
+    assert stop["look_at"] == "what touches the wheel"
+    assert stop["time"].startswith(time.strftime("%Y-"))
+    text = run("why", str(day)).stdout
+    assert "Left wheel was held fast while driven." in text
+    assert "Look first at what touches the wheel." in text
+
+
+def test_it_draws_the_seconds_around_the_stop(day: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "why.png"
+    assert run("why", str(day), "--plot", str(picture)).returncode == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_robot_says_what_holds_it_now(tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        assert "Nothing holds the robot" in run("why", simulator.port).stdout
+        assert run_json("why", simulator.port) == []
+        with wheelwire.connect(simulator.port) as robot:
+            robot.estop()
+        (stop,) = run_json("why", simulator.port)
+    # Its black box says more, if the machine is so slow that one is stored by then.
+    assert "estop_by_session" in stop["cause"]
+
+
+def test_who_asked_for_a_restart_stays_open_where_nobody_watched(tmp_path: Path) -> None:
+    with Simulator(link=tmp_path / "port") as simulator:
+        assert run("restart", simulator.port).returncode == 0
+        (stop,) = run_json("why", simulator.port)
+        assert stop["cause"] == "restart_requested or restarted_itself"
+
+
+def test_what_it_cannot_read_or_draw_it_says(tmp_path: Path) -> None:
+    result = run("why", str(tmp_path / "none.mcap"), "--json")
+    assert result.returncode != 0
+    assert json.loads(result.stderr)["error"] == "RecordingError"
+    result = run("why", "mock", "--plot", "why.png")
+    assert result.returncode != 0
+    assert "name FILE.mcap" in result.stderr
+
+
+def test_who_asked_for_an_estop_is_named(tmp_path: Path) -> None:
+    stops: list[Stop] = []
+    with (
+        Simulator(link=tmp_path / "port") as simulator,
+        wheelwire.connect(simulator.port) as robot,
+    ):
+        assert isinstance(robot, DeviceDriver)
+        robot.watch_stops(stops.append)
+        run("estop", simulator.port)
+        wait_until(lambda: len(stops) == 1)
+        for number in (2, 3):
+            robot.clear_estop()
+            robot.estop()
+            wait_until(lambda: len(stops) == number)  # noqa: B023 - before the next
+            time.sleep(0.6)  # the next one is no copy of the first
+    assert [stop.cause for stop in stops] == ["estop_by_session"] * 3
+    by_another, by_this, later = (" ".join(stop.evidence) for stop in stops)
+    assert "asked beside this program" in by_another
+    assert "process" in by_another
+    assert "this program asked" in by_this
+    assert "this program asked" in later
+
+
+def beside(*arguments: str) -> subprocess.Popen[str]:
+    """The command, while this test goes on."""
+    return subprocess.Popen(
+        [*PROGRAM, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def test_a_robot_that_nobody_watched_tells_of_its_stops(tmp_path: Path) -> None:
+    folder = tmp_path / "boxes"
+    with Simulator(
+        link=tmp_path / "port", store=tmp_path / "store", settings={"supply_ohm": 0.4}
+    ) as simulator:
+        with wheelwire.connect(simulator.port) as robot:
+            time.sleep(9.0)  # no box is stored sooner after a start
+            with pytest.raises(DeviceRefused, match="LEFT_NOT_COUNTING"):
+                drive_into_a_wall(robot, simulator)
+            # Where somebody drives, the boxes stay.
+            robot.clear_fault()
+            refused = beside("why", simulator.port, "--save-boxes", str(folder))
+            while refused.poll() is None:
+                robot.set_velocity(0.0, 0.0, ttl=1.0)
+                time.sleep(0.1)
+            assert refused.returncode == RecordingError.exit_code
+            assert "stop it to read its black boxes" in refused.communicate()[1]
+            simulator.set("left.blocked", 0)
+            robot.stop()
+            assert isinstance(robot, DeviceDriver)
+            wait_until(lambda: len(robot.recorder.boxes()) == 1, timeout_s=30.0)
+            # Two at once, beside the program that holds the port.
+            arguments = "why", simulator.port, "--json", "--save-boxes", str(folder)
+            both = [beside(*arguments) for _ in range(2)]
+            for process in both:
+                (stop,) = json.loads(process.communicate(timeout=60.0)[0])
+                assert process.returncode == 0
+                assert stop["cause"] == "wheel_blocked"
+                assert stop["time"].startswith(time.strftime("%Y-"))
+        (file,) = folder.iterdir()
+        (stop,) = run_json("why", str(file))
+        assert (stop["cause"], stop["time"]) == ("wheel_blocked", None)
+        assert read_box(file).head.number == 1
+        info = run_json("info", simulator.port)
+        assert info["ledger"]["stops"]["FAULT"] == 1
+        finding = json.loads(run("doctor", simulator.port, "--json").stdout)[-1]
+        assert finding["name"] == "ledger"
+        assert "faults 1" in finding["problem"]
+
+
+def test_what_is_no_box_and_what_needs_a_robot_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "other.box"
+    file.write_bytes(bytes(100))
+    assert "is no black box" in check_error(run("why", str(file)), RecordingError)
+    assert "reads a robot" in run("why", str(file), "--save-boxes", str(tmp_path)).stderr
+    result = run("why", "mock", "--save-boxes", str(file))
+    assert "cannot make" in check_error(result, OutputFailed)

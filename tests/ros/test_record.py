@@ -1,0 +1,57 @@
+"""The node's parameter `record`: the robot's day in a file, and a robot that drives without one."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+
+from support.ros import Graph, Repeater, wait
+from support.ros_process import RobotNode
+from support.ros_rig import SPEED_MPS, twist
+from wheelwire.link.rerun import Rerun
+from wheelwire.motion.kinematics import DifferentialDrive
+from wheelwire.motion.odometry import Odometry as Poses
+from wheelwire.recording.reader import is_complete, metadata, records
+
+
+def drive(graph: Graph, node: RobotNode) -> float:
+    """Some centimetres, to a halt, and the node's end; how far, by odom."""
+    odometry = graph.listen(Odometry, "odom")
+    commands = graph.publisher(Twist, "cmd_vel")
+    wait(lambda: odometry, "odom")
+    with Repeater(commands, lambda: twist(SPEED_MPS)):
+        wait(lambda: odometry[-1].pose.pose.position.x > 0.05, "5 cm")
+    wait(lambda: odometry[-1].twist.twist.linear.x == 0, "the halt")
+    assert node.end(signal.SIGINT) == 0
+    return float(odometry[-1].pose.pose.position.x)
+
+
+def test_a_folder_gets_the_robots_day(graph: Graph, tmp_path: Path) -> None:
+    with RobotNode(graph, driver_type="mock", record=str(tmp_path)) as node:
+        driven_m = drive(graph, node)
+    (file,) = tmp_path.glob("wheelwire-*.mcap")
+    assert is_complete(file)
+    assert metadata(file)["driver"] == "mock"
+    again = Rerun()
+    samples = [one.sample() for one in again.feed_all(records(file))]
+    assert again.session is not None
+    poses = Poses(DifferentialDrive.of_device(again.session.values))
+    for sample in samples:
+        poses.update(sample)
+    assert poses.pose.x_m == pytest.approx(driven_m, abs=0.002)
+
+
+def test_a_folder_that_is_missing_costs_the_recording_alone(graph: Graph, tmp_path: Path) -> None:
+    missing = tmp_path / "none" / "day.mcap"
+    with RobotNode(graph, driver_type="mock", record=str(missing)) as node:
+        assert drive(graph, node) > 0.05
+    assert "there is no folder" in node.errors_at_end
+    assert "the robot is not recorded" in node.errors_at_end
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,33 @@
+"""A robot in virtual time, as something to record."""
+
+from __future__ import annotations
+
+from wheelwire.link.tap import Tap, TapReader
+
+from .virtual_line import VirtualLine
+
+
+class TappedLine:
+    """A link that can be listened to.
+
+    Attributes:
+        line: Host and device.
+        has_ended: Nothing more will come.
+    """
+
+    def __init__(self) -> None:
+        self.line = VirtualLine(stream_rate_hz=100, watched=(1, 2, 3, 4, 5, 6, 7, 8))
+        self.has_ended = False
+        self.line.open()
+
+    @property
+    def tap(self) -> Tap:
+        return self.line.session.tap
+
+    def listen_to_tap(self, reader: TapReader) -> None:
+        self.line.session.listen(reader, self.line.now_us)
+
+    def drive(self, seconds: float, left: float = 0.2, right: float = 0.1) -> None:
+        for _ in range(round(seconds / 0.05)):
+            self.line.drive(left, right)
+            self.line.run(0.05)

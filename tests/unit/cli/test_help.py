@@ -1,0 +1,117 @@
+"""`wheelwire help` finds every page, and errors name pages that exist."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from support.command import run
+from wheelwire import errors
+from wheelwire.cli.app import app
+from wheelwire.cli.help import PAGE_OF, help_page, pages
+
+ROOT = Path(__file__).parents[3]
+
+
+def shown(capsys: pytest.CaptureFixture[str], page: str | None) -> str:
+    help_page(page)
+    return capsys.readouterr().out
+
+
+def test_it_lists_every_page_with_its_title(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = dict(re.split(r"  +", line, maxsplit=1) for line in shown(capsys, None).splitlines())
+    assert set(lines) == set(pages())
+    assert lines["troubleshooting"] == "Troubleshooting, by symptom"
+    assert lines["tutorial"]
+    assert lines["messages"]
+
+
+@pytest.mark.parametrize("name", pages())
+def test_each_page_is_shown_whole(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = pages()[name].read_text("utf-8")
+    assert shown(capsys, name).split() == re.sub(r"<!--.*?-->", "", text).split()
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["troubleshooting/port", "troubleshooting/the-port", "docs/troubleshooting.md#the-port"],
+)
+def test_a_section_is_shown_alone(address: str, capsys: pytest.CaptureFixture[str]) -> None:
+    text = shown(capsys, address)
+    assert text.startswith("## The port\n")
+    assert re.findall("^#.*", text, re.M) == ["## The port"]
+
+
+def test_a_section_ends_at_the_next_one_of_its_level(capsys: pytest.CaptureFixture[str]) -> None:
+    # Comments in blocks of commands begin with # as well.
+    text = shown(capsys, "pi-pins/a-process-for-the-pins")
+    assert "### A service of its own" in text
+    assert "systemd/system/wheelwire.service" in text
+    assert "## Tick loss" not in text
+
+
+@pytest.mark.parametrize(
+    ("address", "says"),
+    [
+        ("trobleshooting", "did you mean troubleshooting"),
+        ("troubleshooting/wings", "the-port"),
+        ("", "lists them"),
+        ("../README", "lists them"),
+    ],
+)
+def test_a_page_that_is_not_there_says_what_is(address: str, says: str) -> None:
+    with pytest.raises(typer.BadParameter, match=says):
+        help_page(address)
+
+
+@pytest.mark.parametrize("kind", PAGE_OF)
+def test_an_error_names_a_page_that_is_there(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert issubclass(getattr(errors, kind), errors.WheelwireError)
+    assert shown(capsys, PAGE_OF[kind]).startswith("#")
+
+
+def test_the_message_of_an_error_ends_with_its_page() -> None:
+    result = run("info", "/dev/ttyUSB-none")
+    assert result.returncode == errors.PortUnavailable.exit_code
+    assert result.stderr.rstrip().endswith("(more: wheelwire help troubleshooting/port)")
+    assert run("help", "troubleshooting/port").stdout.startswith("## The port")
+
+
+def commands(command: Any, path: str = "wheelwire") -> Iterator[tuple[str, Any]]:
+    yield path, command
+    for name, subcommand in getattr(command, "commands", {}).items():
+        yield from commands(subcommand, f"{path} {name}")
+
+
+def test_the_help_of_a_command_ends_with_a_page_that_is_there(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    ends = {path: command.epilog for path, command in commands(typer.main.get_command(app))}
+    assert ends.pop("wheelwire") == "More: wheelwire help"
+    assert ends.pop("wheelwire help") is None
+    assert ends["wheelwire params set"] == ends["wheelwire params"]
+    for path, end in ends.items():
+        address = end.removeprefix("More: wheelwire help ")
+        assert shown(capsys, address).startswith("#"), path
+
+
+def test_comments_of_a_page_are_not_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "<!--" in (ROOT / "docs/ros.md").read_text("utf-8")
+    assert "<!--" not in shown(capsys, "ros")
+
+
+def test_a_commands_help_fits_the_terminal_s_width() -> None:
+    lines = run("setup", "--help", COLUMNS="60").stdout.splitlines()
+    text = [
+        line.strip() for line in lines[: next(n for n, line in enumerate(lines) if "╭" in line)]
+    ]
+    # A line ends where the next word would not fit, or with its paragraph.
+    for line, following in itertools.pairwise(text):
+        if line and following:
+            assert len(line) + 1 + len(following.split()[0]) > 57, line

@@ -1,0 +1,89 @@
+"""`wheelwire support`: one archive, with what a bug report needs and nothing personal."""
+
+from __future__ import annotations
+
+import json
+import platform
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from support.command import check_error, run, run_json
+from wheelwire import errors
+from wheelwire.cli.support import _anonymous
+from wheelwire.files.board import load_board
+from wheelwire.files.parameters import load_parameter_file
+from wheelwire_protocol.parameters import PARAMETERS
+
+
+def test_the_archive_has_what_the_robot_says(tmp_path: Path) -> None:
+    target = tmp_path / "report.zip"
+    said = run_json("support", "mock", "--output", str(target))
+    assert said["file"] == str(target)
+    with zipfile.ZipFile(target) as archive:
+        assert set(archive.namelist()) == set(said["parts"])
+        archive.extractall(tmp_path)
+    assert len(load_parameter_file(tmp_path / "parameters.yaml").values) == len(PARAMETERS)
+    assert load_board(tmp_path / "board.yaml") == load_board("l298n")
+    info = json.loads((tmp_path / "info.json").read_text("utf-8"))
+    assert info["device"]["board"] == "SIMULATED"
+    counted = json.loads((tmp_path / "device.json").read_text("utf-8"))
+    assert counted["link"]["frames_received"] > 0
+    versions = json.loads((tmp_path / "versions.json").read_text("utf-8"))
+    assert versions["python"] == platform.python_version()
+
+
+def test_a_robot_out_of_reach_is_packed_as_its_error(tmp_path: Path) -> None:
+    target = tmp_path / "report.zip"
+    result = run("support", "/dev/no-such-port", "--output", str(target))
+    assert result.returncode == 0, result.stderr
+    with zipfile.ZipFile(target) as archive:
+        error = json.loads(archive.read("error.json"))
+        assert set(archive.namelist()) == {"versions.json", "error.json"}
+    assert error["error"] == "PortUnavailable"
+    assert "why the robot is not in it: cannot open /dev/no-such-port" in result.stdout
+
+
+def test_a_file_that_is_there_stays(tmp_path: Path) -> None:
+    target = tmp_path / "report.zip"
+    target.write_text("mine")
+    result = run("support", "mock", "--output", str(target))
+    assert "exists" in check_error(result, errors.OutputFailed)
+    assert target.read_text() == "mine"
+
+
+def test_an_archive_that_cannot_be_finished_is_removed(tmp_path: Path) -> None:
+    target = tmp_path / "report.zip"
+    missing = tmp_path / "no.mcap"
+    result = run("support", "mock", "--output", str(target), "--recording", str(missing))
+    assert "no.mcap" in check_error(result, errors.OutputFailed)
+    assert not target.exists()
+
+
+def test_a_named_recording_is_packed(tmp_path: Path) -> None:
+    recording = tmp_path / "day.mcap"
+    recording.write_bytes(bytes(1000))
+    target = tmp_path / "report.zip"
+    run_json("support", "mock", "--output", str(target), "--recording", str(recording))
+    with zipfile.ZipFile(target) as archive:
+        assert archive.read("day.mcap") == bytes(1000)
+
+
+@pytest.mark.parametrize(
+    ("said", "packed"),
+    [
+        (
+            "cannot open socket://192.168.1.17:3333: refused",
+            "cannot open socket://ADDRESS: refused",
+        ),
+        ("cannot reach 10.0.0.5", "cannot reach ADDRESS"),
+        ("/home/ada/robot.yaml: no", "/home/NAME/robot.yaml: no"),
+        (f"{Path.cwd()}/robot.yaml", "./robot.yaml"),
+        ("version 1.2.3", "version 1.2.3"),
+        ("/dev/ttyUSB0", "/dev/ttyUSB0"),
+    ],
+)
+def test_no_person_and_no_network_is_named(said: str, packed: str) -> None:
+    assert _anonymous(said) == packed
+    assert platform.node() not in _anonymous(f"on {platform.node()}: {said}")

@@ -1,0 +1,164 @@
+"""An error that a driver raises because of a stop carries the stop's sentence."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+import wheelwire
+from wheelwire import aio
+from wheelwire.diagnosis import Stop
+from wheelwire.diagnosis.causes import CAUSES, LATCHED, REFUSALS
+from wheelwire.diagnosis.explanation import why
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout, WheelwireError
+from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
+
+pytestmark = pytest.mark.timeout(60)
+PATIENCE_S = 20.0
+
+
+def mock(*, realtime: bool = False) -> MockDriver:
+    robot = wheelwire.open_driver("mock", realtime=realtime)
+    assert isinstance(robot, MockDriver)
+    return robot
+
+
+def drive(robot: MockDriver, wait: Callable[[float], object]) -> None:
+    """Until an error ends it."""
+    for _ in range(1000):
+        robot.set_velocity(0.2, 0.0)
+        wait(0.005)
+
+
+def test_a_latched_estop_has_the_causes_that_its_state_leaves_open() -> None:
+    with mock() as robot:
+        robot.estop()
+        robot.advance(0.1)
+        with pytest.raises(DeviceRefused) as raised:
+            robot.set_velocity(0.2, 0.0)
+    assert raised.value.why == (
+        "The emergency stop's contact opened; or the emergency stop was asked for over this link; "
+        "or another program sent an emergency stop to the port."
+    )
+    assert str(raised.value).endswith(raised.value.why)
+    back = pickle.loads(pickle.dumps(raised.value))  # noqa: S301
+    assert (back.why, str(back)) == (raised.value.why, str(raised.value))
+
+
+def test_a_fault_names_its_wheel() -> None:
+    with mock() as robot:
+        robot.simulator.set("left.encoder_reversed", 1)
+        with pytest.raises(DeviceRefused) as raised:
+            drive(robot, robot.advance)
+    assert raised.value.code == RefusalCode.FAULT
+    assert raised.value.why == "Left wheel's speed grew against its drive."
+
+
+def test_a_lost_link_says_what_may_be_behind_it() -> None:
+    with mock() as robot:
+        robot.unplug()
+        with pytest.raises(LinkLost) as raised:
+            robot.set_velocity(0.1, 0.0)
+        assert raised.value.why == "The connection to the robot was lost."
+        with pytest.raises(LinkLost) as raised:
+            robot.set_duty(0.1, 0.1)
+        assert raised.value.why == "The connection to the robot was lost."
+        robot.plug()
+        robot.advance(1.0)
+        robot.set_velocity(0.1, 0.0)
+
+
+def test_asyncio_has_it_too() -> None:
+    async def lose() -> str:
+        async with aio.open_driver("mock", realtime=False) as robot:
+            robot.unplug()
+            with pytest.raises(LinkLost) as raised:
+                robot.set_velocity(0.1, 0.0)
+            return raised.value.why
+
+    assert asyncio.run(lose()) == "The connection to the robot was lost."
+
+
+def test_a_watched_stop_is_said_alike_by_report_and_error() -> None:
+    reported: list[Stop] = []
+    told = threading.Event()
+
+    def report(stop: Stop) -> None:
+        reported.append(stop)
+        told.set()
+
+    with mock(realtime=True) as robot:
+        robot.simulator.set("supply_ohm", 0.4)
+        robot.watch_stops(report)
+        end_s = time.monotonic() + 1.0
+        while time.monotonic() < end_s:
+            robot.set_velocity(0.2, 0.0)
+            time.sleep(0.02)
+        robot.simulator.set("left.blocked", 1)
+        with pytest.raises(DeviceRefused) as raised:  # at once, before the stop is reported
+            drive(robot, time.sleep)
+        assert told.wait(PATIENCE_S)
+        with pytest.raises(DeviceRefused) as later:
+            robot.set_velocity(0.2, 0.0)
+    (stop,) = reported
+    assert raised.value.why == later.value.why == stop.sentence
+    assert stop.sentence.startswith("Left wheel")
+
+
+def test_a_cleared_stop_is_no_longer_said() -> None:
+    with mock(realtime=True) as robot:
+        watch = robot.watch_stops(lambda _: None)
+        robot.device_counters()  # the watch has begun: it sees the next stop
+        robot.estop()
+        with pytest.raises(DeviceRefused) as raised:
+            robot.set_velocity(0.1, 0.0)
+        assert raised.value.why == f"{CAUSES['estop_by_session'].sentence}."
+        robot.clear_estop()
+        while robot.read().state is SupervisorState.ESTOPPED:
+            pass
+        assert watch.latched() is None
+        watch.close()
+        robot.estop()
+        with pytest.raises(DeviceRefused) as raised:
+            robot.set_velocity(0.1, 0.0)
+        assert "; or " in raised.value.why  # nobody watches
+
+
+@pytest.mark.parametrize("code", RefusalCode)
+def test_every_refusal_that_is_a_cause_has_its_sentence(code: RefusalCode) -> None:
+    faults = Fault.LEFT_REVERSED if code is RefusalCode.FAULT else Fault(0)
+    said = why(DeviceRefused(code, "the setpoint", faults), None)
+    assert bool(said) == (code in REFUSALS or code in LATCHED)
+
+
+def test_an_error_that_no_stop_is_behind_says_nothing() -> None:
+    for error in (RequestTimeout("late"), LinkLost("not opened yet"), WheelwireError("other")):
+        assert why(error, None) == error.why == ""
+
+
+def test_a_code_of_a_later_firmware_says_nothing() -> None:
+    assert why(DeviceRefused(250, "the setpoint"), None) == ""
+
+
+def test_drivers_start_without_diagnosis() -> None:
+    code = (
+        "import sys, wheelwire.drivers.serial, wheelwire.drivers.mock;"
+        "sys.exit('wheelwire.diagnosis' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_an_error_imports_the_table_alone() -> None:
+    code = (
+        "import sys, wheelwire.diagnosis.explanation;"
+        "sys.exit(any(f'wheelwire.{name}' in sys.modules for name in ('recording', 'link')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

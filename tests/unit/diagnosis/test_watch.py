@@ -1,0 +1,115 @@
+"""Stops are reported while a program drives, beside it."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+
+import pytest
+
+import wheelwire
+from wheelwire.diagnosis import Stop
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.errors import InvalidCommand, LinkLost
+from wheelwire_protocol.codes import ResetReason
+
+pytestmark = pytest.mark.timeout(60)
+PATIENCE_S = 20.0
+
+
+class Reports:
+    """Collects stops."""
+
+    def __init__(self) -> None:
+        self.stops: list[Stop] = []
+        self.changed = threading.Condition()
+
+    def __call__(self, stop: Stop) -> None:
+        with self.changed:
+            self.stops.append(stop)
+            self.changed.notify_all()
+
+    def wait(self, number: int) -> list[str]:
+        """The causes, once there are so many."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: len(self.stops) >= number, PATIENCE_S)
+            return [stop.cause for stop in self.stops]
+
+
+def drive(robot: DeviceDriver) -> None:
+    while True:
+        # Out of reach while the session after a reset is opened.
+        with suppress(LinkLost):
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if robot.read(PATIENCE_S).state is wheelwire.SupervisorState.DRIVING:
+                return
+
+
+def test_each_stop_is_reported_once() -> None:
+    reports = Reports()
+    with wheelwire.open_driver("mock") as robot:
+        watch = robot.watch_stops(reports)
+        drive(robot)
+        assert reports.wait(1) == ["program_paused"]
+        drive(robot)
+        robot.stop()
+        assert reports.wait(2) == ["program_paused", "stop_by_session"]
+        watch.close()
+        watch.close()
+        robot.estop()
+    assert len(reports.stops) == 2
+
+
+def test_what_a_report_raises_ends_nothing(caplog: pytest.LogCaptureFixture) -> None:
+    reports = Reports()
+
+    def fail(stop: Stop) -> None:
+        reports(stop)
+        raise RuntimeError("mine")
+
+    with wheelwire.open_driver("mock") as robot:
+        robot.watch_stops(fail)
+        for number in (1, 2):
+            drive(robot)
+            robot.stop()
+            reports.wait(number)
+    assert "the function to call at a stop has failed" in caplog.text
+
+
+def test_a_chip_that_resets_is_reported_and_watched_on() -> None:
+    reports = Reports()
+    with wheelwire.open_driver("mock") as robot:
+        assert isinstance(robot, MockDriver)
+        robot.watch_stops(reports)
+        drive(robot)
+        robot.simulator.reset(ResetReason.TASK_WATCHDOG)
+        assert reports.wait(1) == ["task_watchdog"]
+        assert "TASK_WATCHDOG" in reports.stops[0].evidence[0]
+        drive(robot)
+        robot.stop()
+        assert reports.wait(2) == ["task_watchdog", "stop_by_session"]
+
+
+def test_two_watches_report_alike_and_one_outlives_the_other() -> None:
+    first, second = Reports(), Reports()
+    with wheelwire.open_driver("mock") as robot:
+        robot.watch_stops(first)
+        watch = robot.watch_stops(second)
+        drive(robot)
+        robot.stop()
+        assert first.wait(1) == second.wait(1) == ["stop_by_session"]
+        assert first.stops == second.stops
+        watch.close()
+        drive(robot)
+        robot.stop()
+        assert first.wait(2) == ["stop_by_session"] * 2
+    assert len(second.stops) == 1
+
+
+def test_virtual_time_is_not_watched() -> None:
+    with (
+        wheelwire.open_driver("mock", realtime=False) as robot,
+        pytest.raises(InvalidCommand, match="only a robot in real time"),
+    ):
+        robot.watch_stops(print)

@@ -1,0 +1,149 @@
+"""The file of a recording: what was added is read again, however the writing ended."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from wheelwire.errors import RecordingError
+from wheelwire.link.tap import Kind, Record
+from wheelwire.recording.reader import METADATA, metadata, records
+from wheelwire.recording.repair import repair
+from wheelwire.recording.summary import summary
+from wheelwire.recording.writer import RecordingFile, free_path
+
+RECORDS = [Record(number, Kind(number % 16), number * 1000, bytes(number)) for number in range(99)]
+OFFSET_NS = 1_700_000_000_000_000_000
+
+
+def begin(path: Path) -> RecordingFile:
+    return RecordingFile(path, OFFSET_NS, {"driver": "mock"})
+
+
+def add(file: RecordingFile, these: list[Record]) -> None:
+    for record in these:
+        file.add(record)
+
+
+def test_what_was_added_is_read(tmp_path: Path) -> None:
+    file = begin(tmp_path / "day.mcap")
+    add(file, RECORDS)
+    file.close()
+    assert list(records(file.path)) == RECORDS
+    assert metadata(file.path) == {
+        "driver": "mock",
+        "unix_minus_monotonic_ns": str(OFFSET_NS),
+    }
+
+
+def test_others_read_it_as_well(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    file = begin(tmp_path / "day.mcap")
+    add(file, RECORDS)
+    file.close()
+    with file.path.open("rb") as opened:
+        reader = make_reader(opened)
+        assert reader.get_header().profile == "ros2"
+        found = list(reader.iter_messages())
+        assert [one.name for one in reader.iter_metadata()] == [METADATA]
+    assert len(found) == len(RECORDS)
+    for schema, channel, message in found:
+        assert schema is not None
+        assert (schema.name, schema.encoding) == ("std_msgs/msg/UInt8MultiArray", "ros2msg")
+        assert channel.message_encoding == "cdr"
+        assert "reliability" in channel.metadata["offered_qos_profiles"]
+        assert message.log_time == message.publish_time == OFFSET_NS + message.sequence * 1_000_000
+
+
+def test_without_an_end_it_reads_up_to_the_last_sync(tmp_path: Path) -> None:
+    file = begin(tmp_path / "day.mcap")
+    add(file, RECORDS[:50])
+    file.sync()
+    add(file, RECORDS[50:])
+    assert list(records(file.path)) == RECORDS[:50]
+    file.abandon()
+
+
+@pytest.mark.parametrize("hit", ["a page of zeros", "a bit", "cut"])
+def test_what_is_damaged_ends_it(tmp_path: Path, hit: str) -> None:
+    file = begin(tmp_path / "day.mcap")
+    add(file, RECORDS[:50])
+    file.sync()
+    synced = file.size
+    add(file, RECORDS[50:])
+    file.sync()
+    file.abandon()
+    data = bytearray(file.path.read_bytes())
+    if hit == "cut":
+        del data[synced + 200 :]
+    elif hit == "a bit":
+        data[synced + 200] ^= 1
+    else:
+        data[synced : synced + 4096] = bytes(min(4096, len(data) - synced))
+    file.path.write_bytes(data)
+    assert list(records(file.path)) == RECORDS[:50]
+
+
+def test_it_overwrites_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "day.mcap"
+    path.write_text("precious")
+    with pytest.raises(FileExistsError):
+        begin(path)
+    assert path.read_text() == "precious"
+    assert free_path(path) == tmp_path / "day-2.mcap"
+    (tmp_path / "day-2.mcap").touch()
+    assert free_path(path) == tmp_path / "day-3.mcap"
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r\n", b"no recording at all"])
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "day.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"no MCAP file, or nothing of it was written"):
+        list(records(path))
+    with pytest.raises(RecordingError, match="no MCAP file"):
+        metadata(path)
+
+
+def test_a_damaged_file_is_read_up_to_the_damage_or_refused(tmp_path: Path) -> None:
+    file = begin(tmp_path / "day.mcap")
+    for number in range(0, 99, 20):
+        add(file, RECORDS[number : number + 20])
+        file.sync()
+    file.close()
+    whole, random = file.path.read_bytes(), Random(5)
+    damaged, refused = tmp_path / "damaged.mcap", 0
+    for _ in range(400):
+        data = bytearray(whole)
+        for _ in range(random.choice((1, 5))):
+            # Half of them at the beginning, which has no checksum.
+            at = random.randrange(random.choice((600, len(data))))
+            size = random.choice((1, 4, 200))
+            data[at : at + size] = random.choice((b"", random.randbytes(size)))
+        damaged.write_bytes(data)
+        for read in (lambda path: list(records(path)), summary, repair, metadata):
+            try:
+                found = read(damaged)
+            except RecordingError:
+                refused += 1
+                continue
+            assert not isinstance(found, list) or found == RECORDS[: len(found)]
+    assert 200 < refused < 1400
+
+
+def test_a_file_that_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        records(tmp_path / "none.mcap").__next__()
+
+
+def test_without_the_package_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.records", None)
+    with pytest.raises(RecordingError, match=r"pip install 'wheelwire\[record\]'"):
+        begin(tmp_path / "day.mcap")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,129 @@
+"""Our CDR beside rclpy's own: the same bytes, what pads them apart, which rclpy leaves unset."""
+
+from __future__ import annotations
+
+import random
+import struct
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import Log
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import BatteryState, JointState
+from std_msgs.msg import UInt8MultiArray
+
+import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
+from wheelwire.link.tap import Kind, Record
+from wheelwire.recording import cdr, messages, raw
+
+MOST_PADDING = 7
+"""The size that rclpy computes counts the alignment of an empty sequence at the end."""
+
+
+def numbers(chance: random.Random, count: int) -> list[float]:
+    return [chance.uniform(-1e6, 1e6) for _ in range(count)]
+
+
+def assert_same(data: bytes, type_: Any, places: set[int]) -> Any:
+    """`places`: the bytes of `data` that are no padding."""
+    message = deserialize_message(data, type_)
+    theirs = serialize_message(message)
+    assert 0 <= len(theirs) - len(data) <= MOST_PADDING + 1
+    different = [at for at, byte in enumerate(data) if byte != theirs[at] and at in places]
+    assert not different
+    return message
+
+
+@pytest.fixture
+def places(monkeypatch: pytest.MonkeyPatch) -> set[int]:
+    """The bytes that were laid out since the test began, padding left out."""
+    found: set[int] = set(range(len(cdr.HEADER)))
+    laid_out = cdr.Layout.numbers
+    text = cdr.Layout.text
+
+    def numbers(self: cdr.Layout, code: str, count: int, values: Any = None) -> cdr.Layout:
+        result = laid_out(self, code, count, values)
+        end = len(self._buffer)
+        found.update(range(end - struct.calcsize(f"<{count}{code}"), end))
+        return result
+
+    def noted_text(self: cdr.Layout, value: str) -> cdr.Layout:
+        result = text(self, value)
+        end = len(self._buffer)
+        found.update(range(end - len(value.encode()) - 1, end))
+        return result
+
+    monkeypatch.setattr(cdr.Layout, "numbers", numbers)
+    monkeypatch.setattr(cdr.Layout, "text", noted_text)
+    return found
+
+
+names = pytest.mark.parametrize("name", ["", "a", "ab", "abc", "abcd", "Räder", "robot/base_link"])
+
+
+@names
+def test_odometry(places: set[int], name: str) -> None:
+    chance = random.Random(name)
+    diagonal = numbers(chance, 6)
+    x, y, z, w, *covariance, linear, angular = numbers(chance, 42)
+    layout = messages.odometry("odom", name, diagonal)
+    data = layout.fill(17, 999_999_999, x, y, z, w, *covariance, linear, angular)
+    message = assert_same(data, Odometry, places)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (17, 999_999_999)
+    assert (message.header.frame_id, message.child_frame_id) == ("odom", name)
+    pose = message.pose.pose
+    assert (pose.position.x, pose.position.y, pose.position.z) == (x, y, 0)
+    rotation = pose.orientation
+    assert (rotation.x, rotation.y, rotation.z, rotation.w) == (0, 0, z, w)
+    assert list(message.pose.covariance) == covariance
+    assert list(message.twist.covariance[::7]) == diagonal
+    twist = message.twist.twist
+    assert (twist.linear.x, twist.linear.y, twist.linear.z) == (linear, 0, 0)
+    assert (twist.angular.x, twist.angular.y, twist.angular.z) == (0, 0, angular)
+
+
+@pytest.mark.parametrize("joints", [[], ["a"], ["left", "right"], ["a", "ab", "abc", "abcd"]])
+def test_joint_state(places: set[int], joints: list[str]) -> None:
+    values = numbers(random.Random(1), 2 * len(joints))
+    data = messages.joint_state(joints).fill(-1, 5, *values)
+    message = assert_same(data, JointState, places)
+    assert message.name == joints
+    assert [*message.position, *message.velocity] == values
+    assert not message.effort
+
+
+@names
+def test_transforms(places: set[int], name: str) -> None:
+    tf2 = pytest.importorskip("tf2_msgs.msg", reason="`make ros` builds tf2_msgs")
+    x, y, z, w = numbers(random.Random(name), 4)
+    data = messages.transforms(name, "base").fill(1, 2, x, y, z, w)
+    (message,) = assert_same(data, tf2.TFMessage, places).transforms
+    assert (message.header.frame_id, message.child_frame_id) == (name, "base")
+    assert message.transform.translation.y == y
+    assert message.transform.rotation.w == w
+
+
+@names
+def test_battery_state(places: set[int], name: str) -> None:
+    message = assert_same(messages.battery_state(name).fill(1, 2, 7.5, 0.25), BatteryState, places)
+    assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
+    assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
+    assert message.capacity != message.capacity
+
+
+@names
+def test_log(places: set[int], name: str) -> None:
+    message = assert_same(messages.log(1_500_000_000, 30, name), Log, places)
+    assert (message.stamp.sec, message.stamp.nanosec) == (1, 500_000_000)
+    assert (message.level, message.msg, message.line) == (Log.WARN, name, 0)
+
+
+@pytest.mark.parametrize("size", [0, 1, 7, 300])
+def test_a_record_of_the_tap(size: int) -> None:
+    data = raw.encode(Record(5, Kind.SENT, 7, bytes(range(256))[:size]))
+    message = assert_same(data, UInt8MultiArray, set(range(len(data))))
+    assert raw.decode(serialize_message(message)) == raw.decode(data)

@@ -1,0 +1,71 @@
+"""What the site does with a page: docs/conf.py."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+CONF = Path(__file__).parents[2] / "docs" / "conf.py"
+APP = SimpleNamespace(builder=SimpleNamespace(get_relative_uri=lambda _page, to: f"{to}.html"))
+WORDS = """
+## Stopping
+
+| term | meaning |
+| -- | -- |
+| stop | end the drive |
+| e-stop | a stop that is [latched](x.md) |
+| `ttl` | time |
+| latch | (of counters) to read |
+| EN | the enable input |
+"""
+
+
+@pytest.fixture(scope="module")
+def conf() -> Any:
+    pytest.importorskip("sphinx", reason="`make docs` brings Sphinx")
+    spec = importlib.util.spec_from_file_location("site_conf", CONF)
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_glossary_has_words_for_prose(conf: Any) -> None:
+    terms = conf.glossary(WORDS)
+    assert [term.meaning for term in terms] == [
+        "a stop that is latched",
+        "end the drive",
+        "the enable input",
+    ]
+    assert {term.section for term in terms} == {"stopping"}
+    found = [bool(terms[-1].words.search(text)) for text in ("pull EN low", "en route", "ENA")]
+    assert found == [True, False, False]
+    assert len(conf.TERMS) > 50
+
+
+def test_the_first_use_of_a_word_leads_to_its_meaning(
+    conf: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from docutils import nodes
+
+    monkeypatch.setattr(conf, "TERMS", conf.glossary(WORDS))
+    tree = nodes.section(
+        "",
+        nodes.title("", "Stops"),
+        nodes.paragraph("", "", nodes.literal("", "stop"), nodes.Text(" E-stops end a stop. Then")),
+        nodes.paragraph("", "An e-stop, a stop."),
+    )
+    conf.explain_words(APP, tree, "page")
+    links = [
+        (link.astext(), link["refuri"], link["reftitle"]) for link in tree.findall(nodes.reference)
+    ]
+    assert links == [
+        ("E-stops", "glossary.html#stopping", "a stop that is latched"),
+        ("stop", "glossary.html#stopping", "end the drive"),
+    ]
+    assert tree.children[1].astext() == "stop E-stops end a stop. Then"

@@ -1,0 +1,87 @@
+"""Write the screens of docs/view.md, by a simulated robot in virtual time: the same at every run.
+
+tools/write_view.py            writes the page
+tools/write_view.py --check    fails when it is not what the view shows
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import sys
+import time
+from contextlib import suppress
+from typing import cast
+
+import generated
+from wheelwire.drivers.factory import open_driver
+from wheelwire.drivers.mock import VirtualMockDriver
+from wheelwire.errors import DeviceRefused
+from wheelwire.view.app import LOOK_S, LOOKS_PER_PICTURE, ViewApp
+from wheelwire.view.controls import Controls
+from wheelwire.view.model import Model
+from wheelwire.view.screens import Panel
+from wheelwire.view.source import Source
+
+PAGE = generated.ROOT / "docs" / "view.md"
+TEN_O_CLOCK_S = 36_000.0
+"""Of the robot's clock at zero, since 1970."""
+SECONDS = 22.0
+BLOCKED_S = 20.0
+"""When the left wheel is held."""
+
+
+class Still(Source):
+    """Looks no more."""
+
+    def look(self) -> None:
+        """Nothing has changed."""
+
+
+def story(robot: VirtualMockDriver, model: Model, seconds: float) -> Still:
+    """A winding way there and back, until the left wheel is held."""
+    source = Source(robot, model)
+    for number in range(round(seconds / LOOK_S)):
+        now_s = number * LOOK_S
+        if now_s >= BLOCKED_S:
+            robot.simulator.set("left.blocked", 1)
+        with suppress(DeviceRefused):  # behind the fault
+            robot.set_velocity(0.25 * math.sin(now_s / 2), 0.6 * math.sin(now_s), ttl=0.3)
+        robot.advance(LOOK_S)
+        source.look()
+    return Still(robot, model)
+
+
+def screen(columns: int, rows: int, seconds: float) -> str:
+    """The view's screen after so long."""
+    model = Model("my_robot.yaml", TEN_O_CLOCK_S)
+    with cast("VirtualMockDriver", open_driver("mock", realtime=False)) as robot:
+        app = ViewApp(model, story(robot, model, seconds), Controls(robot))
+        lines = asyncio.run(shown(app, (columns, rows)))
+    return "\n".join(["```text", *(line.rstrip() for line in lines), "```", ""])
+
+
+async def shown(app: ViewApp, size: tuple[int, int]) -> list[str]:
+    """The lines of an application's screen."""
+    async with app.run_test(size=size) as pilot:
+        for _ in range(LOOKS_PER_PICTURE):
+            await pilot.pause(LOOK_S)
+        lines = [""] * size[1]
+        for panel in app.screen.query(Panel):
+            region = panel.region
+            text = panel.render().plain.split("\n")[: region.height]
+            lines[region.y : region.y + len(text)] = text
+    return lines
+
+
+def main() -> str | None:
+    """Write or check the page."""
+    os.environ["TZ"] = "UTC"
+    time.tzset()
+    parts = {"driving": screen(80, 24, BLOCKED_S), "fault": screen(60, 20, SECONDS)}
+    return generated.write({PAGE: generated.filled(PAGE, parts)})
+
+
+if __name__ == "__main__":
+    sys.exit(main())
