@@ -451,14 +451,16 @@ class PortLoop:
         return written
 
     def _queue_output(self) -> None:
-        """Queue the session's output, or drop it if the port has accepted nothing for long.
+        """Queue as much of the session's output as fits; the port may accept nothing for long.
 
         Queued setpoints stay: their caller was promised that they are sent. Requests are repeated
         anyway.
         """
         output = self._session.take_output()
-        if len(self._output) + len(output) <= OUTPUT_LIMIT:
-            self._output += output
+        room = OUTPUT_LIMIT - len(self._output)
+        if len(output) > room:  # whole frames alone: between two of them are two delimiters
+            output = output[: output.rfind(b"\0\0", 0, room + 1) + 1]
+        self._output += output
 
     # --- the port ------------------------------------------------------------------------------
 

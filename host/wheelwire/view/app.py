@@ -113,6 +113,9 @@ class ViewApp(App[None]):
         for number in _SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:  # by `nohup`, for one
                 loop.add_signal_handler(number, self._end, number)
+        # Textual's own would start a second thread at the keyboard, beside the one that a SIGSTOP
+        # left: each then takes some of the keys, and the view does not end.
+        loop.add_signal_handler(signal.SIGCONT, self._restore_terminal)
         self.set_interval(LOOK_S, self._look)
         self._look()
 
@@ -230,6 +233,11 @@ class ViewApp(App[None]):
         self._end(None)
 
     # --- the end ---------------------------------------------------------------------------------
+
+    def _restore_terminal(self) -> None:
+        """The process goes on: take the terminal again, without the keys that waited."""
+        with self.suspend():
+            pass
 
     def _end(self, number: signal.Signals | None) -> None:
         if not self._ending:
