@@ -215,7 +215,7 @@ class Recorder:
         reason = error.strerror if isinstance(error, OSError) else error
         self.error = RecordingError(f"the recording {self.file} has ended: {reason}")
         _LOG.error("%s; the robot is driven on", self.error)
-        with suppress(OSError):  # it may have been closed already
+        with suppress(OSError):  # a full disk may report it once more
             self._file.abandon()
 
     def _stop_listening(self) -> None:

@@ -122,7 +122,7 @@ class RecordingFile:
             self.sync()
             _sync_folder(path.parent)
         except BaseException:
-            os.close(self._descriptor)
+            self.abandon()
             raise
 
     def _register(self, channels: tuple[Channel, ...]) -> dict[str, int]:
@@ -181,8 +181,12 @@ class RecordingFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Be done as it is: what cannot be written any more is left out."""
-        os.close(self._descriptor)
+        """Be done as it is: what cannot be written any more is left out. Once more: nothing."""
+        # Its number is free from now on, and soon another file's: a fork's child, say, must not
+        # close that.
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
 
 def _sync_folder(folder: Path) -> None:

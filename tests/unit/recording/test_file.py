@@ -68,6 +68,16 @@ def test_without_an_end_it_reads_up_to_the_last_sync(tmp_path: Path) -> None:
     file.abandon()
 
 
+def test_once_closed_it_closes_no_other_file(tmp_path: Path) -> None:
+    """As in a child that is forked later, which abandons what it does not own."""
+    file = begin(tmp_path / "day.mcap")
+    file.close()
+    with (tmp_path / "another").open("wb") as another:  # has the number that is free now
+        file.abandon()
+        another.write(b"here")
+    assert (tmp_path / "another").read_bytes() == b"here"
+
+
 @pytest.mark.parametrize("hit", ["a page of zeros", "a bit", "cut"])
 def test_what_is_damaged_ends_it(tmp_path: Path, hit: str) -> None:
     file = begin(tmp_path / "day.mcap")
