@@ -121,6 +121,7 @@ class Group(DocumentedEnum):
     BASE = 0, "Sessions, setpoints, stops, requests, state: what every device has."
     BOARD = 1, "Boards: which pins lead to which power stage and encoders."
     RECORDER = 2, "Black boxes and ledger: what the device recorded of its stops."
+    STORE = 3, "What the device has stored: which parameters a reset would change."
 
 
 class StopMode(DocumentedEnum):

@@ -360,6 +360,16 @@ LEDGER_GET = Message(
     group=Group.RECORDER,
 )
 
+# --- the store, from the host: ids 0x40 to 0x4f --------------------------------------------------
+
+UNSAVED_GET = Message(
+    id=0x40,
+    name="UnsavedGet",
+    doc="Asks which parameters a reset would change; the answer is UnsavedValue.",
+    body=Struct(_session(), _request()),
+    group=Group.STORE,
+)
+
 # --- from the device ---------------------------------------------------------------------------
 
 # The upper half of the ids: a device knows none of them, so that an echo of its own frames does
@@ -673,6 +683,17 @@ LEDGER_VALUE = Message(
     ),
     group=Group.RECORDER,
 )
+UNSAVED_VALUE = Message(
+    id=0xC0,
+    name="UnsavedValue",
+    doc="The parameters whose active value is not the one that the next start would load.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("parameters", Int64ul, Unit.NONE, "Bit n: the parameter with id n + 1."),
+    ),
+    group=Group.STORE,
+)
 
 # The order counts: each group's hash covers its layouts in this order.
 MESSAGES: tuple[Message, ...] = (
@@ -702,6 +723,7 @@ MESSAGES: tuple[Message, ...] = (
     BOX_GET,
     BOX_READ,
     LEDGER_GET,
+    UNSAVED_GET,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -718,6 +740,7 @@ MESSAGES: tuple[Message, ...] = (
     BOX_VALUE,
     BOX_PART,
     LEDGER_VALUE,
+    UNSAVED_VALUE,
 )
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders

@@ -357,6 +357,15 @@ class LedgerGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
+class UnsavedGet(NamedTuple):
+    """Asks which parameters a reset would change; the answer is UnsavedValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -755,6 +764,17 @@ class LedgerValue(NamedTuple):
     """Faults."""
 
 
+class UnsavedValue(NamedTuple):
+    """The parameters whose active value is not the one that the next start would load."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    parameters: int
+    """Bit n: the parameter with id n + 1."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -782,6 +802,7 @@ AnyMessage = (
     | BoxGet
     | BoxRead
     | LedgerGet
+    | UnsavedGet
     | DeviceHello
     | WheelState
     | Refuse
@@ -798,6 +819,7 @@ AnyMessage = (
     | BoxValue
     | BoxPart
     | LedgerValue
+    | UnsavedValue
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -827,6 +849,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x30, BoxGet, "LHB"),
     (0x31, BoxRead, "LHLL"),
     (0x32, LedgerGet, "LH"),
+    (0x40, UnsavedGet, "LH"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -843,6 +866,7 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0xB0, BoxValue, "LHBBBLLBBLLLLLLQ"),
     (0xB1, BoxPart, "LHLLB56s"),
     (0xB2, LedgerValue, "LHLLLLLLLLLLLLLL"),
+    (0xC0, UnsavedValue, "LHQ"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
@@ -885,6 +909,7 @@ GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
     Group.BOARD: 0x4CD2F265,
     Group.RECORDER: 0x20FC1481,
+    Group.STORE: 0x7B6BFE88,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
@@ -895,9 +920,11 @@ GROUPS: dict[type[AnyMessage], Group] = {
     BoxGet: Group.RECORDER,
     BoxRead: Group.RECORDER,
     LedgerGet: Group.RECORDER,
+    UnsavedGet: Group.STORE,
     BoardValue: Group.BOARD,
     BoxValue: Group.RECORDER,
     BoxPart: Group.RECORDER,
     LedgerValue: Group.RECORDER,
+    UnsavedValue: Group.STORE,
 }
 """Of the messages that not every device has."""

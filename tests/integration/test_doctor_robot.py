@@ -91,6 +91,45 @@ def test_parameters_that_contradict_each_other() -> None:
     assert finding.cure
 
 
+def test_parameters_that_were_not_saved(simulator: Simulator, tmp_path: Path) -> None:
+    with SerialDriver(simulator.port) as driver:
+        driver.parameters.set("proportional_gain", 0.8)
+        driver.parameters.set("ttl_max_s", 0.5)
+    finding = only(examined(simulator), "unsaved")
+    assert "the next reset changes proportional_gain, ttl_max_s" in finding.problem
+    # A robot file that names them sets them in each session.
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        f"driver: serial\nserial: {{port: {simulator.port}}}\nparameters: {{ttl_max_s: 0.5}}\n"
+    )
+    found = {item.name: item for item in _of_robot(Address(str(file)), None, as_json=True)}
+    assert "the next reset changes proportional_gain:" in only(found, "unsaved").problem
+    # Its cure is a command that cures it.
+    cure = finding.cure.replace("ROBOT", simulator.port).split()
+    assert run(*cure[1:]).returncode == 0
+    assert examined(simulator) == {}
+    simulator.reset()
+    assert examined(simulator) == {}
+
+
+def test_a_robot_that_drives_is_not_asked_what_it_has_saved(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as driver:
+        driver.parameters.set("proportional_gain", 0.8)
+        driver.set_velocity(0.1, 0.0, 1.0)
+        assert "unsaved" not in {found.name for found in robot._unsaved(driver, "ROBOT", ())}
+        driver.stop()
+        assert [found.name for found in robot._unsaved(driver, "ROBOT", ())] == ["unsaved"]
+
+
+def test_firmware_that_cannot_tell_what_it_has_saved(
+    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with SerialDriver(simulator.port) as driver:
+        driver.parameters.set("proportional_gain", 0.8)
+    monkeypatch.setitem(GROUP_HASHES, Group.STORE, 0x0BADBEEF)
+    assert examined(simulator) == {}
+
+
 def test_a_contact_that_does_nothing(simulator: Simulator) -> None:
     with SerialDriver(simulator.port) as driver:
         driver.parameters.set("estop_input_enabled", 0)

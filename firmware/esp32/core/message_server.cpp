@@ -82,6 +82,8 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return once(BoxRead::decode(frame.body), now_us);
     case LedgerGet::kId:
       return once(LedgerGet::decode(frame.body), now_us);
+    case UnsavedGet::kId:
+      return once(UnsavedGet::decode(frame.body), now_us);
   }
 }
 
@@ -377,6 +379,8 @@ bool MessageServer::is_served(Group group) const {
       return keeper_ != nullptr;
     case Group::kRecorder:
       return archive_ != nullptr;
+    case Group::kStore:
+      return true;
   }
   return false;
 }
@@ -494,6 +498,17 @@ void MessageServer::on(const LedgerGet& request, uint64_t now_us) {
   uint8_t body[LedgerValue::kSize];
   value.encode(body);
   answer_afresh(LedgerValue::kId, request.request_id, body, sizeof body);
+}
+
+// --- the store -----------------------------------------------------------------------------------
+
+void MessageServer::on(const UnsavedGet& request, uint64_t) {
+  // Reading flash takes time that a control step does not have.
+  if (robot_.state() == SupervisorState::kDriving)
+    return conclude(request.kId, request.request_id, RefusalCode::kNotStopped);
+  answer(request.request_id, UnsavedValue{.session_id = session_.id(),
+                                          .request_id = request.request_id,
+                                          .parameters = robot_.unsaved_parameters()});
 }
 
 // --- what is sent unasked ------------------------------------------------------------------------

@@ -97,6 +97,7 @@ class MessageServer final : public RobotObserver {
   void on(const BoxGet& request, uint64_t now_us);
   void on(const BoxRead& request, uint64_t now_us);
   void on(const LedgerGet& request, uint64_t now_us);
+  void on(const UnsavedGet& request, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message, uint64_t now_us);

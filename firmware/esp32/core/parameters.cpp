@@ -107,6 +107,16 @@ bool Parameters::save_one(ParameterStore& store, ParameterId id) const {
   return stored.save(store);
 }
 
+uint64_t Parameters::unsaved(ParameterStore& store) const {
+  static_assert(kParameterCount <= 64);
+  Parameters stored(specs_, board_);
+  stored.load(store);
+  uint64_t differing = 0;
+  for (size_t i = 0; i < kParameterCount; ++i)
+    differing |= static_cast<uint64_t>(values_[i] != stored.values_[i]) << i;
+  return differing;
+}
+
 void platform_specs(Board board, ParameterSpec* out) {
   for (size_t i = 0; i < kParameterCount; ++i) out[i] = kParameters[i];
   for (const PlatformDefault& row : kPlatformDefaults) {

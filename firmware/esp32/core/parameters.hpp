@@ -37,6 +37,9 @@ class Parameters {
   /// Saves this one. The others keep their stored values, or their defaults if there are none.
   bool save_one(ParameterStore& store, ParameterId id) const;
 
+  /// Which values a start would load otherwise: bit n is the parameter with id n + 1.
+  uint64_t unsaved(ParameterStore& store) const;
+
   static bool exists(ParameterId id);
   const ParameterSpec& spec(ParameterId id) const { return specs_[static_cast<size_t>(id) - 1]; }
 

@@ -76,6 +76,7 @@ enum class Group : uint8_t {
   kBase = 0,      ///< Sessions, setpoints, stops, requests, state: what every device has.
   kBoard = 1,     ///< Boards: which pins lead to which power stage and encoders.
   kRecorder = 2,  ///< Black boxes and ledger: what the device recorded of its stops.
+  kStore = 3,     ///< What the device has stored: which parameters a reset would change.
 };
 
 enum class StopMode : uint8_t {
@@ -200,6 +201,8 @@ constexpr uint32_t hash_of(Group group) {
       return 0x4cd2f265;
     case Group::kRecorder:
       return 0x20fc1481;
+    case Group::kStore:
+      return 0x7b6bfe88;
   }
   return 0;
 }
@@ -1137,6 +1140,31 @@ struct LedgerGet {
   }
 };
 
+/// Asks which parameters a reset would change; the answer is UnsavedValue.
+struct UnsavedGet {
+  static constexpr uint8_t kId = 0x40;
+  static constexpr size_t kSize = 6;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+
+  bool operator==(const UnsavedGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+  }
+
+  /// Reads kSize bytes.
+  static UnsavedGet decode(const uint8_t* in) {
+    UnsavedGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -1921,6 +1949,34 @@ struct LedgerValue {
   }
 };
 
+/// The parameters whose active value is not the one that the next start would load.
+struct UnsavedValue {
+  static constexpr uint8_t kId = 0xc0;
+  static constexpr size_t kSize = 14;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint64_t parameters{};  ///< Bit n: the parameter with id n + 1.
+
+  bool operator==(const UnsavedValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, parameters);
+  }
+
+  /// Reads kSize bytes.
+  static UnsavedValue decode(const uint8_t* in) {
+    UnsavedValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.parameters);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -1976,6 +2032,8 @@ constexpr int body_size(uint8_t id) {
       return BoxRead::kSize;
     case LedgerGet::kId:
       return LedgerGet::kSize;
+    case UnsavedGet::kId:
+      return UnsavedGet::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -2008,6 +2066,8 @@ constexpr int body_size(uint8_t id) {
       return BoxPart::kSize;
     case LedgerValue::kId:
       return LedgerValue::kSize;
+    case UnsavedValue::kId:
+      return UnsavedValue::kSize;
     default:
       return -1;
   }

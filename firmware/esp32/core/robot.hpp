@@ -128,6 +128,8 @@ class Robot {
   uint32_t command_seq() const { return setpoint_.command_seq; }
 
   const Parameters& parameters() const { return parameters_; }
+  /// Those that the next start would load with another value, as Parameters::unsaved.
+  uint64_t unsaved_parameters() const { return parameters_.unsaved(hal_.store); }
   bool on_trial() const { return trial_.runs(); }
   /// Flags of `contradiction`: of the active values, and of those that were last refused.
   uint32_t active_contradictions() const { return contradictions_; }

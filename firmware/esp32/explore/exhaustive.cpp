@@ -139,6 +139,7 @@ std::vector<Operation> messages() {
       make(Kind::kBoxGet, {0, 0}),
       make(Kind::kBoxRead, {0, 1, 0}),
       make(Kind::kLedger, {0}),
+      make(Kind::kUnsaved, {0}),
       make(Kind::kRepeat, {0, 0}),
       make(Kind::kRepeat, {0, 1}),
   };

@@ -624,15 +624,17 @@ class Generator {
     }
   }
 
-  /// What the device answers afresh when it is repeated.
+  /// What is read from flash, or answered afresh when it is repeated.
   void read_long(double who) {
-    switch (below(4)) {
+    switch (below(5)) {
       case 0:
         return add(Kind::kBoxGet, {who, static_cast<double>(below(3))});
       case 1:
         return add(Kind::kBoxRead, {who, static_cast<double>(below(3)), one_of({0, 56, 32767})});
       case 2:
         return add(Kind::kLedger, {who});
+      case 3:
+        return add(Kind::kUnsaved, {who});
       default:
         return add(Kind::kBoardGet, {who});
     }

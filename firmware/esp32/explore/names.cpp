@@ -49,6 +49,7 @@ constexpr MessageName kMessages[] = {
     {BoxGet::kId, "BoxGet", BoxValue::kId},
     {BoxRead::kId, "BoxRead", BoxPart::kId},
     {LedgerGet::kId, "LedgerGet", LedgerValue::kId},
+    {UnsavedGet::kId, "UnsavedGet", UnsavedValue::kId},
     {DeviceHello::kId, "DeviceHello", 0},
     {WheelState::kId, "WheelState", 0},
     {Refuse::kId, "Refuse", 0},
@@ -65,6 +66,7 @@ constexpr MessageName kMessages[] = {
     {BoxValue::kId, "BoxValue", 0},
     {BoxPart::kId, "BoxPart", 0},
     {LedgerValue::kId, "LedgerValue", 0},
+    {UnsavedValue::kId, "UnsavedValue", 0},
 };
 
 const MessageName* find(uint8_t id) {

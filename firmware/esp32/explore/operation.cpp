@@ -43,6 +43,7 @@ constexpr std::array<KindSpec, static_cast<size_t>(Kind::kCount)> kSpecs = {{
     {"box_get", {"host", "age"}},
     {"box_read", {"host", "number", "offset"}},
     {"ledger", {"host"}},
+    {"unsaved", {"host"}},
     {"repeat", {"host", "back"}},
     {"noise", {"bytes", "seed"}},
     {"impair", {"how", "at", "us"}},

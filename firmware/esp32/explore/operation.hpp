@@ -43,6 +43,7 @@ enum class Kind : uint8_t {
   kBoxGet,
   kBoxRead,
   kLedger,
+  kUnsaved,
   kRepeat,
   // The line.
   kNoise,

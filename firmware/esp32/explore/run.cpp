@@ -344,6 +344,8 @@ void Run::message(const Operation& operation) {
                                         .offset = static_cast<uint32_t>(whole(values[2]))});
     case Kind::kLedger:
       return send_request(host, LedgerGet{});
+    case Kind::kUnsaved:
+      return send_request(host, UnsavedGet{});
     case Kind::kRepeat:
       return send(host.repeated(whole(values[1])));
     default:

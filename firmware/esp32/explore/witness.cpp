@@ -262,6 +262,7 @@ Codes Witness::request_codes(const Seen& message) const {
     case BoxGet::kId:
     case BoxRead::kId:
     case LedgerGet::kId:
+    case UnsavedGet::kId:
       return simulator_.state() == SupervisorState::kDriving ? RefusalCode::kNotStopped
                                                              : RefusalCode::kNone;
     case Restart::kId: {

@@ -44,6 +44,24 @@ TEST(an_empty_store_leaves_the_defaults) {
   CHECK(parameters.load(store) == Parameters::Load::kEmpty);
 }
 
+TEST(what_a_start_would_load_otherwise_is_unsaved) {
+  const auto bit_of = [](ParameterId id) { return uint64_t{1} << (static_cast<size_t>(id) - 1); };
+  MemoryStore store;
+  Parameters active;
+  CHECK(active.unsaved(store) == 0);  // an empty store is a start with the defaults
+  active.set(kWheelRadius, 0.05f);
+  active.set(kTtlMaxS, 0.5f);
+  CHECK(active.unsaved(store) == (bit_of(kWheelRadius) | bit_of(kTtlMaxS)));
+  CHECK(active.save_one(store, kTtlMaxS));
+  CHECK(active.unsaved(store) == bit_of(kWheelRadius));
+  CHECK(active.save(store));
+  CHECK(active.unsaved(store) == 0);
+  active.set_defaults();
+  CHECK(active.unsaved(store) == (bit_of(kWheelRadius) | bit_of(kTtlMaxS)));
+  store.block.back() ^= 1;  // A start takes the defaults if it cannot read what was saved.
+  CHECK(active.unsaved(store) == 0);
+}
+
 TEST(any_flipped_bit_or_cut_of_the_block_is_noticed) {
   MemoryStore store;
   Parameters().save(store);

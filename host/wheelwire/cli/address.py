@@ -152,6 +152,14 @@ class Address:
             )
         return port
 
+    def parameters(self) -> Collection[str]:
+        """The parameters that a robot file sets in each session, and so need not be saved.
+
+        Raises:
+            ConfigurationError: The robot's file is invalid.
+        """
+        return load_config(self.text).parameters if is_robot_file(self.text) else ()
+
     def check_parameters(self, names: Collection[str], *, save: bool) -> None:
         """Check that a change of parameters would last.
 

@@ -49,7 +49,7 @@ def _of_robot(address: Address, baud_rate: int | None, *, as_json: bool) -> list
     try:
         with address.open_to_look(baud_rate, as_json=as_json) as driver:
             if isinstance(driver, DeviceDriver):
-                found.extend(examine_robot(driver, address.text))
+                found.extend(examine_robot(driver, address.text, address.parameters()))
     except ProtocolMismatch as error:
         found.append(Finding("firmware", f"{error}.", f"wheelwire flash {address.text}"))
     # What was found before it went away stays in the list.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent
 
 from ..diagnosis.device import FAILURES, counts_text
 from ..diagnosis.standing import standing_stops
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import GroupUnavailable
+from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand
 from ..link.clock import host_clock_us
 from ..link.info import library_version
 from ..parameters import number_text
@@ -22,12 +22,15 @@ CLOCK_ERROR_LIMIT_US = 5_000.0
 LOSS_LIMIT = 0.01
 
 
-def examine_robot(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+def examine_robot(
+    driver: DeviceDriver, address: str, given: Collection[str] = ()
+) -> Iterator[Finding]:
     """What is wrong with a robot, and with the link to it.
 
     Args:
         driver: Open, or attached to who has it open.
         address: As the user named it, for the cures.
+        given: Parameters that the robot file names, and each session sets.
 
     Raises:
         LinkLost: It went away meanwhile.
@@ -35,6 +38,7 @@ def examine_robot(driver: DeviceDriver, address: str) -> Iterator[Finding]:
     """
     for check in (_firmware, _groups, _core_dump, _contradictions, _contact, _stops, _ledger):
         yield from check(driver, address)
+    yield from _unsaved(driver, address, given)
     time.sleep(WATCH_S)
     yield from _link(driver)
 
@@ -84,6 +88,23 @@ def _contradictions(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
         if flag in active:
             problem, _, cure = flag.doc.partition("; ")
             yield Finding("contradiction", f"{problem}: nothing drives.", cure.rstrip("."))
+
+
+def _unsaved(driver: DeviceDriver, address: str, given: Collection[str]) -> Iterator[Finding]:
+    try:
+        names = [name for name in driver.unsaved_parameters() if name not in given]
+    except DeviceRefused:
+        return  # it drives
+    except (GroupUnavailable, InvalidCommand):
+        return  # its firmware, or the program that holds the port, is of an older release
+    # `_contact` reports it, and saving that the contact is off would be no cure.
+    names = [name for name in names if name != "estop_input_enabled"]
+    if names:
+        yield Finding(
+            "unsaved",
+            f"the next reset changes {', '.join(names)}: set, but not saved.",
+            f"wheelwire params save {address} {' '.join(names)}",
+        )
 
 
 def _contact(driver: DeviceDriver, address: str) -> Iterator[Finding]:

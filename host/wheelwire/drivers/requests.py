@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeAlias, TypeVa
 
 from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import Contradiction, Group, RefusalCode
+from wheelwire_protocol.parameters import PARAMETERS
 from wheelwire_protocol.types import (
     ClearEstop,
     ClearFault,
@@ -23,6 +24,8 @@ from wheelwire_protocol.types import (
     GroupInfo,
     LinkCounters,
     LinkCountersGet,
+    UnsavedGet,
+    UnsavedValue,
 )
 
 from ..errors import DeviceRefused, GroupUnavailable
@@ -98,6 +101,16 @@ class AwaitableDevice:
         """Which active parameters contradict each other, or the board: nothing drives meanwhile."""
         answer = cast("Contradictions", await self._requests.request(ContradictionsGet(0, 0)))
         return Contradiction(answer.active)
+
+    async def unsaved_parameters(self) -> tuple[str, ...]:
+        """The parameters whose active value a reset would change; not while driving.
+
+        Raises:
+            GroupUnavailable: The firmware is of a release that cannot tell.
+        """
+        await self._requests.check_group(Group.STORE)
+        answer = cast("UnsavedValue", await self._requests.ask(UnsavedGet(0, 0)))
+        return tuple(p.name for p in PARAMETERS if answer.parameters >> (p.id - 1) & 1)
 
     async def control_counters(self) -> ControlCounters:
         """What the device's control loop and encoders have counted since its reset."""

@@ -134,6 +134,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     clear_fault = blocking(AwaitableDevice.clear_fault)
     device_counters = blocking(AwaitableDevice.device_counters)
     contradictions = blocking(AwaitableDevice.contradictions)
+    unsaved_parameters = blocking(AwaitableDevice.unsaved_parameters)
     control_counters = blocking(AwaitableDevice.control_counters)
 
     def latest_control_counters(self) -> ControlCounters | None:

@@ -46,6 +46,8 @@ from wheelwire_protocol.types import (
     Restart,
     SetStreamRate,
     Stop,
+    UnsavedGet,
+    UnsavedValue,
 )
 
 from ..errors import DeviceRefused, RequestTimeout, WheelwireError
@@ -73,6 +75,7 @@ RequestMessage: TypeAlias = (
     | BoxGet
     | BoxRead
     | LedgerGet
+    | UnsavedGet
 )
 Answer: TypeAlias = (
     Ack
@@ -86,6 +89,7 @@ Answer: TypeAlias = (
     | BoxValue
     | BoxPart
     | LedgerValue
+    | UnsavedValue
 )
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
@@ -115,6 +119,7 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     BoxGet: BoxValue,
     BoxRead: BoxPart,
     LedgerGet: LedgerValue,
+    UnsavedGet: UnsavedValue,
 }
 
 

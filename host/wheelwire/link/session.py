@@ -74,6 +74,7 @@ from wheelwire_protocol.types import (
     Refuse,
     SetStreamRate,
     Stop,
+    UnsavedValue,
     WheelState,
 )
 
@@ -247,6 +248,7 @@ class Session:
             BoxValue: self._on_answer,
             BoxPart: self._on_answer,
             LedgerValue: self._on_answer,
+            UnsavedValue: self._on_answer,
         }
 
     @property

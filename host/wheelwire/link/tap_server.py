@@ -42,6 +42,7 @@ from wheelwire_protocol.types import (
     ParameterGet,
     ParameterList,
     Stop,
+    UnsavedGet,
 )
 
 from ..errors import InvalidCommand, WheelwireError
@@ -77,6 +78,7 @@ READ_ONLY = (
     LinkCountersGet,
     ParameterGet,
     ParameterList,
+    UnsavedGet,
 )
 """Requests that change nothing; besides these only a stop and an e-stop are passed on."""
 

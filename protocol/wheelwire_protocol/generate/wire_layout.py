@@ -15,6 +15,7 @@ CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BASE: (*ENUMERATIONS, *FLAGS),
     Group.BOARD: board.CODES,
     Group.RECORDER: RECORDER_CODES,
+    Group.STORE: (),
 }
 # A new group is no change of BASE, or each would part all hosts from all devices before it.
 _GROUPS_OF_BASE = (Group.BASE, Group.BOARD)
