@@ -267,7 +267,7 @@ def _asked(story: _Story, stop: Transition, kind: type[Estop | StopRequest], wha
     if story.session_id is None:
         return (session, stranger), (text, "which session was open is not in the box"), ""
     if asked == story.session_id:
-        return (session,), (text, "of the session that drove"), ""
+        return (session,), (text, "it came in the session that was open"), ""
     return (stranger,), (text, "of another session, or of none"), ""
 
 
