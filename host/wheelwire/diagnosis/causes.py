@@ -80,18 +80,16 @@ CAUSES: dict[str, Cause] = {
     ),
     "estop_before_reset": Cause(
         "An emergency stop was latched before the device's reset",
-        "clear it, once its cause is gone",
+        "what caused it; then clear it",
     ),
     "fault_before_reset": Cause(
         "A fault was latched before the device's reset", "the fault that is named in the evidence"
     ),
-    "stop_by_session": Cause(
-        "The stop was asked for over this link", "nothing: somebody asked for it"
-    ),
+    "stop_by_session": Cause("The stop was asked for over this link", "the program that asked"),
     "stop_by_stranger": Cause("Another program sent a stop to the port", "who else has the port"),
     "zero_setpoint": Cause(
         "The wheels stand because the program asked for a speed of zero",
-        "nothing: somebody asked for it",
+        "the program that asked",
     ),
     "new_session": Cause(
         "Another program opened a session, which ended this one", "who else has the port"
@@ -136,7 +134,7 @@ CAUSES: dict[str, Cause] = {
     ),
     "power_lost": Cause("The device lost its power", "the supply"),
     "reset_pin": Cause("The reset pin restarted the device", "the button, or who opened the port"),
-    "restart_requested": Cause("A program asked for the restart", "nothing: somebody asked for it"),
+    "restart_requested": Cause("A program asked for the restart", "the program that asked"),
     "restarted_itself": Cause("The firmware restarted itself", "the board on trial"),
     "reset_unknown": Cause("The device was reset, and cannot say why", "the supply"),
     # --- it never drove
