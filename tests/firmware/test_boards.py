@@ -74,6 +74,10 @@ def restart(robot: VirtualRobot) -> None:
     robot.run_until(lambda: bool(robot.samples))
 
 
+SLOT_AT, SLOT_SIZE = 4, 512
+"""Of the two slots in a file of the simulator's."""
+
+
 def with_board(name: str, store: Path) -> VirtualRobot:
     """A robot that has kept a board, restarted, and drives with it."""
     robot = VirtualRobot(1, store, wheels_free=1).open()
@@ -311,7 +315,8 @@ def test_a_damaged_store_drives_nothing_and_says_so(tmp_path: Path) -> None:
     with_board("drv8833", store)
     kept = store.with_name("store.board")
     data = bytearray(kept.read_bytes())
-    data[10] ^= 1
+    for slot in (0, 1):
+        data[SLOT_AT + slot * SLOT_SIZE + 10] ^= 1
     kept.write_bytes(data)
     robot = VirtualRobot(1, store, wheels_free=1).open()
     assert robot.state() is SupervisorState.FAULT

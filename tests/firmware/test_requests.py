@@ -184,15 +184,56 @@ def test_a_store_that_fails_is_told(host: RawHost) -> None:
     assert refusal(host, ParameterSave(host.session_id, 1, 0)) is RefusalCode.STORE_FAILED
 
 
-def test_a_corrupt_store_is_told_and_defaults_hold(tmp_path: Path) -> None:
-    store = tmp_path / "store"
+SLOTS = (4 + 2, 4 + 512 + 2)
+"""Where the simulator's file has the first byte of what is in each of its two slots."""
+
+
+def damage(store: Path, slots: tuple[int, ...]) -> None:
+    content = bytearray(store.read_bytes())
+    for slot in slots:
+        content[SLOTS[slot]] ^= 0x40
+    store.write_bytes(content)
+
+
+def robot_that_saved(store: Path, *radii: float) -> None:
     host = RawHost(store=store).open()
     assert [event.code for event in host.of(Event)] == [EventCode.STORE_EMPTY]
-    host.ask(set_radius(host, 1, 0.05), ParameterValue)
-    host.ask(ParameterSave(host.session_id, 2, 0), Ack)
-    block = bytearray(store.read_bytes())
-    block[10] ^= 0x40
-    store.write_bytes(block)
+    for number, radius in enumerate(radii):
+        host.ask(set_radius(host, 2 * number + 1, radius), ParameterValue)
+        host.ask(ParameterSave(host.session_id, 2 * number + 2, 0), Ack)
+
+
+def test_where_the_newest_slot_is_damaged_the_one_before_holds(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    robot_that_saved(store, 0.05, 0.06)
+    damage(store, (1,))
+    host = RawHost(store=store).open()
+    assert host.of(Event) == []
+    assert get(host, 1) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("radii", "damaged"), [((0.05,), (0,)), ((0.05, 0.06), (0, 1))])
+def test_where_nothing_that_was_saved_is_whole_nothing_drives(
+    tmp_path: Path, radii: tuple[float, ...], damaged: tuple[int, ...]
+) -> None:
+    store = tmp_path / "store"
+    robot_that_saved(store, *radii)
+    damage(store, damaged)
+    host = RawHost(store=store).open()
+    host.run_ms(50)
+    assert host.state().supervisor == SupervisorState.FAULT
+    assert host.state().faults == Fault.STORE_UNREADABLE
+    assert get(host, 1) == pytest.approx(0.033)
+    assert refusal(host, ClearFault(host.session_id, 2)) is RefusalCode.CAUSE_PRESENT
+    host.ask(ParameterReset(host.session_id, 3), Ack)
+    host.ask(ClearFault(host.session_id, 4), Ack)
+    host = RawHost(store=store).open()
+    assert [event.code for event in host.of(Event)] == [EventCode.STORE_EMPTY]
+
+
+def test_a_whole_block_that_holds_no_parameters_is_told_and_defaults_hold(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    store.write_bytes(b"of an earlier release, and damaged")
     host = RawHost(store=store).open()
     assert [event.code for event in host.of(Event)] == [EventCode.STORE_DEFAULTED]
     assert get(host, 1) == pytest.approx(0.033)

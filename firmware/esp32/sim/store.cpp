@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <string_view>
 
 namespace wheelwire::sim {
 
@@ -41,30 +42,58 @@ bool replace_file(const std::string& path, const uint8_t* data, size_t size) {
   return false;
 }
 
+constexpr std::string_view kHeader = "WWS2";
+/// In the file: the size of what the slot holds, and room for it.
+constexpr size_t kSlotRoom = 512;
+
+void append_slot(Bytes& file, const Bytes& slot) {
+  const size_t end = file.size() + kSlotRoom;
+  file.push_back(static_cast<uint8_t>(slot.size()));
+  file.push_back(static_cast<uint8_t>(slot.size() >> 8));
+  file.insert(file.end(), slot.begin(), slot.end());
+  file.resize(end);
+}
+
+/// Where the file is damaged, bytes that no slot holds.
+Bytes slot_of(const Bytes& file, size_t number) {
+  const size_t at = kHeader.size() + number * kSlotRoom;
+  if (at + kSlotRoom > file.size()) return Bytes(1);
+  const size_t size = file[at] | static_cast<size_t>(file[at + 1]) << 8;
+  const auto first = file.begin() + static_cast<std::ptrdiff_t>(at + 2);
+  return Bytes(first, first + static_cast<std::ptrdiff_t>(std::min(size, kSlotRoom - 2)));
+}
+
 }  // namespace
 
+void Store::use_file(const std::string& path) {
+  const Bytes file = read_file(path);
+  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+  const bool has_slots = text.starts_with(kHeader);
+  if (has_slots) {
+    first_.put(slot_of(file, 0));
+    second_.put(slot_of(file, 1));
+  } else if (!file.empty() && !twin_.save(file.data(), file.size())) {
+    // Neither is it one block, as earlier releases wrote it.
+    first_.put(file);
+  }
+  path_ = path;
+}
+
 size_t Store::load(uint8_t* out, size_t capacity) {
-  if ((unreadable | partition_faults()) != 0) return 0;
-  if (!path_) return twin_.load(out, capacity);
-  const Bytes block = read_file(*path_);
-  std::copy_n(block.begin(), std::min(capacity, block.size()), out);
-  return block.size();
+  return (unreadable | partition_faults()) != 0 ? 0 : twin_.load(out, capacity);
 }
 
 bool Store::save(const uint8_t* data, size_t size) {
-  if (partition_faults() != 0) return false;
-  if (!path_) return twin_.save(data, size);
-  return fate() == WriteFate::kDone && replace_file(*path_, data, size);
+  return partition_faults() == 0 && twin_.save(data, size);
 }
 
 bool Store::erase() {
-  if (partition_faults() == 0 && !path_) {
+  if (partition_faults() == 0) {
     if (!twin_.erase()) return false;
     unreadable = 0;
     return true;
   }
   if (fate() != WriteFate::kDone) return false;
-  if (partition_faults() == 0) return format();
   partition_->faults = 0;
   bool formatted = true;
   for (Store* const store : partition_->stores) formatted = store->format() && formatted;
@@ -74,9 +103,19 @@ bool Store::erase() {
 /// Nothing is left of it.
 bool Store::format() {
   unreadable = 0;
-  first_.format();
-  second_.format();
-  return !path_ || ::unlink(path_->c_str()) == 0 || errno == ENOENT;
+  first_.put({});
+  second_.put({});
+  return write_file();
+}
+
+bool Store::write_file() const {
+  if (!path_) return true;
+  if (first_.bytes().empty() && second_.bytes().empty())
+    return ::unlink(path_->c_str()) == 0 || errno == ENOENT;
+  Bytes file(kHeader.begin(), kHeader.end());
+  append_slot(file, first_.bytes());
+  append_slot(file, second_.bytes());
+  return replace_file(*path_, file.data(), file.size());
 }
 
 size_t Store::Slot::load(uint8_t* out, size_t capacity) {
@@ -84,17 +123,18 @@ size_t Store::Slot::load(uint8_t* out, size_t capacity) {
   return bytes_.size();
 }
 
-bool Store::Slot::save(const uint8_t* data, size_t size) {
-  const WriteFate fate = store_.fate();
-  if (fate == WriteFate::kDone) bytes_.assign(data, data + size);
-  if (fate == WriteFate::kLost) bytes_.clear();
-  return fate == WriteFate::kDone;
-}
+bool Store::Slot::save(const uint8_t* data, size_t size) { return write(Bytes(data, data + size)); }
 
-bool Store::Slot::erase() {
+bool Store::Slot::erase() { return write({}); }
+
+bool Store::Slot::write(Bytes bytes) {
   const WriteFate fate = store_.fate();
-  if (fate != WriteFate::kUntouched) bytes_.clear();
-  return fate == WriteFate::kDone;
+  if (fate == WriteFate::kUntouched) return false;
+  if (fate == WriteFate::kLost) bytes.clear();
+  bytes_.swap(bytes);
+  if (store_.write_file()) return fate == WriteFate::kDone;
+  bytes_.swap(bytes);
+  return false;
 }
 
 size_t RetainedMemory::load(uint8_t* out, size_t capacity) {

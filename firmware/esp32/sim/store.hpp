@@ -1,4 +1,4 @@
-// The flash: one block in two slots in memory, as on the chip, or in a file that outlives the
+// The flash: one block in two slots, as on the chip, in memory or in a file that outlives the
 // program; and the memory that a reset of the processor leaves alone.
 #pragma once
 
@@ -17,7 +17,7 @@ class Store;
 /// What becomes of a write. Where the power goes in the middle of it, what was there is lost.
 enum class WriteFate { kDone, kUntouched, kLost };
 
-/// Asked before each write to a slot, or to a file: saving makes one, erasing both slots two.
+/// Asked before each write to a slot: saving makes one, erasing both slots two.
 class StoreWatch {
  public:
   virtual WriteFate fate_of_write(const Store& store) = 0;
@@ -44,8 +44,8 @@ class Store final : public ParameterStore {
     partition_ = &partition;
     partition.stores.push_back(this);
   }
-  /// From now on this file holds the block.
-  void use_file(const std::string& path) { path_ = path; }
+  /// From now on this file holds both slots. It is read here, and written whenever one changes.
+  void use_file(const std::string& path);
 
   Store() = default;
   Store(const Store&) = delete;
@@ -63,15 +63,20 @@ class Store final : public ParameterStore {
     size_t load(uint8_t* out, size_t capacity) override;
     bool save(const uint8_t* data, size_t size) override;
     bool erase() override;
-    void format() { bytes_.clear(); }
+    const Bytes& bytes() const { return bytes_; }
+    void put(Bytes bytes) { bytes_.swap(bytes); }
 
    private:
+    bool write(Bytes bytes);
+
     Store& store_;
     Bytes bytes_;
   };
 
   uint32_t partition_faults() const { return partition_ != nullptr ? partition_->faults : 0; }
   bool format();
+  /// Where there is a file. It holds what was in it before, or all of both slots.
+  bool write_file() const;
   WriteFate fate() {
     if (failing) return WriteFate::kUntouched;
     return watch != nullptr ? watch->fate_of_write(*this) : WriteFate::kDone;
@@ -79,7 +84,6 @@ class Store final : public ParameterStore {
 
   Partition* partition_ = nullptr;
   std::optional<std::string> path_;
-  // Used when there is no file.
   Slot first_{*this};
   Slot second_{*this};
   TwinStore twin_{first_, second_};

@@ -1,5 +1,8 @@
-// Both wheels: what is forgotten at a stop.
+// Both wheels: what is forgotten at a stop, at a turn, and when a parameter changes.
 #include "drive.hpp"
+
+#include <initializer_list>
+#include <utility>
 
 #include "check.hpp"
 
@@ -53,4 +56,68 @@ TEST(what_a_wheel_was_behind_before_a_stop_is_not_made_up_after_it) {
   bench.stop();
   bench.follow(200'000, 0);
   CHECK(magnitude(bench.drive.left().behind_um()) < 100);
+}
+
+namespace {
+
+ControlConfig config_with(std::initializer_list<std::pair<ParameterId, float>> values) {
+  Parameters parameters;
+  for (const auto& [id, value] : values) CHECK(parameters.set(id, value) == RefusalCode::kNone);
+  return make_config(parameters);
+}
+
+}  // namespace
+
+TEST(a_supply_that_is_set_counts_from_the_next_step_on) {
+  using enum ParameterId;
+  // The battery reads the same all the time; or nothing, and a set supply stands for it.
+  for (const uint16_t battery_mv : std::initializer_list<uint16_t>{7400, 0}) {
+    const auto at_nominal = [](float nominal_v) {
+      return config_with({{kNominalSupplyV, nominal_v},
+                          {kUnmeasuredSupplyV, 7.4f},
+                          {kSupplyDropV, 0},
+                          {kProportionalGain, 10}});
+    };
+    DriveBench bench;
+    bench.config = at_nominal(7.4f);
+    bench.drive.note_battery(battery_mv, bench.config);
+    // Both wheels are held fast, and driven at their limit.
+    for (int step = 0; step < 200; ++step) bench.follow(100'000, 0);
+    const int32_t before_q15 = bench.left.duty;
+    CHECK(bench.drive.left().saturated() && before_q15 > 8000);
+    bench.config = at_nominal(3.7f);
+    bench.drive.note_parameters(bench.config);
+    bench.drive.note_battery(battery_mv, bench.config);
+    bench.follow(100'000, 0);
+    CHECK(magnitude(bench.left.duty - before_q15 / 2) < 100);
+    CHECK(bench.left.duty == bench.right.duty);
+  }
+}
+
+TEST(a_wheel_that_was_blocked_is_not_driven_the_old_way_once_it_is_to_turn_back) {
+  using enum ParameterId;
+  struct Case {
+    float integral_gain, proportional_gain, path_gain;
+  };
+  // What the wheel was behind is in the integral, and in the rate at which it falls behind.
+  for (const Case& c : {Case{8, 0, 0}, Case{8, 0, 4}, Case{0, 1, 4}}) {
+    DriveBench bench;
+    bench.config = config_with({{kIntegralGain, c.integral_gain},
+                                {kProportionalGain, c.proportional_gain},
+                                {kPathGain, c.path_gain},
+                                {kVelocityFeedforward, 0},
+                                {kAccelerationFeedforward, 0}});
+    bench.drive.note_battery(7400, bench.config);
+    for (int step = 0; step < 300; ++step) bench.follow(200'000, 0);
+    const int blocked_q15 = bench.left.duty;
+    CHECK(blocked_q15 > 1000);
+    // By slewing: from one sign to the other without a step at zero.
+    int steps = 0;
+    while (bench.drive.commanded().left >= 0 && ++steps < 1000) bench.follow(-200'000, 0);
+    CHECK(steps < 1000 && bench.drive.commanded().left < 0);
+    for (int step = 0; step < 50; ++step) {
+      CHECK(bench.left.duty < blocked_q15 / 20 && bench.right.duty < blocked_q15 / 20);
+      bench.follow(-200'000, 0);
+    }
+  }
 }

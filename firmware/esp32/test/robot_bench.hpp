@@ -92,7 +92,8 @@ struct BenchContact final : EstopInput {
 };
 
 struct BenchBattery final : BatterySense {
-  uint16_t millivolts() override { return 7400; }
+  uint16_t measured_mv = 7400;
+  uint16_t millivolts() override { return measured_mv; }
 };
 
 class RobotBench {
@@ -112,6 +113,9 @@ class RobotBench {
 
   /// `start_us`: the device's clock at the start.
   explicit RobotBench(uint64_t start_us = 1'000'000) : now_us(start_us) {}
+  /// With these in place of its own two stores.
+  RobotBench(ParameterStore& parameters, ParameterStore& latched)
+      : now_us(1'000'000), parameter_store_(parameters), latched_store_(latched) {}
 
   /// Powers up, opens a session and synchronises the clock.
   RobotBench& open() {
@@ -224,9 +228,15 @@ class RobotBench {
   BenchBattery battery;
   PowerStage left_motor{left};
   PowerStage right_motor{right};
-  Device device{
-      {left_motor, right_motor, encoders, line, store, latches, latch_store, contact, battery},
-      kIdentity};
+
+ private:
+  ParameterStore& parameter_store_ = store;
+  ParameterStore& latched_store_ = latch_store;
+
+ public:
+  Device device{{left_motor, right_motor, encoders, line, parameter_store_, latches, latched_store_,
+                 contact, battery},
+                kIdentity};
   std::vector<std::pair<uint8_t, std::vector<uint8_t>>> received;
   uint16_t request_id = 0;
   uint32_t command_seq = 0;
