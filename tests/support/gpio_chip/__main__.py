@@ -15,6 +15,9 @@ from support.gpio_chip.pwm_directory import PwmDirectory
 from support.gpio_chip.world import World
 from support.plant.bridge import Wiring
 
+SHOWN = 20
+"""The newest changes of the drive that an answer has."""
+
 
 def answer(world: World, line: str) -> dict[str, object]:
     command, *arguments = line.split()
@@ -33,6 +36,7 @@ def answer(world: World, line: str) -> dict[str, object]:
         "ticks": world.true_ticks,
         "driven": world.driven,
         "driven_changed_us": world.driven_changed_us,
+        "changes": world.changes[-SHOWN:],
         "lines": [gpio.level for gpio in world.chip.lines],
         "pulls": [gpio.pull for gpio in world.chip.lines],
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import struct
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 BUSY = "busy"
+CREDENTIALS = struct.Struct("iII")
+"""Process, user and group at the other end of a socket."""
 
 
 @dataclass
@@ -25,9 +28,14 @@ class Line:
 
 
 class Chip:
-    """Serves its lines on a Unix socket. Calls `changed` whenever an output changes."""
+    """Serves its lines on a Unix socket. Calls `changed` whenever an output changes.
+
+    Attributes:
+        writer: Process that asked for something last.
+    """
 
     def __init__(self, path: Path, changed: Callable[[], None]) -> None:
+        self.writer = 0
         self.lines = [Line() for _ in range(28)]
         self._changed = changed
         self._lock = threading.Lock()
@@ -51,6 +59,8 @@ class Chip:
 
     def _serve(self, connection: socket.socket) -> None:
         lines = connection.makefile("r")
+        credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
+        process = CREDENTIALS.unpack(credentials)[0]
         with suppress(OSError):
             if lines.readline() == "events\n":
                 with self._lock:
@@ -58,6 +68,7 @@ class Chip:
                 connection.recv(1)
             else:
                 for line in lines:
+                    self.writer = process
                     self._obey(connection, *line.split())
         with self._lock:
             if connection in self._listeners:

@@ -6,6 +6,7 @@ import os
 import socket
 import struct
 import threading
+import time
 from typing import Any
 
 from gpiozero import PinFixedPull
@@ -14,6 +15,8 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 SOCKET = "WHEELWIRE_TEST_CHIP"
 EVENT = struct.Struct("<QII")
 """Time in nanoseconds, GPIO, level."""
+GATE = "WHEELWIRE_TEST_GATE"
+"""A file that the guard of a pin process, which leads its session, waits for."""
 READ_SIZE = EVENT.size * 256
 
 
@@ -22,6 +25,9 @@ class ChipFactory(MockFactory):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__(pin_class=ChipPin)
+        gate = os.environ.get(GATE)
+        while gate and os.getsid(0) == os.getpid() and not os.path.exists(gate):  # noqa: PTH110
+            time.sleep(0.005)
         self._lock = threading.Lock()
         self._commands = _connect("commands")
         self._answers = self._commands.makefile("r")

@@ -40,6 +40,9 @@ class World:
         self.driven = False
         self.driven_changed_us = 0
         """When a motor was last switched on or off."""
+        self.changes: list[tuple[int, bool, bool, int]] = []
+        """Time, whether a motor is driven, whether one is braked, and the process that wrote a pin
+        last. The kernel's PWM has no process."""
         self.spin_tps: float | None = None
         """Ticks a second at which the wheels turn, whatever the motors do."""
         self._spun = 0
@@ -58,6 +61,9 @@ class World:
             driven = any(wheel.driven for wheel in self.robot.wheels)
             if driven != self.driven:
                 self.driven, self.driven_changed_us = driven, clock_us()
+            braked = any(wheel.enable > 0 and not wheel.driven for wheel in self.robot.wheels)
+            if not self.changes or self.changes[-1][1:3] != (driven, braked):
+                self.changes.append((clock_us(), driven, braked, self.chip.writer))
 
     def run(self) -> None:
         """Run forever, one batch per millisecond."""

@@ -15,6 +15,9 @@ from support.pigpiod.pins import PinBank
 from support.pigpiod.world import World
 from support.plant.bridge import Wiring
 
+SHOWN = 20
+"""The newest changes of the drive that an answer has."""
+
 
 def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
     command, *arguments = line.split()
@@ -32,6 +35,7 @@ def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
         "ticks": world.true_ticks,
         "driven": world.driven,
         "driven_changed_us": world.driven_changed_us,
+        "changes": world.changes[-SHOWN:],
         "pulls": daemon.bank.pulls,
     }
 

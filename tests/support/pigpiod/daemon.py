@@ -120,6 +120,7 @@ class Daemon:
         handler = self._handlers.get(command)
         if handler is None:
             return UNKNOWN_COMMAND
+        self.world.writer = "client"
         result = handler(p1, p2, extension)
         self.world.apply_pins()
         return result
@@ -150,6 +151,7 @@ class Daemon:
             return free[0]
 
     def _write_from_script(self, gpio: int, level: int) -> None:
+        self.world.writer = "script"
         self.bank.write(gpio, level)
         self.world.apply_pins()
 

@@ -38,6 +38,10 @@ class World:
         self.spinner: Spinner | None = None
         self.driven_changed_us = 0
         """When a motor was last switched on or off."""
+        self.changes: list[tuple[int, bool, str]] = []
+        """Time, whether a motor is driven, and who wrote a pin last."""
+        self.writer = ""
+        """Who writes pins: a client, or a script inside the daemon."""
         self._bank = bank
         self._pins = Pins()
         self._notifications: list[Notification] = []
@@ -75,6 +79,7 @@ class World:
         self._wiring.apply(self._bank.enable, self.robot.wheels)
         if before != any(wheel.driven for wheel in self.robot.wheels):
             self.driven_changed_us = clock_us()
+            self.changes.append((self.driven_changed_us, not before, self.writer))
 
     def run(self) -> None:
         """Run forever, one batch per millisecond."""

@@ -1,0 +1,262 @@
+"""On a computer's own pins: who takes the drive away when something fails, and when.
+
+Nobody but the test is at the line, and it says nothing more once the wheels turn: an application
+that is frozen. So nothing is started again, and the last setpoint would live for seconds.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from support.gpio_chip.factory import GATE
+from support.gpio_chip_process import GpioChip
+from support.mcu_process import McuProcess, now_us
+from support.pigpio_process import PigpioProcess
+from support.stand_in import StandIn
+from support.waiting import wait_until
+from wheelwire.files.pins import Pins
+from wheelwire.linux_mcu.settings import McuSettings
+
+TIMEOUT_S = 30.0
+LIFE_US = 4_500_000
+"""Of the last setpoint: longer than all that is measured here."""
+CORE_TIMEOUT_US = 500_000
+"""Longer than the default: a core that waits for a busy test machine is not hung."""
+BUSY_US = 500_000
+"""A busy test machine may hold a process up for so long."""
+PERIOD_US = 10_000
+BRAKE_S = 0.2
+PARAMETERS = {"overrun_limit_us": 1e6, "ttl_max_s": 5, "brake_time_s": BRAKE_S}
+ATTEMPTS = 6
+UNGUARDED_S = 0.3
+CORE, GUARD, SCRIPT = "core", "guard", "script"
+
+
+@dataclass(frozen=True)
+class Removal:
+    """The end of a drive.
+
+    Attributes:
+        us: When, on the monotonic clock.
+        by: Who wrote the pins.
+    """
+
+    us: int
+    by: str
+
+
+@dataclass
+class Scene:
+    """A robot that drives."""
+
+    stand_in: StandIn
+    mcu: McuProcess
+    core: int
+    pwm: Path | None = None
+    """Of the kernel's PWM."""
+
+    def removal(self) -> Removal:
+        """Wait for the end of the drive, and of what follows it."""
+        wait_until(lambda: not self.stand_in.truth()["driven"], TIMEOUT_S, "the end of the drive")
+        if isinstance(self.stand_in, PigpioProcess):
+            us, _, writer = self.stand_in.truth()["changes"][-1]
+            return Removal(us, SCRIPT if writer == "script" else CORE)
+        # A core brakes after each drive, and a guard never does: it needs no process for that.
+        wait_until(lambda: self._braked() or self._is_off(), TIMEOUT_S, "a brake or the pins' end")
+        changes = self.stand_in.truth()["changes"]
+        last = max(place for place, (_, driven, *_) in enumerate(changes) if driven) + 1
+        us, _, _, writer = changes[last]
+        if self.pwm is None:
+            by = {self.core: CORE, self.mcu.guard: GUARD}[writer]
+            assert (by == CORE) == self._braked()
+            return Removal(us, by)
+        return Removal(us, CORE if self._braked() else GUARD)
+
+    def ended_after(self, us: int) -> bool:
+        """Whether a drive has ended since then, and no other one begun."""
+        truth = self.stand_in.truth()
+        return bool(not truth["driven"] and truth["driven_changed_us"] > us)
+
+    def _braked(self) -> bool:
+        changes = self.stand_in.truth()["changes"]
+        last = max(place for place, (_, driven, *_) in enumerate(changes) if driven)
+        return any(braked for _, _, braked, _ in changes[last:])
+
+    def _is_off(self) -> bool:
+        """The guard has been at the pins: of the kernel's PWM it disables the channels."""
+        if self.pwm is None:
+            return bool(self.stand_in.truth()["changes"][-1][3] == self.mcu.guard)
+        return {(self.pwm / f"pwmchip0/pwm{n}/enable").read_text().strip() for n in (0, 1)} == {"0"}
+
+
+@pytest.fixture(scope="module", params=["kernel", "software"])
+def chip(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[GpioChip]:
+    folder = tmp_path_factory.mktemp(request.param)
+    with GpioChip(folder, kernel_pwm=request.param == "kernel") as chip:
+        chip.set_realtime()
+        yield chip
+
+
+@contextmanager
+def process_on(chip: GpioChip, monkeypatch: pytest.MonkeyPatch) -> Iterator[McuProcess]:
+    for name, value in chip.environment.items():
+        monkeypatch.setenv(name, value)
+    settings = McuSettings(
+        "l298n",
+        Pins(),
+        parameters=PARAMETERS,
+        pwm_directory=str(chip.pwm_directory),
+        core_timeout_ms=CORE_TIMEOUT_US // 1000,
+    )
+    with McuProcess(settings) as mcu:
+        yield mcu
+
+
+@pytest.fixture
+def scene(chip: GpioChip, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
+    with process_on(chip, monkeypatch) as mcu:
+        mcu.open().drive(LIFE_US)
+        wait_until(lambda: chip.truth()["driven"], TIMEOUT_S, "the drive")
+        yield Scene(
+            chip, mcu, mcu.core, chip.pwm_directory if chip.pwm_directory.exists() else None
+        )
+
+
+def test_a_core_that_is_killed_leaves_the_pins_to_the_guard(scene: Scene) -> None:
+    failed_us = now_us()
+    os.kill(scene.core, signal.SIGKILL)
+    removal = scene.removal()
+    assert removal.by == GUARD
+    assert 0 < removal.us - failed_us < BUSY_US
+    assert scene.mcu.wait() != 0
+
+
+def test_a_core_that_hangs_is_killed_by_the_guard_after_its_time(scene: Scene) -> None:
+    failed_us = now_us()
+    os.kill(scene.core, signal.SIGSTOP)
+    removal = scene.removal()
+    assert removal.by == GUARD
+    # From its last beat on, which was before it hung.
+    assert CORE_TIMEOUT_US / 2 < removal.us - failed_us < CORE_TIMEOUT_US + BUSY_US
+    assert scene.mcu.wait() != 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_the_guard_has_the_core_stop(scene: Scene, number: signal.Signals) -> None:
+    failed_us = now_us()
+    os.kill(scene.mcu.guard, number)
+    removal = scene.removal()
+    assert removal.by == CORE
+    assert 0 < removal.us - failed_us < BUSY_US
+    assert scene.mcu.wait() == 0
+
+
+def test_a_signal_to_the_core_has_it_stop(scene: Scene) -> None:
+    failed_us = now_us()
+    os.kill(scene.core, signal.SIGTERM)
+    removal = scene.removal()
+    assert removal.by == CORE
+    assert 0 < removal.us - failed_us < BUSY_US
+    assert scene.mcu.wait() == 0
+
+
+def test_a_core_whose_guard_dies_stops_and_ends(scene: Scene) -> None:
+    core = os.pidfd_open(scene.core)
+    failed_us = now_us()
+    os.kill(scene.mcu.guard, signal.SIGKILL)
+    removal = scene.removal()
+    assert removal.by == CORE
+    assert 0 < removal.us - failed_us < BUSY_US
+    wait_until(lambda: ended(core), TIMEOUT_S, "the core's end")
+    os.close(core)
+
+
+def test_a_line_that_is_closed_ends_the_drive_before_its_deadline(scene: Scene) -> None:
+    failed_us = now_us()
+    scene.mcu.hang_up()
+    removal = scene.removal()
+    assert removal.by == CORE
+    assert 0 < removal.us - failed_us < BUSY_US
+    assert scene.mcu.wait() == 0
+
+
+def ended(process: int) -> bool:
+    return bool(select.select([process], [], [], 0)[0])
+
+
+def test_the_setpoint_of_a_frozen_application_ends_at_its_deadline(scene: Scene) -> None:
+    late_us = []
+    for number in range(ATTEMPTS):
+        # The deadline falls anywhere in a control period.
+        sent_us, deadline_us = now_us(), scene.mcu.drive(200_000 + 1_700 * number)
+        wait_until(lambda: scene.ended_after(sent_us), TIMEOUT_S, "the end of the drive")  # noqa: B023
+        removal = scene.removal()
+        assert removal.by == CORE
+        late_us.append(removal.us - deadline_us)
+    assert min(late_us) > -scene.mcu.error_us
+    assert min(late_us) < PERIOD_US
+    assert max(late_us) < BUSY_US
+
+
+def test_nobody_hears_of_a_start_before_the_guard_is_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gate = tmp_path / "gate"
+    monkeypatch.setenv(GATE, str(gate))
+    with (
+        GpioChip(tmp_path, kernel_pwm=False) as chip,
+        process_on(chip, monkeypatch) as mcu,
+    ):
+        pulls = chip.truth()["pulls"]
+        wait_until(lambda: chip.truth()["pulls"] != pulls, TIMEOUT_S, "the core's pins")
+        assert not mcu.answers(UNGUARDED_S)
+        gate.touch()
+        mcu.open()
+
+
+@pytest.fixture
+def behind_pigpiod() -> Iterator[Scene]:
+    with PigpioProcess() as daemon:
+        daemon.set_realtime()
+        settings = McuSettings(
+            "pigpio",
+            Pins(),
+            parameters=PARAMETERS,
+            host="127.0.0.1",
+            port=daemon.port,
+            core_timeout_ms=2 * LIFE_US // 1000,
+        )
+        with McuProcess(settings) as mcu:
+            mcu.open().drive(LIFE_US)
+            wait_until(lambda: daemon.truth()["driven"], TIMEOUT_S, "the drive")
+            yield Scene(daemon, mcu, mcu.core)
+
+
+@pytest.mark.parametrize("failure", [signal.SIGKILL, signal.SIGSTOP])
+def test_behind_a_pigpiod_the_script_in_it_stops_the_wheels(
+    behind_pigpiod: Scene, failure: signal.Signals
+) -> None:
+    failed_us = now_us()
+    os.kill(behind_pigpiod.core, failure)
+    removal = behind_pigpiod.removal()
+    assert removal.by == SCRIPT
+    # By hand: 11 counts of 10 ms from the last refresh, which was at most 20 ms ago.
+    assert 0 < removal.us - failed_us < 120_000 + BUSY_US
+
+
+def test_behind_a_pigpiod_a_setpoint_ends_at_its_deadline(behind_pigpiod: Scene) -> None:
+    sent_us, deadline_us = now_us(), behind_pigpiod.mcu.drive(200_000)
+    wait_until(lambda: behind_pigpiod.ended_after(sent_us), TIMEOUT_S, "the end of the drive")
+    removal = behind_pigpiod.removal()
+    assert removal.by == CORE
+    assert -behind_pigpiod.mcu.error_us < removal.us - deadline_us < BUSY_US
