@@ -143,7 +143,7 @@ class World:
         self.at(us, lambda: self.encoder.encode(message()))
 
     def open(self) -> None:
-        """A session, and both wheels driven by duty until told otherwise."""
+        """A session whose clock is synchronised."""
         self.send(1000, lambda: Hello(NONCE, PROTOCOL_VERSION, schema_hash()))
         self.send(2000, lambda: Ping(self.session, 1, 0))
 
