@@ -67,15 +67,13 @@ class Scene:
         """Wait for the end of the drive, and of what follows it."""
         wait_until(lambda: not self.stand_in.truth()["driven"], TIMEOUT_S, "the end of the drive")
         if isinstance(self.stand_in, PigpioProcess):
-            us, _, writer = self.stand_in.truth()["changes"][-1]
+            us, _, _, writer = self._since_the_drive()[1]
             return Removal(us, SCRIPT if writer == "script" else CORE)
         # A core brakes after each drive, and a guard never does: it needs no process for that.
         wait_until(lambda: self._braked() or self._is_off(), TIMEOUT_S, "a brake or the pins' end")
-        changes = self.stand_in.truth()["changes"]
-        last = max(place for place, (_, driven, *_) in enumerate(changes) if driven) + 1
-        us, _, _, writer = changes[last]
+        us, _, _, writer = self._since_the_drive()[1]
         if self.pwm is None:
-            by = {self.core: CORE, self.mcu.guard: GUARD}[writer]
+            by = {self.core: CORE, self.mcu.guard: GUARD}[int(writer)]
             assert (by == CORE) == self._braked()
             return Removal(us, by)
         return Removal(us, CORE if self._braked() else GUARD)
@@ -85,10 +83,14 @@ class Scene:
         truth = self.stand_in.truth()
         return bool(not truth["driven"] and truth["driven_changed_us"] > us)
 
-    def _braked(self) -> bool:
-        changes = self.stand_in.truth()["changes"]
+    def _since_the_drive(self) -> list[tuple[int, bool, bool, int | str]]:
+        """The last change with a drive, and those after it."""
+        changes: list[tuple[int, bool, bool, int | str]] = self.stand_in.truth()["changes"]
         last = max(place for place, (_, driven, *_) in enumerate(changes) if driven)
-        return any(braked for _, _, braked, _ in changes[last:])
+        return changes[last:]
+
+    def _braked(self) -> bool:
+        return any(braked for _, _, braked, _ in self._since_the_drive())
 
     def _is_off(self) -> bool:
         """The guard has been at the pins: of the kernel's PWM it disables the channels."""

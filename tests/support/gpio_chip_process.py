@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 from support.gpio_chip.factory import SOCKET
-from support.plant.bridge import Wiring
 from support.stand_in import TESTS, StandIn
+from wheelwire.board import BoardDescription
+from wheelwire.files.pins import Pins
 
 SITE = TESTS / "support" / "gpio_chip" / "site"
 
@@ -18,15 +19,15 @@ class GpioChip(StandIn):
     Args:
         directory: An empty directory.
         kernel_pwm: Whether to create `pwm` in it, like /sys/class/pwm.
-        wiring: Of the driver board behind it.
+        board: What is connected to its pins.
     """
 
     def __init__(
-        self, directory: Path, kernel_pwm: bool = True, wiring: Wiring | None = None
+        self, directory: Path, kernel_pwm: bool = True, board: BoardDescription | None = None
     ) -> None:
         self.pwm_directory = directory / "pwm"
         path = directory / "chip"
-        arguments = [(wiring or Wiring()).to_json()]
+        arguments = [(board or Pins()).packed().hex()]
         arguments += [str(self.pwm_directory)] if kernel_pwm else []
         super().__init__("support.gpio_chip", str(path), *arguments)
         python_path = [str(TESTS), str(SITE), os.environ.get("PYTHONPATH", "")]

@@ -4,6 +4,7 @@
 #include <exception>
 #include <vector>
 
+#include "bare_robot.hpp"
 #include "reset_reason.hpp"
 #include "simulator.hpp"
 #include "variables.hpp"
@@ -14,6 +15,10 @@ using wheelwire::sim::VariableStatus;
 struct fwsim {
   explicit fwsim(uint64_t seed) : simulator(seed) {}
   Simulator simulator;
+};
+
+struct fwsim_robot {
+  wheelwire::sim::BareRobot robot;
 };
 
 namespace {
@@ -141,4 +146,48 @@ int fwsim_describe(size_t index, fwsim_variable* description) {
                   .maximum = variable.maximum,
                   .settable = variable.set != nullptr};
   return FWSIM_OK;
+}
+
+fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size, int counts_per_revolution,
+                                int64_t now_ns) {
+  wheelwire::BoardDescription description;
+  if (board == nullptr || counts_per_revolution <= 0 ||
+      wheelwire::read_board(board, size, description) != wheelwire::BoardFault::kNone) {
+    return nullptr;
+  }
+  try {
+    return new fwsim_robot{{description, counts_per_revolution, now_ns}};
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
+
+void fwsim_robot_destroy(fwsim_robot* robot) { delete robot; }
+
+int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q15, size_t count) {
+  if (robot == nullptr || duty_q15 == nullptr || count > 64) return FWSIM_BAD_ARGUMENT;
+  robot->robot.set_pins(duty_q15, count);
+  return (robot->robot.drives() ? 1 : 0) | (robot->robot.brakes() ? 2 : 0);
+}
+
+int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
+                        const fwsim_edge** edges, size_t* count) {
+  if (robot == nullptr || edges == nullptr || count == nullptr) return FWSIM_BAD_ARGUMENT;
+  return guarded([&] {
+    robot->robot.skip_to(end_ns - longest_ns);
+    const std::vector<fwsim_edge>& made = robot->robot.advance_to(end_ns);
+    *edges = made.data();
+    *count = made.size();
+    return FWSIM_OK;
+  });
+}
+
+int64_t fwsim_robot_ticks(fwsim_robot* robot, int side) {
+  if (robot == nullptr || side < 0 || side > 1) return 0;
+  return robot->robot.encoder(static_cast<wheelwire::sim::Side>(side)).ticks();
+}
+
+void fwsim_robot_kill_encoder(fwsim_robot* robot, int side) {
+  if (robot == nullptr || side < 0 || side > 1) return;
+  robot->robot.encoder(static_cast<wheelwire::sim::Side>(side)).model.dead = true;
 }

@@ -69,6 +69,38 @@ FWSIM_EXPORT int fwsim_reset(fwsim* sim, int reason);
 FWSIM_EXPORT size_t fwsim_variable_count(void);
 FWSIM_EXPORT int fwsim_describe(size_t index, fwsim_variable* description);
 
+/* The robot without the device: levels of GPIOs in, edges of its encoders out. For programs that
+ * stand in for a computer's own pins. One thread at a time. */
+typedef struct fwsim_robot fwsim_robot;
+
+/* A level of an encoder changed. */
+typedef struct fwsim_edge {
+  uint64_t t_ns;
+  uint32_t gpio;
+  uint32_t level;
+} fwsim_edge;
+
+/* `board` says what leads to which GPIO, packed as it is sent and stored. NULL if it is damaged, or
+ * when out of memory. */
+FWSIM_EXPORT fwsim_robot* fwsim_robot_create(const uint8_t* board, size_t size,
+                                             int counts_per_revolution, int64_t now_ns);
+FWSIM_EXPORT void fwsim_robot_destroy(fwsim_robot* robot);
+
+/* The duties of the first `count` GPIOs, 0 to 32767, of 64 at most. Returns 1 while a motor is
+ * driven, plus 2 while one is braked, its winding shorted all the time. */
+FWSIM_EXPORT int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q15, size_t count);
+
+/* Lets time pass until `end_ns`; of a gap longer than `longest_ns` only the end. *edges has what
+ * happened, in order, until the next call; *count is how many. */
+FWSIM_EXPORT int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
+                                     const fwsim_edge** edges, size_t* count);
+
+/* What a perfect encoder would have counted since the start; `side` is 0 for the left wheel, and 1
+ * for the right one. */
+FWSIM_EXPORT int64_t fwsim_robot_ticks(fwsim_robot* robot, int side);
+/* The encoder's levels are stuck from now on. */
+FWSIM_EXPORT void fwsim_robot_kill_encoder(fwsim_robot* robot, int side);
+
 #ifdef __cplusplus
 }
 #endif

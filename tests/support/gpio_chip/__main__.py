@@ -1,4 +1,4 @@
-"""`python -m support.gpio_chip SOCKET WIRING [PWM_DIRECTORY]`: its input says what to do.
+"""`python -m support.gpio_chip SOCKET BOARD [PWM_DIRECTORY]`: its input says what to do.
 
 Each line is a command, each answer a line of JSON; the end of the input is the end of the chip.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from support.gpio_chip.factory import EVENT
 from support.gpio_chip.pwm_directory import PwmDirectory
 from support.gpio_chip.world import World
-from support.plant.bridge import Wiring
+from wheelwire.board import unpacked
 
 SHOWN = 20
 """The newest changes of the drive that an answer has."""
@@ -28,15 +28,15 @@ def answer(world: World, line: str) -> dict[str, object]:
     elif command == "spin":
         world.spin_tps = float(arguments[0])
     elif command == "dead_left_encoder":
-        world.robot.left.encoder.dead = True
+        world.robot.kill_left_encoder()
     elif command == "level":
         world.chip.lines[int(arguments[0])].level = float(arguments[1])
         world.chip.send(EVENT.pack(0, int(arguments[0]), int(arguments[1])))
     return {
         "ticks": world.true_ticks,
-        "driven": world.driven,
-        "driven_changed_us": world.driven_changed_us,
-        "changes": world.changes[-SHOWN:],
+        "driven": world.robot.driven,
+        "driven_changed_us": world.robot.driven_changed_us,
+        "changes": world.robot.changes[-SHOWN:],
         "lines": [gpio.level for gpio in world.chip.lines],
         "pulls": [gpio.pull for gpio in world.chip.lines],
     }
@@ -44,7 +44,7 @@ def answer(world: World, line: str) -> dict[str, object]:
 
 def main() -> None:
     pwm = PwmDirectory(Path(sys.argv[3])) if len(sys.argv) > 3 else None
-    world = World(Path(sys.argv[1]), pwm, Wiring.of_json(sys.argv[2]))
+    world = World(Path(sys.argv[1]), pwm, unpacked(bytes.fromhex(sys.argv[2])))
     threading.Thread(target=world.run, daemon=True).start()
     print(json.dumps(answer(world, "truth")), flush=True)  # noqa: T201
     for line in sys.stdin:

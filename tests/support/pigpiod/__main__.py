@@ -13,7 +13,8 @@ import threading
 from support.pigpiod.daemon import Daemon
 from support.pigpiod.pins import PinBank
 from support.pigpiod.world import World
-from support.plant.bridge import Wiring
+from wheelwire.board import unpacked
+from wheelwire.files.pins import Pins
 
 SHOWN = 20
 """The newest changes of the drive that an answer has."""
@@ -29,13 +30,13 @@ def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
     elif command == "spin":
         world.spin(float(arguments[0]))
     elif command == "dead_left_encoder":
-        world.robot.left.encoder.dead = True
+        world.robot.kill_left_encoder()
     return {
         "port": port,
         "ticks": world.true_ticks,
         "driven": world.driven,
-        "driven_changed_us": world.driven_changed_us,
-        "changes": world.changes[-SHOWN:],
+        "driven_changed_us": world.robot.driven_changed_us,
+        "changes": world.robot.changes[-SHOWN:],
         "pulls": daemon.bank.pulls,
     }
 
@@ -49,11 +50,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, default=0)
     parser.add_argument("--counts", type=int, default=360)
-    parser.add_argument("--wiring", default=Wiring().to_json())
+    parser.add_argument("--board", default=Pins().packed().hex())
     parser.add_argument("-t", choices=["0", "1"], default="1")
     arguments = parser.parse_args()
     bank = PinBank(pwm_is_clock=arguments.t == "0")
-    daemon = Daemon(bank, World(bank, arguments.counts, Wiring.of_json(arguments.wiring)))
+    board = unpacked(bytes.fromhex(arguments.board))
+    daemon = Daemon(bank, World(bank, arguments.counts, board))
     port = daemon.listen(arguments.port)
     threading.Thread(target=daemon.world.run, daemon=True).start()
     say({"port": port})

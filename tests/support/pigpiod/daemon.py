@@ -8,10 +8,11 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
+from support.bare_robot import clock_us
 from support.pigpiod.pins import BAD_FILTER, PinBank
 from support.pigpiod.reports import Notification
 from support.pigpiod.scripts import PARAMETERS, Script
-from support.pigpiod.world import World, clock_us
+from support.pigpiod.world import World
 
 REQUEST = struct.Struct("<IIII")
 ANSWER = struct.Struct("<IIIi")

@@ -61,13 +61,13 @@ class Sampler:
         self.levels = levels
         self._sampled = levels
 
-    def sample(self, edges: list[tuple[float, int, int]]) -> Samples:
-        """Take (time in us, GPIO, level) in their order; the samples that show a change."""
+    def sample(self, edges: npt.NDArray[np.void]) -> Samples:
+        """Take edges in their order; returns the samples that show a change."""
         seen: dict[int, int] = {}
-        for t_us, gpio, level in edges:
+        for t_ns, gpio, level in edges.tolist():
             bit = 1 << gpio
             self.levels = self.levels | bit if level else self.levels & ~bit
-            seen[int(t_us) // SAMPLE_US * SAMPLE_US] = self.levels
+            seen[t_ns // 1000 // SAMPLE_US * SAMPLE_US] = self.levels
         changed = []
         for t_us, levels in seen.items():
             if levels != self._sampled:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from support.bare_robot import LEVELS
 from support.pigpiod.reports import SAMPLE_US, Samples, make_samples
-from support.plant.encoder import LEVELS
 from wheelwire.board import BoardDescription
 from wheelwire.linux_mcu.gpio.base import encoder_pins
 
@@ -13,12 +13,12 @@ from wheelwire.linux_mcu.gpio.base import encoder_pins
 class Spinner:
     """Stands in for the motors. Its first edges follow the encoders' rest at LEVELS[0]."""
 
-    def __init__(self, pins: BoardDescription) -> None:
+    def __init__(self, board: BoardDescription) -> None:
         self.ticks_per_s = 0.0
         self.ticks = 0
         """Ticks so far, of each wheel."""
         self._position = 0.0
-        (left_a, left_b), (right_a, right_b) = encoder_pins(pins.left), encoder_pins(pins.right)
+        (left_a, left_b), (right_a, right_b) = encoder_pins(board.left), encoder_pins(board.right)
         self._levels = np.array(
             [a << left_a | b << left_b | a << right_a | b << right_b for a, b in LEVELS]
         )

@@ -14,7 +14,6 @@ import pytest
 
 from support.gpio_chip_process import GpioChip
 from support.pigpio_process import PigpioProcess
-from support.plant.bridge import Wiring
 from support.processes import children
 from support.stand_in import StandIn
 from support.waiting import wait_until
@@ -64,14 +63,6 @@ BOARDS = [
 ]
 
 
-def wiring_of(board: BoardDescription) -> Wiring:
-    def inputs(wheel: WheelPins) -> dict[str, int]:
-        names = ("enable", "in1", "in2", "pwm", "dir")
-        return {n: pin for n in names if (pin := getattr(wheel, n)) is not None}
-
-    return Wiring(board.stage.name.lower(), inputs(board.left), inputs(board.right), board.standby)
-
-
 Rig = tuple[DeviceDriver, StandIn]
 Open = Callable[[BoardDescription], AbstractContextManager[Rig]]
 
@@ -82,7 +73,7 @@ def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
 
     @contextmanager
     def library(board: BoardDescription) -> Iterator[Rig]:
-        with GpioChip(tmp_path, kernel_pwm=False, wiring=wiring_of(board)) as chip:
+        with GpioChip(tmp_path, kernel_pwm=False, board=board) as chip:
             for name, value in chip.environment.items():
                 monkeypatch.setenv(name, value)
             with L298NDriver(
@@ -100,7 +91,7 @@ def open_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
 def daemon(board: BoardDescription) -> Iterator[Rig]:
     """`pigpio`, likewise."""
     with (
-        PigpioProcess("--wiring", wiring_of(board).to_json()) as process,
+        PigpioProcess("--board", board.packed().hex()) as process,
         PigpioDriver(
             "127.0.0.1",
             process.port,

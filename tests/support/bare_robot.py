@@ -1,0 +1,96 @@
+"""libfwsim's robot behind a computer's pins, in real time: their levels in, encoder edges out."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from wheelwire.board import BoardDescription
+from wheelwire.linux_mcu.gpio.base import HIGH_Q15
+from wheelwire.simulation.libfwsim import library_path
+from wheelwire_protocol.board import OUTPUTS
+
+LEVELS = ((0, 0), (1, 0), (1, 1), (0, 1))
+"""Of A and B, a tick apart: forward, A leads B."""
+EDGE = np.dtype([("t_ns", "<u8"), ("gpio", "<u4"), ("level", "<u4")])
+CATCH_UP_US = 100_000
+"""After a longer gap, such as a stopped process, the robot's time continues from now."""
+GPIOS = 28
+
+
+def clock_us() -> int:
+    return time.monotonic_ns() // 1000
+
+
+class BareRobot:
+    """Two wheels and their encoders behind the power stages of a board.
+
+    Args:
+        board: What leads to which GPIO.
+        counts_per_revolution: Of both encoders, x4.
+
+    Attributes:
+        driven: Whether a motor is driven; braking is not driving.
+        driven_changed_us: When that changed last.
+        changes: Time, whether a motor is driven, whether one is braked, and who wrote a pin last.
+    """
+
+    def __init__(self, board: BoardDescription, counts_per_revolution: int = 360) -> None:
+        # It holds the interpreter's lock: a call takes microseconds, and to have the lock back
+        # takes milliseconds while other threads are busy.
+        self._library = library = ctypes.PyDLL(str(library_path()))
+        library.fwsim_robot_create.restype = ctypes.c_void_p
+        library.fwsim_robot_ticks.restype = ctypes.c_int64
+        packed, now_ns = board.packed(), ctypes.c_int64(time.monotonic_ns())
+        created = library.fwsim_robot_create(packed, len(packed), counts_per_revolution, now_ns)
+        assert created, "the board is damaged"
+        self._robot = ctypes.c_void_p(created)
+        self._edges, self._count = ctypes.c_void_p(), ctypes.c_size_t()
+        self._lock = threading.Lock()
+        stage = [getattr(wheel, n) for wheel in (board.left, board.right) for n in OUTPUTS]
+        self._inputs = [pin for pin in (*stage, board.standby) if pin is not None]
+        self._duties = (ctypes.c_uint16 * GPIOS)()
+        self.driven = False
+        self.driven_changed_us = 0
+        self.changes: list[tuple[int, bool, bool, int | str]] = []
+
+    def set_pins(self, duty: Callable[[int], float], writer: int | str) -> None:
+        """Apply the levels of the stages' inputs; `duty` is that of a GPIO, 0..1."""
+        with self._lock:
+            for gpio in self._inputs:
+                self._duties[gpio] = round(duty(gpio) * HIGH_Q15)
+            found = self._library.fwsim_robot_set_pins(self._robot, self._duties, GPIOS)
+            driven, braked = bool(found & 1), bool(found & 2)
+            now_us = clock_us()
+            if driven != self.driven:
+                self.driven, self.driven_changed_us = driven, now_us
+            if not self.changes or self.changes[-1][1:3] != (driven, braked):
+                self.changes.append((now_us, driven, braked, writer))
+
+    def advance(self) -> npt.NDArray[np.void]:
+        """Let time pass until now; the edges of EDGE that came meanwhile, in their order."""
+        now_ns, longest_ns = time.monotonic_ns(), CATCH_UP_US * 1000
+        self._library.fwsim_robot_advance(
+            self._robot,
+            ctypes.c_int64(now_ns),
+            ctypes.c_int64(longest_ns),
+            ctypes.byref(self._edges),
+            ctypes.byref(self._count),
+        )
+        size = self._count.value * EDGE.itemsize
+        return np.frombuffer(ctypes.string_at(self._edges, size) if size else b"", EDGE)
+
+    @property
+    def ticks(self) -> tuple[int, int]:
+        """What perfect encoders would have counted since the start: left, right."""
+        left, right = (self._library.fwsim_robot_ticks(self._robot, side) for side in (0, 1))
+        return left, right
+
+    def kill_left_encoder(self) -> None:
+        """Its levels are stuck from now on."""
+        self._library.fwsim_robot_kill_encoder(self._robot, 0)

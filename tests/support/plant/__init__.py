@@ -1,1 +1,0 @@
-"""A model robot behind stand-ins for hardware: bridges and motors in, encoder edges out."""
