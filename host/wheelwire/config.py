@@ -12,14 +12,8 @@ from typing import TYPE_CHECKING, Any
 from .arguments import text
 from .board import BoardDescription
 from .drivers.factory import check_options, driver_class, driver_names, open_driver
-from .drivers.options import (
-    GpioOptions,
-    L298NOptions,
-    PigpioDriverOptions,
-    PigpioOptions,
-    SerialDriverOptions,
-    SerialOptions,
-)
+from .drivers.options import SerialDriverOptions, SerialOptions
+from .drivers.pin_options import GpioOptions, L298NOptions, PigpioDriverOptions, PigpioOptions
 from .errors import ConfigurationError, InvalidArgument, RobotNotNamed, shown
 from .files.board import checked_board, shipped_boards
 from .files.pins import Pins

@@ -11,7 +11,7 @@ from ..link.attached import AttachedLink, Holder, find_holder
 from ..linux_mcu.settings import McuSettings
 from .base import BaseDriver
 from .factory import open_driver
-from .options import L298NOptions, PigpioDriverOptions
+from .pin_options import L298NOptions, PigpioDriverOptions
 from .transport_driver import DeviceDriver
 
 

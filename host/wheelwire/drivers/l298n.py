@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .options import L298NOptions, takes
+from .options import takes
+from .pin_options import L298NOptions
 from .pins import PinDriver
 
 

@@ -1,4 +1,4 @@
-"""The options of the built-in drivers, each spelled once.
+"""The options of the built-in drivers, each spelled once; those of pins are in `pin_options`.
 
 Sections of a robot's file are `SerialOptions`, `GpioOptions` and `PigpioOptions`; each driver takes
 one of them as its arguments, and what stands beside the section in the file.
@@ -19,13 +19,9 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..arguments import flag, is_number, path, text, timeout_s, whole
 from ..board import BoardDescription
 from ..errors import InvalidArgument, shown
-from ..files.board import load_board
-from ..files.pins import Pins
 from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
-from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
-from ..linux_mcu.store import converted_store
 from ..parameters import checked_values
 from .linked import WATCHED
 
@@ -34,10 +30,7 @@ MAX_BAUD_RATE = 20_000_000
 """More than any adapter has."""
 MAX_STREAM_RATE_HZ = 65_535
 """The largest value of the field. Each device has a lower limit of its own, set by its line."""
-MAX_CORE_TIMEOUT_MS = 60_000
-MAX_CHIP = 255
 MAX_REPLAY_SPEED = 1000
-PWM_DIRECTORY = Path("/sys/class/pwm")
 
 P = ParamSpec("P")
 _Options = TypeVar("_Options")
@@ -103,6 +96,8 @@ class DeviceOptions:
                 )
             board_id = board_id.lower()  # as `DeviceInfo` writes it: ids are compared as text
         if board is not None and not isinstance(board, BoardDescription):
+            from ..files.board import load_board  # here, for most give no board
+
             board = load_board(board)
         expected = None if board is None else ExpectedBoard(board.name, board.fingerprint())
         settings = {
@@ -162,32 +157,6 @@ class SerialDriverOptions(SerialOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PinOptions:
-    """What the drivers of this computer's own pins take; see `L298NDriver`."""
-
-    pins: BoardDescription | None = None
-    parameters: Mapping[str, float] | None = None
-    store: Path | None = None
-    core_timeout_ms: int = CORE_TIMEOUT_MS
-
-    def _common(self) -> dict[str, Any]:
-        """The settings of the process that are the same for both drivers, checked."""
-        if self.pins is not None and not isinstance(self.pins, BoardDescription):
-            raise InvalidArgument(
-                f"pins = {shown(self.pins)}: give `wheelwire.Pins(...)`, or another board"
-            )
-        store = None if self.store is None else path("store", self.store)
-        timeout_ms = whole("core_timeout_ms", self.core_timeout_ms, 1, MAX_CORE_TIMEOUT_MS)
-        return {
-            "board": self.pins or Pins(),
-            "parameters": checked_values(self.parameters),
-            # Here: the process itself reads no other format than the core's.
-            "store": None if store is None else str(converted_store(store)),
-            "core_timeout_ms": timeout_ms,
-        }
-
-
-@dataclass(frozen=True, kw_only=True)
 class MockOptions:
     """Those of `MockDriver`."""
 
@@ -211,55 +180,3 @@ class ReplayOptions:
                 f"{MAX_REPLAY_SPEED}"
             )
         return path("file", self.file), float(self.speed)
-
-
-@dataclass(frozen=True)
-class GpioOptions:
-    """The section `gpio` of a robot's file."""
-
-    _: KW_ONLY
-    pwm_chip: int | None = None
-    tap: bool = True
-
-
-@dataclass(frozen=True, kw_only=True)
-class L298NOptions(PinOptions, GpioOptions):
-    """Those of `L298NDriver`."""
-
-    pwm_directory: Path = PWM_DIRECTORY
-
-    def checked(self) -> McuSettings:
-        """The process that moves the pins, with these options, checked."""
-        chip = self.pwm_chip
-        return McuSettings(
-            "l298n",
-            **self._common(),
-            pwm_directory=str(path("pwm_directory", self.pwm_directory)),
-            pwm_chip=None if chip is None else whole("pwm_chip", chip, 0, MAX_CHIP),
-        )
-
-
-@dataclass(frozen=True)
-class PigpioOptions:
-    """The section `pigpio` of a robot's file."""
-
-    host: str = "localhost"
-    port: int = 8888
-    _: KW_ONLY
-    tap: bool = True
-
-
-@dataclass(frozen=True)
-class PigpioDriverOptions(PinOptions, PigpioOptions):
-    """Those of `PigpioDriver`."""
-
-    core_timeout_ms: int = field(default=PIGPIO_CORE_TIMEOUT_MS, kw_only=True)
-
-    def checked(self) -> McuSettings:
-        """The process that moves the pins, with these options, checked."""
-        return McuSettings(
-            "pigpio",
-            **self._common(),
-            host=text("host", self.host, "localhost"),
-            port=whole("port", self.port, 1, 65_535),
-        )

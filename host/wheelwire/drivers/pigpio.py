@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .options import PigpioDriverOptions, takes
+from .options import takes
+from .pin_options import PigpioDriverOptions
 from .pins import PinDriver
 
 

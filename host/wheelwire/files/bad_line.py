@@ -15,8 +15,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
 
-from wheelwire.simulation.bad_line import Impairment, Incident, LineProfile
-
+from ..simulation.bad_line import Impairment, Incident, LineProfile
 from .reading import Section, file_named, names_in, reading
 
 SHIPPED = Path(__file__).parents[1] / "simulation" / "profiles"

@@ -7,8 +7,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from wheelwire.board import BoardDescription, WheelPins
-from wheelwire.errors import ConfigurationError
 from wheelwire_protocol import native
 from wheelwire_protocol.board import (
     CHIPS,
@@ -23,6 +21,8 @@ from wheelwire_protocol.board import (
     Stage,
 )
 
+from ..board import BoardDescription, WheelPins
+from ..errors import ConfigurationError
 from .reading import Section, file_named, names_in, reading
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}

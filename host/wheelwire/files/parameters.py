@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wheelwire.errors import ConfigurationError, ParameterOutOfRange
-from wheelwire.link.info import DeviceInfo
-from wheelwire.parameters import ParameterInfo, checked_value, number_text
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Parameter
 
+from ..errors import ConfigurationError, ParameterOutOfRange
+from ..link.info import DeviceInfo
+from ..parameters import ParameterInfo, checked_value, number_text
 from .reading import Section, reading
 
 _IDENTITY = ("board", "board_id", "firmware")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from inspect import signature
 
-from wheelwire.board import BoardDescription, WheelPins
-from wheelwire.errors import ConfigurationError, shown
-from wheelwire.linux_mcu.gpio.base import PWM_CHANNEL
 from wheelwire_protocol.board import Stage
 from wheelwire_protocol.codes import Board as Chip
+
+from ..board import BoardDescription, WheelPins
+from ..errors import ConfigurationError, shown
+from ..linux_mcu.gpio.base import PWM_CHANNEL
 
 LAST_GPIO = 27
 """Of the 40-pin header of every Raspberry Pi since the B+; BCM numbers, not pin positions."""

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from wheelwire.arguments import is_number
-from wheelwire.errors import ConfigurationError
-
+from ..arguments import is_number
+from ..errors import ConfigurationError
 from .reading import Section, file_named, names_in, reading
 
 SHIPPED = Path(__file__).parents[1] / "simulation" / "plants"

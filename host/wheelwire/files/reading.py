@@ -10,8 +10,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from wheelwire.arguments import is_number
-from wheelwire.errors import ConfigurationError, InvalidArgument, shown
+from ..arguments import is_number
+from ..errors import ConfigurationError, InvalidArgument, shown
 
 LARGEST_BYTES = 1_000_000
 """No file of ours comes near it: a log or a recording that was given by mistake does."""

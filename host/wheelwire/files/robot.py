@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from wheelwire.arguments import is_number
-from wheelwire.errors import ConfigurationError, shown
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
+from ..arguments import is_number
+from ..errors import ConfigurationError, shown
 from .parameters import parameter_value, parameter_values
 from .pins import PIN_NAMES, Pins, check_hardware_pwm
 from .reading import Section

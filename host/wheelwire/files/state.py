@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from wheelwire.errors import OutputFailed
+from ..errors import OutputFailed
 
 
 def state_folder() -> Path:

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from wheelwire.errors import ConfigurationError, shown
+from ..errors import ConfigurationError, shown
 
 _TIMESTAMP = "tag:yaml.org,2002:timestamp"
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from heapq import heapify, heappop, heappush
 from random import Random
 
-from wheelwire.errors import ConfigurationError, shown
 from wheelwire_protocol.decoder import Decoder
+
+from ..errors import ConfigurationError, shown
 
 KINDS = ("stall", "unplug", "reset")
 _CHANCES = ("loss", "repeat", "reorder", "flip", "corrupt")

@@ -15,9 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from wheelwire.errors import PortUnavailable
-from wheelwire.link.clock import host_clock_us
-
+from ..errors import PortUnavailable
+from ..link.clock import host_clock_us
 from .bad_line import ImpairedLine, LineEvent, LineProfile
 from .simulator import Simulator
 

@@ -54,11 +54,21 @@ with wheelwire.open_driver("mock", parameters={"wheel_radius": 0.04}) as robot:
     "code", ["from wheelwire.drivers import l298n, mock, pigpio, replay, serial", OPENED]
 )
 def test_importing_the_package_and_driving_load_nothing_slow(code: str) -> None:
+    assert not SLOW & loaded_by(code)
+
+
+def test_the_serial_driver_loads_nothing_of_pins_and_of_files() -> None:
+    loaded = loaded_by("from wheelwire.drivers import serial")
+    assert not {"wheelwire.linux_mcu", "wheelwire.files"} & loaded
+
+
+def loaded_by(code: str) -> set[str]:
+    """The modules that are loaded after it."""
     program = f"import sys; sys.path[:] = {sys.path}; import wheelwire\n{code}\nprint(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert not SLOW & set(loaded.stdout.split())
+    return set(loaded.stdout.split())
 
 
 @pytest.mark.parametrize("module", [factory, aio])
