@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
-from typing import Any
 
-from .errors import ConfigurationError, InvalidArgument, shown
+from .errors import InvalidArgument, shown
 
 LONGEST_WAIT_S = 3600.0
 """Longest time-out of any call, and longest time to live: every device shortens that further."""
@@ -97,16 +95,3 @@ def flag(name: str, value: object) -> bool:
     if isinstance(value, bool):
         return value
     raise InvalidArgument(f"{name} = {shown(value)}: give True or False")
-
-
-def top_level(content: object) -> dict[str, Any]:
-    """The content of a file as a dictionary with texts as keys.
-
-    Raises:
-        ConfigurationError: It is none.
-    """
-    if content is None:
-        raise ConfigurationError("the file is empty: write `name: value` lines")
-    if not isinstance(content, Mapping):
-        raise ConfigurationError(f"the file holds {shown(content)}: write `name: value` lines")
-    return {str(name): value for name, value in content.items()}

@@ -18,17 +18,6 @@ STEP, RAMP, SINE = SHAPES = ("step", "ramp", "sine")
 BOTH = "both"
 WHEELS = (*SIDES, BOTH)
 
-GAINS = (
-    "proportional_gain",
-    "integral_gain",
-    "velocity_feedforward",
-    "static_feedforward",
-    "acceleration_feedforward",
-    "path_gain",
-    "heading_gain",
-)
-"""The parameters that a drive may try."""
-
 _SINE_PERIODS = 2
 _SINE_PARTS = 24
 """Of a period: straight pieces that differ from the sine by 1 % of its height."""
@@ -272,7 +261,7 @@ def compare(
     Args:
         robot: Raised, or with room around it.
         drive: What to drive.
-        tried: Parameters by name; of `GAINS`.
+        tried: Parameters by name, such as gains.
         left: Called with about how long the wheels still turn [s].
         plan: Called with the course before anything moves.
 

@@ -53,18 +53,13 @@ class Callbacks(ABC):
     def close(self) -> None:
         """Begin no call from now on. Never waits."""
 
-    @abstractmethod
     def _check(self, happening: Happening, handler: Handler) -> None:
-        """Raise `InvalidArgument` for a function that cannot be called here."""
-
-
-def refuse_coroutine(happening: Happening, handler: Handler) -> None:
-    """Raise `InvalidArgument` if it would have to be awaited."""
-    if iscoroutinefunction(handler):
-        raise InvalidArgument(
-            f"{happening.value} = {shown(handler)}: give a plain function; coroutines are for "
-            "robots of wheelwire.aio"
-        )
+        """Raise `InvalidArgument` for a function that would have to be awaited."""
+        if iscoroutinefunction(handler):
+            raise InvalidArgument(
+                f"{happening.value} = {shown(handler)}: give a plain function; coroutines are for "
+                "robots of wheelwire.aio"
+            )
 
 
 def log_failure(happening: Happening) -> None:
@@ -154,9 +149,6 @@ class ThreadCallbacks(Callbacks):
             self._changed.notify_all()
         return True
 
-    def _check(self, happening: Happening, handler: Handler) -> None:
-        refuse_coroutine(happening, handler)
-
 
 def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[News | None]) -> None:
     """The thread's main function."""
@@ -192,7 +184,10 @@ class InlineCallbacks(Callbacks):
                 happening, told = self._news.popleft()
                 handler = self.handlers.get(happening)
                 if handler is not None:
-                    self._call(happening, handler, told)
+                    try:
+                        handler(told)
+                    except Exception:
+                        log_failure(happening)
         finally:
             self._calling = False
 
@@ -202,13 +197,3 @@ class InlineCallbacks(Callbacks):
 
     def wait(self) -> None:
         """No call is under way, except one that this is called from."""
-
-    @staticmethod
-    def _call(happening: Happening, handler: Handler, told: object) -> None:
-        try:
-            handler(told)
-        except Exception:
-            log_failure(happening)
-
-    def _check(self, happening: Happening, handler: Handler) -> None:
-        refuse_coroutine(happening, handler)

@@ -22,7 +22,8 @@ from wheelwire_protocol.types import (
 
 from ..board import BoardDescription, unpacked
 from ..errors import BoardNotKept, LinkLost, WheelwireError
-from .requests import DeviceLink, Requests, blocking
+from ..link.device_link import DeviceLink
+from .requests import Requests, blocking
 
 RESTART_TIMEOUT_S = 8.0
 """A chip is back within one second; the trial of a board ends after ten."""

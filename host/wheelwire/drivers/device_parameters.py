@@ -22,6 +22,7 @@ from wheelwire_protocol.types import (
 
 from ..arguments import number
 from ..errors import DeviceRefused, InvalidArgument, WheelwireError
+from ..link.device_link import DeviceLink
 from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
     TRIAL_TIMEOUT_S,
@@ -33,7 +34,7 @@ from ..parameters import (
     decimal_of_float32,
     definition_of,
 )
-from .requests import DeviceLink, Requests, blocking, run
+from .requests import Requests, blocking, run
 
 # The session fills in its own id and the request's.
 _REVERT = ParameterTrial(0, 0, TrialAction.REVERT, 0.0)

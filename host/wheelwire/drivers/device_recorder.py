@@ -19,8 +19,9 @@ from wheelwire_protocol.codes import (
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
+from ..link.device_link import DeviceLink
 from ..link.recorded import Ledger, Recorded, StoredBox
-from .requests import DeviceLink, Requests, blocking
+from .requests import Requests, blocking
 
 _MOST_BOXES = 255
 _STOPS = (

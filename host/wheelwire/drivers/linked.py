@@ -10,8 +10,8 @@ from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..errors import WheelwireError
-from ..link.connection import Link, LinkInfo
-from ..link.info import LinkStatistics
+from ..link.device_link import DeviceLink
+from ..link.info import LinkInfo, LinkStatistics
 from ..link.news import Happening
 from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
@@ -20,9 +20,6 @@ from .driving import Driving
 
 if TYPE_CHECKING:
     from ..diagnosis.watch import StopWatch
-    from ..link.attached import AttachedLink
-    from ..recording.replay import ReplayLink
-    from ..simulation.virtual_link import VirtualLink
 
 TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"].id
 
@@ -51,7 +48,7 @@ _DOES_NOT_DRIVE = {
 class LinkedRobot(Driving):
     """A robot behind `_link`, which watches at least the parameters of `WATCHED`."""
 
-    _link: Link | VirtualLink | ReplayLink | AttachedLink
+    _link: DeviceLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
     _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
     _watch: StopWatch | None = None

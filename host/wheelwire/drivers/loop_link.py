@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, cast
 from wheelwire_protocol.parameters import PARAMETERS
 
 from ..errors import InvalidCommand, LinkLost, WheelwireError
-from ..link.connection import CALL_TIMEOUT_S, CLOSE_TIMEOUT_S, Link, call_takes_too_long
+from ..link.connection import CLOSE_TIMEOUT_S, Link
+from ..link.device_link import CALL_TIMEOUT_S
 from ..link.inline_link import STEP_S, InlineLink
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, Done, RequestMessage
@@ -154,7 +155,7 @@ class LoopLink(Requests):
             raise
         if not results:
             self.link.withdraw(done)
-            raise call_takes_too_long()
+            raise self.link.no_answer()
         # The same error may end many calls: tracebacks must not pile up in it.
         if isinstance(results[0], WheelwireError):
             raise results[0].with_traceback(None)

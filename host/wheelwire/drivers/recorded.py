@@ -14,6 +14,7 @@ from ..errors import InvalidArgument, InvalidCommand, WheelwireError
 from ..files.board import to_yaml
 from ..files.parameters import ParameterFile
 from ..link.connection import Link
+from ..link.device_link import DeviceLink
 from ..link.info import host_release
 from ..recording.recorder import Attachment, Recorder, recording_path
 from .device_board import DeviceBoard
@@ -22,7 +23,6 @@ from .factory import RECORD_VARIABLE
 
 if TYPE_CHECKING:
     from .base import BaseDriver
-    from .requests import DeviceLink
 
 _YAML = "application/yaml"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Coroutine
 from functools import wraps
-from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeAlias, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 from wheelwire_protocol.codec import schema_hash
 from wheelwire_protocol.codes import Contradiction, Group, RefusalCode
@@ -29,15 +29,9 @@ from wheelwire_protocol.types import (
 )
 
 from ..errors import DeviceRefused, GroupUnavailable
-from ..link.connection import Link
+from ..link.device_link import DeviceLink
 from ..link.requests import Answer, RequestMessage, subject
 
-if TYPE_CHECKING:
-    from ..link.attached import AttachedLink
-    from ..recording.replay import ReplayLink
-    from ..simulation.virtual_link import VirtualLink
-
-DeviceLink: TypeAlias = "Link | VirtualLink | ReplayLink | AttachedLink"
 P = ParamSpec("P")
 Result = TypeVar("Result")
 

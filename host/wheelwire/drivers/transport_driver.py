@@ -14,6 +14,7 @@ from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
 from ..errors import InvalidCommand, LinkClosed, LinkLost, WheelwireError
 from ..link.connection import Link
+from ..link.device_link import DeviceLink
 from ..link.latest_sample import LatestSample
 from ..link.requests import Answer
 from ..parameters import Parameters
@@ -24,7 +25,7 @@ from .device_parameters import DeviceParameters
 from .device_recorder import DeviceRecorder
 from .linked import LinkedRobot
 from .options import TransportOptions, takes
-from .requests import AwaitableDevice, DeviceLink, Requests, blocking
+from .requests import AwaitableDevice, Requests, blocking
 
 if TYPE_CHECKING:
     from pathlib import Path

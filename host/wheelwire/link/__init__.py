@@ -5,7 +5,7 @@ requests.py     what is answered: repeats and time-outs; setpoints.py: what expi
 clock.py        device time to host time, and its error
 state_stream.py state frames to samples; latest_sample.py: where the newest one waits for `read`
 port_loop.py    the thread that reads and writes; port_policy.py: baud rates, and opening it again
-connection.py   `Link`: hands requests to that thread, and their answers to callers; inline_link.py:
-                links without a port, in virtual time or of a recording
+device_link.py  what every link offers; connection.py: `Link`, which hands requests to that thread,
+                and their answers to callers; inline_link.py: without a port, in virtual time
 transports.py   a tty, a socket or a child process; discovery.py and port_list.py find boards
 """

@@ -10,12 +10,11 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, NoReturn, cast
 
 from wheelwire_protocol.codes import StopMode
@@ -24,8 +23,9 @@ from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.types import Estop, Stop
 
 from ..errors import InvalidCommand, LinkClosed, LinkLost, RequestTimeout, WheelwireError
-from .connection import CALL_TIMEOUT_S, CONNECT_TIMEOUT_S, LinkInfo
-from .info import LinkStatistics
+from .connection import CONNECT_TIMEOUT_S
+from .device_link import CALL_TIMEOUT_S
+from .info import LinkInfo, LinkStatistics
 from .latest_sample import LatestSample
 from .port_list import absolute_port
 from .requests import Answer, Done, RequestMessage
@@ -369,16 +369,9 @@ class AttachedLink(RerunLink):
             self._finish(LinkClosed(self._gone))
             self._check_alive()
 
-    def _result(self, post: Callable[[Done], None]) -> Answer:
-        results: SimpleQueue[Answer | WheelwireError] = SimpleQueue()
-        post(results.put)
-        try:
-            result = results.get(timeout=CALL_TIMEOUT_S)
-        except Empty:
-            raise RequestTimeout(
-                f"{self.holder.name}, which holds {self.name}, gave no answer for "
-                f"{CALL_TIMEOUT_S:g} s: whether it was done is not known"
-            ) from None
-        if isinstance(result, WheelwireError):
-            raise result.with_traceback(None)
-        return result
+    def no_answer(self) -> RequestTimeout:
+        """As `DeviceLink.no_answer`; says whose answer it is."""
+        return RequestTimeout(
+            f"{self.holder.name}, which holds {self.name}, gave no answer for "
+            f"{CALL_TIMEOUT_S:g} s: whether it was done is not known"
+        )

@@ -11,40 +11,35 @@ import _thread
 import os
 import threading
 import weakref
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from wheelwire_protocol.codes import StopMode
-from wheelwire_protocol.types import SetDuty
 
 from ..errors import (
     BoardMismatch,
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
-    InvalidCommand,
     LinkLost,
     PortUnavailable,
     ProtocolMismatch,
     RequestTimeout,
     WheelwireError,
 )
-from ..samples import Setpoint
 from .clock import host_clock_us
-from .info import ActiveBoard, DeviceInfo, ExpectedBoard, LinkStatistics
+from .device_link import DeviceLink
+from .info import ExpectedBoard, LinkInfo, LinkStatistics
 from .latest_sample import LatestSample
 from .news import Happening, Listener
 from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
 from .session import Phase, Session
-from .state_stream import DUTY_SCALE
-from .tap import Tap, TapReader
+from .tap import TapReader
 from .waiting import Notifier
 
 if TYPE_CHECKING:
@@ -58,24 +53,8 @@ CONNECT_TIMEOUT_S = 5.0
 """How long to look for the device, unless the application says otherwise."""
 PORT_TIMEOUT_S = 60.0
 """A process that moves pins takes up to 28 s to start, an unreachable name server half a minute."""
-CALL_TIMEOUT_S = 5.0
-"""A request times out after about one second, and others may be queued before it."""
 CLOSE_TIMEOUT_S = 10.0
 """Longer than a port needs to close: a process at the other end brakes for up to 5 s."""
-
-
-@dataclass(frozen=True)
-class LinkInfo:
-    """What a link is at this moment."""
-
-    port: str
-    baud_rate: int | None
-    """The rate at which the device answered; None if the port has none."""
-    low_latency: bool | None
-    """See `transports.Transport`."""
-    device: DeviceInfo
-    board: ActiveBoard | None
-    """The board that the device is on; None until it has said so, and where it cannot tell."""
 
 
 @dataclass(frozen=True)
@@ -132,98 +111,8 @@ class LinkOptions:
         return self.open_port or partial(_open_port, self.port, self.board_id)
 
 
-class SessionView(ABC):
-    """What a link knows by its session, in real time and in virtual time alike."""
-
-    _session: Session
-    in_virtual_time: bool = False
-    """Whether time passes only in its `advance`."""
-
-    @abstractmethod
-    def _check_alive(self) -> None:
-        """Raise why the link has ended, if it has."""
-
-    @property
-    def _device(self) -> DeviceInfo:
-        if self._session.device is None:
-            raise self._session.error
-        return self._session.device
-
-    @property
-    def sessions(self) -> int:
-        """Number of sessions since the link was opened."""
-        return self._session.count
-
-    @property
-    def rolling_mps(self) -> float | None:
-        """As `Session.rolling_mps`."""
-        return self._session.rolling_mps
-
-    def asked(self, now_us: int) -> Setpoint | None:
-        """The newest setpoint of whoever drives; None once it has expired or was stopped."""
-        newest = self._session.setpoints.newest  # once: another thread may replace it
-        if newest is None or newest[1] <= now_us:
-            return None
-        asked = newest[0]
-        if isinstance(asked, SetDuty):
-            left, right = asked.left_duty_q15, asked.right_duty_q15
-            return Setpoint(left / DUTY_SCALE, right / DUTY_SCALE, duty=True)
-        return Setpoint(asked.left_mps, asked.right_mps, duty=False)
-
-    @property
-    def watched_values(self) -> Mapping[int, float]:
-        """The newest values of the watched parameters, by id: the same object until one changes."""
-        values = self._session.watched_values
-        # The end of a link ends the session as well, so there is nothing else to look at.
-        if values is None:
-            self._check_alive()
-            raise self._session.error.with_traceback(None)
-        return values
-
-    @property
-    def watched_if_open(self) -> Mapping[int, float] | None:
-        """As `watched_values`; None while no session is open."""
-        return self._session.watched_values
-
-    def known(self, parameter: int) -> float | None:
-        """The newest value of a parameter that was reported in this session, if there is one."""
-        self.check()
-        return self._session.values.get(parameter)
-
-    def advance(self, seconds: float) -> None:  # noqa: ARG002 - virtual time has a use for it
-        """Let virtual time pass.
-
-        Raises:
-            InvalidCommand: Time is real.
-        """
-        raise InvalidCommand(
-            "time passes by itself: give realtime=False, or a replay speed=0, to advance it"
-        )
-
-    def check(self) -> None:
-        """Raise why the link is not open, if it is not."""
-        self._check_alive()
-        self._session.check_open()
-
-    @property
-    def tap(self) -> Tap:
-        """Passes on what crosses the link."""
-        return self._session.tap
-
-    def note(self, what: Mapping[str, Any]) -> None:
-        """Say something of the program to whoever listens to the tap."""
-        self.tap.note(what, self._clock_us())
-
-    def _clock_us(self) -> int:
-        return host_clock_us()
-
-    def release_trial(self) -> None:
-        """The application has left its trial of parameters."""
-        self._session.release_trial()
-
-
-class Link(SessionView):
-    """A link to one device. Is to be opened first, and closed.
+class Link(DeviceLink):
+    """A link to one device over a port.
 
     Args:
         options: What it leads to.
@@ -311,9 +200,8 @@ class Link(SessionView):
             self._tap_server.finish()
 
     @property
-    def has_ended(self) -> bool:
-        """The link is down for good."""
-        return self._loop.end is not None
+    def _end(self) -> WheelwireError | None:
+        return self._loop.end
 
     def close(self) -> None:
         """Stop the robot, close the port and end the thread. Safe to call more than once."""
@@ -379,29 +267,6 @@ class Link(SessionView):
             raise
 
     # --- what is answered ----------------------------------------------------------------------
-
-    def request(self, message: RequestMessage) -> Answer:
-        """Send a request and wait for its answer.
-
-        Raises:
-            DeviceRefused: The device refused it.
-            LinkLost: The link is down, or went down before the answer came.
-            RequestTimeout: No answer came.
-        """
-        return cast("Answer", self._result(partial(self.post, message), is_stop=False))
-
-    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """Stop and wait for the acknowledgement. Without a session it is sent all the same.
-
-        Raises:
-            LinkLost: There is no session: whether the stop arrived is unknown.
-            RequestTimeout: No acknowledgement came.
-        """
-        self._result(partial(self.post_stop, mode=mode))
-
-    def estop(self) -> None:
-        """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
-        self._result(self.post_estop)
 
     def post(self, message: RequestMessage, done: RequestDone) -> None:
         """As `request`, without waiting: the link's thread calls `done` with the result."""
@@ -487,36 +352,6 @@ class Link(SessionView):
         # A request always has a result; None is for tasks that have none.
         self._loop.call(begin, cast("Done", done))
 
-    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:
-        """Wait for what `post` hands to the port's thread; return its result, or raise its error.
-
-        A call whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
-        So is a request when an exception out of a signal handler ends the wait; a stop is to arrive
-        in any case.
-        """
-        # A queue for each call: a result that comes after its caller gave up reaches nobody.
-        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
-        done = results.put
-        try:
-            post(done)
-            result = results.get(timeout=CALL_TIMEOUT_S)
-        except Empty:
-            self.withdraw(done)
-            raise call_takes_too_long() from None
-        except BaseException:
-            if not is_stop:
-                self.withdraw(done)
-            raise
-        # The same error may end many calls: tracebacks must not pile up in it.
-        if isinstance(result, WheelwireError):
-            raise result.with_traceback(None)
-        return result
-
-    def _check_alive(self) -> None:
-        # Every call from here on raises the same error: tracebacks must not pile up in it.
-        if self._loop.end is not None:
-            raise self._loop.end.with_traceback(None)
-
     # --- while it is being opened --------------------------------------------------------------
 
     def _opening_is_decided(self) -> bool:
@@ -551,14 +386,6 @@ class Link(SessionView):
         if session.bytes_received:
             return ForeignDevice(port, tried, session.bytes_received)
         return DeviceSilent(port, tried)
-
-
-def call_takes_too_long() -> RequestTimeout:
-    """Of a call that the port's thread has not answered within `CALL_TIMEOUT_S`."""
-    return RequestTimeout(
-        f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
-        "look at the port, and at what keeps this computer busy"
-    )
 
 
 def _start(thread: threading.Thread, loop: PortLoop) -> None:

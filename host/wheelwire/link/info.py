@@ -101,6 +101,20 @@ class ActiveBoard:
         return cls(name, state, value.crc, value.estop >= 0)
 
 
+@dataclass(frozen=True)
+class LinkInfo:
+    """What a link is at this moment."""
+
+    port: str
+    baud_rate: int | None
+    """The rate at which the device answered; None if the port has none."""
+    low_latency: bool | None
+    """See `transports.Transport`."""
+    device: DeviceInfo
+    board: ActiveBoard | None
+    """The board that the device is on; None until it has said so, and where it cannot tell."""
+
+
 class ExpectedBoard(NamedTuple):
     """The board that a device has to be on."""
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..errors import LinkLost
-from .inline_link import PostedLink
+from ..errors import LinkLost, WheelwireError
+from .device_link import DeviceLink
 from .latest_sample import LatestSample
 from .rerun import Rerun
 from .session import Phase, Session
@@ -11,7 +11,7 @@ from .tap import Record
 from .waiting import Notifier
 
 
-class RerunLink(PostedLink):
+class RerunLink(DeviceLink):
     """A link that follows records.
 
     Args:
@@ -20,6 +20,8 @@ class RerunLink(PostedLink):
     Attributes:
         changed: Notified when the session opens or ends.
     """
+
+    _end: WheelwireError | None = None
 
     def __init__(self, latest_sample: LatestSample) -> None:
         self.changed = Notifier()

@@ -34,6 +34,7 @@ class VirtualLink(InlineLink):
     """
 
     in_virtual_time = True
+    _end: LinkClosed | None = None
 
     def __init__(
         self, latest_sample: LatestSample, sim: FwSim, watched: Sequence[int] = ()

@@ -9,7 +9,6 @@ HARDWARE_PWM = {12: 0, 18: 0, 13: 1, 19: 1}
 PLLD_HZ = 750_000_000
 """Of a Pi 4. Hardware PWM has PLLD / 2 / frequency steps."""
 
-BAD_USER_GPIO = -2
 BAD_GPIO = -3
 BAD_PUD = -6
 BAD_DUTYCYCLE = -8

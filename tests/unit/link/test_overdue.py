@@ -14,7 +14,7 @@ from wheelwire import aio
 from wheelwire.drivers import loop_link
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import RequestTimeout
-from wheelwire.link import connection
+from wheelwire.link import device_link
 from wheelwire_protocol.types import ParameterSet
 
 pytestmark = pytest.mark.timeout(60)
@@ -33,7 +33,7 @@ def sets(device: FakeDevice) -> int:
 def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
         robot.device.lost_answers.add(ParameterSet)
-        monkeypatch.setattr(connection, "CALL_TIMEOUT_S", LIMIT_S)
+        monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
         with pytest.raises(RequestTimeout, match="whether it was done is not known"):
             driver.parameters.set("integral_gain", 7.5)
         monkeypatch.undo()
@@ -49,11 +49,11 @@ def test_one_that_was_not_begun_is_never_sent(
 ) -> None:
     with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
         # The port's thread has something else to do meanwhile.
-        driver._link._loop.call(  # type: ignore[union-attr]
+        driver._link._loop.call(  # type: ignore[attr-defined]
             lambda done, _: (time.sleep(10 * LIMIT_S), done(None))[1],  # type: ignore[func-returns-value]
             lambda _: None,
         )
-        monkeypatch.setattr(connection, "CALL_TIMEOUT_S", LIMIT_S)
+        monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
         with pytest.raises(RequestTimeout):
             driver.parameters.set("integral_gain", 7.5)
         monkeypatch.undo()

@@ -1,0 +1,260 @@
+"""What every link to a device offers, in real time, in virtual time and of a recording."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from functools import partial
+from queue import Empty, SimpleQueue
+from typing import Any, cast
+
+from wheelwire_protocol.codes import StopMode
+from wheelwire_protocol.types import SetDuty
+
+from ..errors import InvalidCommand, RequestTimeout, WheelwireError
+from ..samples import Setpoint
+from .clock import host_clock_us
+from .info import DeviceInfo, LinkInfo, LinkStatistics
+from .news import Happening, Listener
+from .requests import Answer, Done, RequestMessage
+from .session import Session
+from .state_stream import DUTY_SCALE
+from .tap import Tap, TapReader
+
+CALL_TIMEOUT_S = 5.0
+"""A request times out after about one second, and others may be queued before it."""
+
+
+class DeviceLink(ABC):
+    """A link to one device. Is to be opened first, and closed."""
+
+    _session: Session
+    _listener: Listener | None = None
+    in_virtual_time: bool = False
+    """Whether time passes only in its `advance`."""
+
+    # --- opening and closing -------------------------------------------------------------------
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open it, and wait for a session."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End it. Safe to call more than once."""
+
+    @property
+    @abstractmethod
+    def _end(self) -> WheelwireError | None:
+        """Why the link is down for good; None while it is not."""
+
+    @property
+    def has_ended(self) -> bool:
+        """The link is down for good."""
+        return self._end is not None
+
+    def check(self) -> None:
+        """Raise why the link is not open, if it is not."""
+        self._check_alive()
+        self._session.check_open()
+
+    def _check_alive(self) -> None:
+        # Every call from here on raises the same error: tracebacks must not pile up in it.
+        if self._end is not None:
+            raise self._end.with_traceback(None)
+
+    # --- what is known ---------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Name for messages."""
+
+    @property
+    @abstractmethod
+    def info(self) -> LinkInfo:
+        """Port, baud rate and device."""
+
+    @property
+    @abstractmethod
+    def statistics(self) -> LinkStatistics:
+        """What was counted since the link was opened."""
+
+    @property
+    def _device(self) -> DeviceInfo:
+        if self._session.device is None:
+            raise self._session.error
+        return self._session.device
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions since the link was opened."""
+        return self._session.count
+
+    @property
+    def rolling_mps(self) -> float | None:
+        """As `Session.rolling_mps`."""
+        return self._session.rolling_mps
+
+    def asked(self, now_us: int) -> Setpoint | None:
+        """The newest setpoint of whoever drives; None once it has expired or was stopped."""
+        newest = self._session.setpoints.newest  # once: another thread may replace it
+        if newest is None or newest[1] <= now_us:
+            return None
+        asked = newest[0]
+        if isinstance(asked, SetDuty):
+            left, right = asked.left_duty_q15, asked.right_duty_q15
+            return Setpoint(left / DUTY_SCALE, right / DUTY_SCALE, duty=True)
+        return Setpoint(asked.left_mps, asked.right_mps, duty=False)
+
+    @property
+    def watched_values(self) -> Mapping[int, float]:
+        """The newest values of the watched parameters, by id: the same object until one changes."""
+        values = self._session.watched_values
+        # The end of a link ends the session as well, so there is nothing else to look at.
+        if values is None:
+            self._check_alive()
+            raise self._session.error.with_traceback(None)
+        return values
+
+    @property
+    def watched_if_open(self) -> Mapping[int, float] | None:
+        """As `watched_values`; None while no session is open."""
+        return self._session.watched_values
+
+    def known(self, parameter: int) -> float | None:
+        """The newest value of a parameter that was reported in this session, if there is one."""
+        self.check()
+        return self._session.values.get(parameter)
+
+    # --- what is asked for -----------------------------------------------------------------------
+
+    @abstractmethod
+    def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
+        """Write one velocity setpoint at once; it expires at the host's `expiry_us`."""
+
+    @abstractmethod
+    def drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        """Write one duty setpoint; otherwise as `drive_velocity`."""
+
+    def request(self, message: RequestMessage) -> Answer:
+        """Send a request and wait for its answer.
+
+        Raises:
+            DeviceRefused: The device refused it.
+            LinkLost: The link is down, or went down before the answer came.
+            RequestTimeout: No answer came.
+        """
+        return cast("Answer", self._result(partial(self.post, message), is_stop=False))
+
+    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """Stop and wait for the acknowledgement. Without a session it is sent all the same.
+
+        Raises:
+            LinkLost: There is no session: whether the stop arrived is unknown.
+            RequestTimeout: No acknowledgement came.
+        """
+        self._result(partial(self.post_stop, mode=mode))
+
+    def estop(self) -> None:
+        """Stop, latch and wait for the acknowledgement; otherwise as `stop`."""
+        self._result(self.post_estop)
+
+    @abstractmethod
+    def post(self, message: RequestMessage, done: Done) -> None:
+        """As `request`, without waiting: `done` is called with the result."""
+
+    @abstractmethod
+    def post_stop(self, done: Done, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """As `stop`, without waiting: `done` is called with the result."""
+
+    @abstractmethod
+    def post_estop(self, done: Done) -> None:
+        """As `estop`, without waiting: `done` is called with the result."""
+
+    @abstractmethod
+    def withdraw(self, done: Done) -> None:
+        """Whoever posted a request with `done` has given up: nothing of it is sent from now on."""
+
+    def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:
+        """Wait for the result of what `post` asks for; return it, or raise its error.
+
+        A call whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
+        So is a request when an exception out of a signal handler ends the wait; a stop is to arrive
+        in any case.
+        """
+        # A queue for each call: a result that comes after its caller gave up reaches nobody.
+        results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
+        done = results.put
+        try:
+            post(done)
+            result = results.get(timeout=CALL_TIMEOUT_S)
+        except Empty:
+            self.withdraw(done)
+            raise self.no_answer() from None
+        except BaseException:
+            if not is_stop:
+                self.withdraw(done)
+            raise
+        # The same error may end many calls: tracebacks must not pile up in it.
+        if isinstance(result, WheelwireError):
+            raise result.with_traceback(None)
+        return result
+
+    def no_answer(self) -> RequestTimeout:
+        """Of a call that has had no result within `CALL_TIMEOUT_S`."""
+        return RequestTimeout(
+            f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
+            "look at the port, and at what keeps this computer busy"
+        )
+
+    def release_trial(self) -> None:
+        """The application has left its trial of parameters."""
+        self._session.release_trial()
+
+    # --- what is passed on -----------------------------------------------------------------------
+
+    def listen(self, listener: Listener, happening: Happening) -> None:
+        """Tell `listener` what happens from now on; of `happening` also what is so already.
+
+        Whoever takes what comes calls it.
+        """
+        self._listener = listener
+        standing = self._session.standing_news(happening)
+        if standing is not None:
+            listener(standing)
+
+    def _tell_listener(self) -> None:
+        news = self._session.news
+        while news:
+            happened = news.popleft()
+            if self._listener is not None:
+                self._listener(happened)
+
+    @property
+    def tap(self) -> Tap:
+        """Passes on what crosses the link."""
+        return self._session.tap
+
+    @abstractmethod
+    def listen_to_tap(self, reader: TapReader) -> None:
+        """Have `reader` get all that crosses the link from now on."""
+
+    def note(self, what: Mapping[str, Any]) -> None:
+        """Say something of the program to whoever listens to the tap."""
+        self.tap.note(what, self._clock_us())
+
+    # --- time ------------------------------------------------------------------------------------
+
+    def advance(self, seconds: float) -> None:  # noqa: ARG002 - virtual time has a use for it
+        """Let virtual time pass.
+
+        Raises:
+            InvalidCommand: Time is real.
+        """
+        raise InvalidCommand(
+            "time passes by itself: give realtime=False, or a replay speed=0, to advance it"
+        )
+
+    def _clock_us(self) -> int:
+        return host_clock_us()
