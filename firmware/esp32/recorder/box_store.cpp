@@ -5,7 +5,6 @@
 namespace wheelwire {
 namespace {
 
-constexpr uint32_t kSectors = kBoxImageSize / kFlashSector;
 constexpr uint32_t kMemorySize = static_cast<uint32_t>(box::kWords * sizeof(uint32_t));
 constexpr auto kHeadSize = static_cast<uint32_t>(BoxHead::kSize);
 
@@ -57,6 +56,7 @@ size_t BoxStore::read(uint32_t number, uint32_t offset, uint8_t* out, size_t cap
 /// emergency stop leave the one panic where it is.
 void BoxStore::choose_spare() {
   blank_ = 0;
+  is_erased_ = false;
   for (spare_ = 0; spare_ < kSlots; ++spare_)
     if (!slots_[spare_].is_valid) return;
   spare_ = oldest_of_most();
@@ -87,23 +87,23 @@ uint32_t BoxStore::begin(const BoxHead& head, const uint32_t* memory) {
 }
 
 bool BoxStore::work() {
-  if (is_broken_) return false;
-  if (blank_ < kSectors) return prepare();
-  return memory_ != nullptr && write_next();
+  if (is_idle()) return false;
+  return blank_ < kBoxImageSize ? prepare() : write_next();
 }
 
-/// The next sector of the spare slot. The first one has the head: it is gone before the rest is.
+/// The next part of the spare slot. The first sector has the head: it is gone before the rest is.
 bool BoxStore::prepare() {
-  const uint32_t offset = start_of(spare_) + blank_ * kFlashSector;
   slots_[spare_].is_valid = false;
-  if (is_blank(offset)) {
-    ++blank_;
+  if (is_blank(start_of(spare_) + blank_)) {
+    blank_ += kChunk;
+    if (blank_ % kFlashSector == 0) is_erased_ = false;
     return false;
   }
-  if (!flash_.erase(offset) || !is_blank(offset)) {
+  blank_ -= blank_ % kFlashSector;
+  if (is_erased_ || !flash_.erase(start_of(spare_) + blank_)) {
     fail();
   } else {
-    ++blank_;
+    is_erased_ = true;
   }
   return true;
 }
@@ -135,30 +135,25 @@ bool BoxStore::write_next() {
 
 /// Flash that was written while the power failed may take a later write badly.
 bool BoxStore::write_checked(uint32_t offset, const uint8_t* data, uint32_t size) {
-  if (!flash_.write(offset, data, size)) return false;
-  for (uint32_t at = 0; at < size; at += sizeof buffer_) {
-    const size_t part = size - at < sizeof buffer_ ? size - at : sizeof buffer_;
-    if (!flash_.read(offset + at, buffer_, part) || memcmp(buffer_, data + at, part) != 0)
-      return false;
-  }
-  return true;
+  return flash_.write(offset, data, size) && flash_.read(offset, buffer_, size) &&
+         memcmp(buffer_, data, size) == 0;
 }
 
 /// The slot is erased once more; after that the box is given up, and the flash left alone.
 void BoxStore::fail() {
   blank_ = 0;
+  is_erased_ = false;
   written_ = 0;
   if (++failed_ < kAttempts) return;
   is_broken_ = true;
   memory_ = nullptr;
 }
 
+/// kChunk bytes.
 bool BoxStore::is_blank(uint32_t offset) {
-  for (uint32_t at = 0; at < kFlashSector; at += sizeof buffer_) {
-    if (!flash_.read(offset + at, buffer_, sizeof buffer_)) return false;
-    for (const uint8_t byte : buffer_)
-      if (byte != 0xff) return false;
-  }
+  if (!flash_.read(offset, buffer_, sizeof buffer_)) return false;
+  for (const uint8_t byte : buffer_)
+    if (byte != 0xff) return false;
   return true;
 }
 

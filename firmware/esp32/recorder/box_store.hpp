@@ -31,12 +31,16 @@ class BoxStore {
   /// are filled in; returns the number.
   uint32_t begin(const BoxHead& head, const uint32_t* memory);
   bool is_storing() const { return memory_ != nullptr; }
-  /// One operation, or none if nothing is left to do: an erasure of a sector, or a write of
-  /// kChunk bytes. Returns whether it touched the flash.
+  /// Whether nothing is left to do, or nothing can be done.
+  bool is_idle() const { return is_broken_ || (blank_ == kBoxImageSize && memory_ == nullptr); }
+  /// One step, or none if nothing is left to do: at most one erasure of a sector or one write of
+  /// kChunk bytes, and one read of as many. Each of them holds up the processor, so a host that
+  /// asks meanwhile is answered between two steps. Returns whether it changed the flash.
   bool work();
 
  private:
   static constexpr uint32_t kChunk = 1024;
+  static_assert(kFlashSector % kChunk == 0);
   static constexpr uint8_t kAttempts = 2;
 
   struct Slot {
@@ -56,13 +60,14 @@ class BoxStore {
   FlashRegion& flash_;
   Slot slots_[kSlots];
   size_t spare_ = 0;
-  uint32_t blank_ = 0;  // Sectors of the spare slot that are known to be erased.
+  uint32_t blank_ = 0;      // Bytes of the spare slot that are known to be erased.
+  bool is_erased_ = false;  // The sector behind them was erased, and is read back.
   BoxHead head_;
   const uint32_t* memory_ = nullptr;  // Of the box that is being stored.
   uint32_t written_ = 0;              // Bytes of it.
   uint8_t failed_ = 0;                // Attempts.
   bool is_broken_ = false;            // This flash takes nothing more until the next start.
-  uint8_t buffer_[256];
+  uint8_t buffer_[kChunk];
 };
 
 }  // namespace wheelwire

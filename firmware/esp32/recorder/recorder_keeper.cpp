@@ -34,14 +34,26 @@ void RecorderKeeper::start() {
 }
 
 void RecorderKeeper::step(Device& device, uint64_t now_us) {
-  if (now_us < kAfterStartUs || !device.is_at_rest(now_us)) return;
+  if (rests(device, now_us) || now_us < kAfterStartUs || !device.is_at_rest(now_us)) return;
   if (stores_ && !store_.is_storing()) {
     // It is stored, or the flash takes nothing.
     stores_ = is_left_ = false;
     black_box_.clear();
   }
   if (black_box_.is_closed() && !stores_ && may_store(now_us)) begin(device, now_us);
-  if (store_.work() || ledger_.work(now_us)) device.note_stall();
+  if (!(store_.is_idle() ? ledger_.work(now_us) : store_.work())) return;
+  changed_us_ = now_us;
+  device.note_stall();
+}
+
+/// How long an operation takes only the chip knows: it is over when the next step begins.
+bool RecorderKeeper::rests(const Device& device, uint64_t now_us) {
+  if (changed_us_ != 0) {
+    const uint64_t took_us = now_us - changed_us_;
+    changed_us_ = 0;
+    if (took_us > device.control_period_us()) rest_until_us_ = now_us + took_us;
+  }
+  return now_us < rest_until_us_;
 }
 
 bool RecorderKeeper::may_store(uint64_t now_us) {

@@ -1,5 +1,7 @@
 // When boxes and ledger go to flash: only while the wheels stand, one operation at a time, and not
-// too often. A step that drives in between puts the rest off.
+// too often. A step that drives in between puts the rest off. After an operation that was longer
+// than a control period the flash is left alone for as long as it took, so that a host is answered
+// at least half of the time.
 #pragma once
 
 #include "black_box.hpp"
@@ -54,6 +56,7 @@ class RecorderKeeper final : public BoxArchive {
   static constexpr uint64_t kBoxIntervalUs = 600'000'000;
   static constexpr uint32_t kBurst = 3;
 
+  bool rests(const Device& device, uint64_t now_us);
   bool may_store(uint64_t now_us);
   void begin(const Device& device, uint64_t now_us);
 
@@ -70,6 +73,9 @@ class RecorderKeeper final : public BoxArchive {
   uint32_t reset_number_ = 0;
   uint32_t ended_number_ = 0;
   bool stores_ = false;  // The box in memory is being stored.
+  // When the flash was changed last, unless it is known how long that took; 0 otherwise.
+  uint64_t changed_us_ = 0;
+  uint64_t rest_until_us_ = 0;
   uint32_t allowed_ = kBurst;
   uint64_t refilled_us_ = 0;
 };

@@ -2,9 +2,12 @@
 #include "control_task.hpp"
 
 #include <algorithm>
+#include <map>
+#include <vector>
 
 #include "check.hpp"
 #include "esp_task_wdt.h"
+#include "framing.hpp"
 #include "memory_store.hpp"
 #include "partition_flash.hpp"
 #include "pins.hpp"
@@ -167,6 +170,130 @@ TEST(a_fault_s_box_is_stored_by_the_task_within_the_watchdog_s_limit) {
   CHECK(newest.box_count == 1 && newest.cause == BoxCause::kFault);
   CHECK(newest.faults == fault::kDriverFailed);
   CHECK(fake_partition.erasures > 8);
+}
+
+namespace {
+
+/// A host that opens a session, asks ten times a second, and notes how long each answer took.
+class AskingLine final : public Line {
+ public:
+  std::vector<int64_t> waits_us;
+
+  bool start() override { return true; }
+  void notify(TaskHandle_t, uint32_t) override {}
+  void push() override {}
+  uint32_t bytes_per_second() const override { return 92'160; }
+
+  /// Has a host send what is due by now.
+  void advance() {
+    if (!is_open_) {
+      send(
+          Hello{
+              .nonce = kNonce, .protocol_version = schema::kVersion, .schema_hash = schema::kHash},
+          fake_time_us);
+      is_open_ = true;
+      next_us_ = fake_time_us + kIntervalUs;
+    }
+    for (; next_us_ <= fake_time_us; next_us_ += kIntervalUs) {
+      send(GroupGet{kNonce, ++request_id_, Group::kRecorder}, next_us_);
+    }
+  }
+  size_t read(uint8_t* out, size_t capacity) override {
+    const size_t size = std::min(capacity, waiting_.size());
+    std::copy_n(waiting_.begin(), size, out);
+    waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<ptrdiff_t>(size));
+    return size;
+  }
+  bool write(const uint8_t* data, size_t size) override {
+    Frame frame{};
+    for (size_t i = 0; i < size; ++i) {
+      if (!decoder_.feed(data[i], frame) || frame.id != GroupInfo::kId) continue;
+      waits_us.push_back(fake_time_us - sent_us_.at(GroupInfo::decode(frame.body).request_id));
+    }
+    return true;
+  }
+
+ private:
+  static constexpr uint32_t kNonce = 0x1234;
+  static constexpr int64_t kIntervalUs = 100'000;
+
+  template <typename Message>
+  void send(const Message& message, int64_t at_us) {
+    uint8_t body[Message::kSize];
+    message.encode(body);
+    uint8_t frame[kMaxFrame];
+    const size_t size = encode_frame(Message::kId, seq_++, body, sizeof body, frame);
+    waiting_.insert(waiting_.end(), frame, frame + size);
+    sent_us_[request_id_] = at_us;
+  }
+
+  bool is_open_ = false;
+  int64_t next_us_ = 0;
+  uint16_t request_id_ = 0;
+  uint16_t seq_ = 0;
+  std::vector<uint8_t> waiting_;
+  std::map<uint16_t, int64_t> sent_us_;
+  FrameDecoder decoder_{body_size};
+};
+
+}  // namespace
+
+TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
+  constexpr int64_t kEraseUs = 400'000;
+  blank_flash();
+  std::fill(fake_partition.bytes.begin(), fake_partition.bytes.end(), uint8_t{0x5a});
+  AskingLine line;
+  Rig rig;
+  CHECK(rig.start() && start_task_watchdog());
+  Device device{{.left_motor = rig.robot.left_motor,
+                 .right_motor = rig.robot.right_motor,
+                 .encoders = rig.robot.encoders,
+                 .line = line,
+                 .store = rig.store,
+                 .latches = rig.latches,
+                 .latch_store = rig.latch_store,
+                 .estop = rig.robot.estop,
+                 .battery = rig.battery},
+                Identity{}};
+  PartitionFlash flash;
+  CHECK(flash.start(RecorderKeeper::kFlashSize));
+  RecorderKeeper recorder{box_memory, flash, {}, ResetReason::kPowerOn, 0};
+  static DeadMan dead_man;
+  static SharedState state;
+  ControlTask task{device, line, dead_man, state, &recorder};
+  const int64_t start_us = fake_time_us = 500'000;
+  int calls = 0;
+  int most_calls = 0;
+  bool is_started = false;
+  int64_t erased_us = 0;
+  int64_t shortest_rest_us = INT64_MAX;
+  fake_partition.on_call = [&](bool erases) {
+    ++calls;
+    if (!erases) return;
+    shortest_rest_us = std::min(shortest_rest_us, fake_time_us - erased_us);
+    erased_us = fake_time_us += kEraseUs;
+  };
+  fake_wait = [&](TickType_t) -> uint32_t {
+    if (is_started) most_calls = std::max(most_calls, calls);
+    is_started = true;
+    calls = 0;
+    fake_time_us += 1'000;
+    if (fake_time_us >= 2'000'000) device.report_driver_failure();
+    if (fake_time_us > start_us + 40'000'000) throw End{};
+    line.advance();
+    return 1;
+  };
+  try {
+    task.start();
+  } catch (const End&) {
+  }
+  fake_partition.on_call = {};
+  CHECK(recorder.store().count() == 1 && fake_partition.erasures > 16);
+  CHECK(most_calls == 2);  // A change and a read: a machine on which each is slow answers, too.
+  CHECK(shortest_rest_us >= kEraseUs);
+  CHECK(line.waits_us.size() >= 398);
+  CHECK(*std::max_element(line.waits_us.begin(), line.waits_us.end()) <= kEraseUs + 2'000);
+  fake_partition = {};
 }
 
 TEST(what_a_panic_left_in_memory_is_stored_after_the_restart) {
