@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
+    from .diagnosis import Stop
+    from .diagnosis.watch import StopWatch as _SyncStopWatch
     from .drivers.l298n import L298NDriver
     from .drivers.mock import MockDriver as _SyncMockDriver
     from .drivers.options import arguments_of
@@ -62,6 +64,7 @@ __all__ = [
     "Parameters",
     "PinDriver",
     "SampleIterator",
+    "StopWatch",
     "Trial",
     "connect",
     "open_driver",
@@ -89,6 +92,7 @@ class Driver(AwaitableDevice, LinkedRobot):
         self._robot = robot
         self._link = robot._link
         self._latest_sample = robot._latest_sample
+        self._explanations = robot._explanations
         self._on_loop = on_loop = LoopLink(robot)
         super().__init__(on_loop)
         self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
@@ -98,6 +102,7 @@ class Driver(AwaitableDevice, LinkedRobot):
         self._finalizer = weakref.finalize(self, on_loop.abandon)
         self._recording: Callable[[], None] | None = None
         """Begins what `open_driver` was asked to record."""
+        self._watches: list[StopWatch] = []
 
     async def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.
@@ -195,11 +200,15 @@ class Driver(AwaitableDevice, LinkedRobot):
         When it is cancelled, the robot is stopped and the port closed all the same.
         """
         self._callbacks.close()
+        for watch in self._watches:
+            watch._callbacks.close()
         # First: iterators then end, instead of raising that the link is closed.
         self._latest_sample.close()
         await self._on_loop.close()
         for recorder in self._robot._recorders:
             await asyncio.to_thread(recorder.close)
+        for watch in self._watches:
+            await watch.close()
         await self._callbacks.wait()
         # Skipped when this is cancelled: the finaliser stays, and finishing twice is harmless.
         self._finalizer.detach()
@@ -218,6 +227,28 @@ class Driver(AwaitableDevice, LinkedRobot):
     async def record(self, path: str | Path, driver: str | None = None) -> Recorder:
         """As every driver's."""
         return await asyncio.to_thread(self._robot.record, path, driver)
+
+    async def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
+        """As every driver's; `report` is called in the loop, and may be a coroutine.
+
+        Stops are found in a thread of their own. Each report is awaited before the next one.
+
+        Args:
+            report: Called some 60 ms after a stop. What it raises is logged.
+
+        Raises:
+            InvalidArgument: `report` cannot be called.
+            InvalidCommand: The robot is in virtual time, or is a recording.
+        """
+        self._on_loop.check_thread()
+        callbacks = LoopCallbacks(self._on_loop.call_in_loop)
+        callbacks.set(Happening.STOPPED, report)
+        listener = callbacks.listener
+        # In a thread, because what it needs is slow to import.
+        begin = partial(self._robot.watch_stops, lambda stop: listener((Happening.STOPPED, stop)))
+        watch = StopWatch(await asyncio.to_thread(begin), callbacks)
+        self._watches.append(watch)
+        return watch
 
     async def _open(self) -> None:
         await self._on_loop.open()
@@ -273,6 +304,24 @@ class MockDriver(Driver):
     def plug(self) -> None:
         """It is back in reach, in real time a moment later."""
         self._robot.plug()
+
+
+class StopWatch:
+    """Watches a robot for stops; made by `Driver.watch_stops`."""
+
+    def __init__(self, watch: _SyncStopWatch, callbacks: LoopCallbacks) -> None:
+        self._watch = watch
+        self._callbacks = callbacks
+
+    def latched(self) -> Stop | None:
+        """The stop that keeps the robot from driving now, also before it is reported."""
+        return self._watch.latched()
+
+    async def close(self) -> None:
+        """Watch no more, and wait a moment for a report that runs. Safe to call more than once."""
+        self._callbacks.close()
+        await asyncio.to_thread(self._watch.close)
+        await self._callbacks.wait()
 
 
 class SampleIterator(AsyncIterator[WheelSample]):

@@ -17,18 +17,25 @@ from wheelwire_protocol.codes import Fault, RefusalCode
 
 NO_FAULT = Fault(0)
 _MAX_SHOWN_LENGTH = 60
+_HELD = (RefusalCode.ESTOPPED, RefusalCode.FAULT, RefusalCode.CAUSE_PRESENT)
+"""Refused because of what holds the robot."""
 
 
 class WheelwireError(Exception):
     """Base class of the errors that Wheelwire raises.
 
     Attributes:
-        why: Of an error that a stop of the robot is behind: the sentence that `wheelwire why` says
-            of it; else empty. Without `watch_stops` it knows the state and the faults alone.
+        why: Of an error that a stop of the robot is behind, or a refusal of the device: the
+            sentence that `wheelwire why` says of it; else empty. Without `watch_stops` it knows
+            the state and the faults alone.
+        evidence: What shows it.
+        look_at: What to look at first.
     """
 
     exit_code: ClassVar[int] = 1
     why: str = ""
+    evidence: tuple[str, ...] = ()
+    look_at: str = ""
 
     def __reduce__(self) -> tuple[object, ...]:
         # Exception's own version would call the class with the finished message as its arguments.
@@ -125,7 +132,15 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         super().__init__(" ".join(filter(None, sentences)))
 
     def __str__(self) -> str:
-        return " ".join(filter(None, (super().__str__(), self.why)))
+        # Any other code has said the same already.
+        said = self.why if self.code in _HELD else ""
+        return " ".join(filter(None, (super().__str__(), said)))
+
+    def hinted(self, subject: str, hint: str) -> DeviceRefused:
+        """The same refusal, of what a person calls `subject`, with another hint."""
+        error = DeviceRefused(self.code, subject, self.faults, hint=hint)
+        error.why, error.evidence, error.look_at = self.why, self.evidence, self.look_at
+        return error
 
 
 class LinkLost(WheelwireError, ConnectionError):  # noqa: N818
@@ -137,6 +152,7 @@ class LinkLost(WheelwireError, ConnectionError):  # noqa: N818
     """
 
     exit_code = 8
+    causes: tuple[str, ...] = ()  # also of one that another process has sent without them
 
     def __init__(self, text: str, *, causes: tuple[str, ...] = ()) -> None:
         super().__init__(text)

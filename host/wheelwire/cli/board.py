@@ -248,7 +248,7 @@ def _explained(error: DeviceRefused, wanted: BoardDescription, driver: BaseDrive
     if wanted.chip is chip_of_pins(driver.info.device.board):
         return error
     hint = f"{wanted.name} is for the {wanted.chip.name}, not for this chip"
-    return DeviceRefused(error.code, "the board", hint=hint)
+    return error.hinted("the board", hint)
 
 
 @app.command("confirm")

@@ -175,7 +175,7 @@ def drive(
                 hint += " once the cause is mended"
             else:
                 raise
-            raise DeviceRefused(error.code, "the setpoint", error.faults, hint=hint) from error
+            raise error.hinted("the setpoint", hint) from error
     # What the driver made of it: both wheels scaled to the faster one's limit.
     driven = geometry.twist(geometry.saturate(geometry.wheel_velocities(asked)))
     rolled_m = math.hypot(pose.x_m - end.x_m, pose.y_m - end.y_m)
@@ -480,15 +480,14 @@ def _restart_refused(error: DeviceRefused, address: str) -> DeviceRefused:
         hint = "Restart the program or the service that moves its pins."
     elif error.code == RefusalCode.NOT_STOPPED:
         hint = f"`wheelwire stop {address}` stops it."
-    return DeviceRefused(error.code, "to restart", hint=hint)
+    return error.hinted("to restart", hint)
 
 
 def _clear_estop(robot: BaseDriver, address: str) -> None:
     try:
         robot.clear_estop()
     except DeviceRefused as error:
-        hint = _without_contact(address)
-        raise DeviceRefused(error.code, "to end the e-stop", hint=hint) from error
+        raise error.hinted("to end the e-stop", _without_contact(address)) from error
 
 
 def _line(sample: WheelSample, lost: int) -> str:

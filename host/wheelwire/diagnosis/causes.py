@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
@@ -151,6 +151,38 @@ CAUSES: dict[str, Cause] = {
     "protocol_mismatch": Cause(
         "Host and firmware are of different releases", "one release on both sides"
     ),
+    # --- a request that the device refused
+    "value_not_finite": Cause("The value is not a finite number", "the program's computation"),
+    "value_out_of_range": Cause(
+        "The value is beyond what the device allows", "`wheelwire params list`: it has the bounds"
+    ),
+    "value_not_whole": Cause("The parameter takes whole numbers only", "the value"),
+    "parameter_unknown": Cause(
+        "The firmware has no such parameter", "`wheelwire params list`, then the firmware's release"
+    ),
+    "not_stopped": Cause(
+        "The robot drives, or an emergency stop is latched: nothing is changed meanwhile",
+        "the state: stop it, or clear the emergency stop, and ask again",
+    ),
+    "store_failed": Cause("The flash did not take what was to be saved", "the flash"),
+    "rate_too_high": Cause(
+        "More was asked for than the control loop or the line carries",
+        "control_rate_hz, then the baud rate",
+    ),
+    "still_starting": Cause(
+        "The device is about to start, or to restart", "nothing: ask again in a moment"
+    ),
+    "parameters_on_trial": Cause(
+        "Parameters are on trial", "the program that tries them: keep or revert them first"
+    ),
+    "board_refused": Cause(
+        "The board breaks a rule of this device, or is not the one that the device has",
+        "`wheelwire board check`, then `wheelwire board read`",
+    ),
+    "no_board_on_trial": Cause(
+        "No board waits for a confirmation", "`wheelwire board read`, then `wheelwire board write`"
+    ),
+    "not_supported": Cause("This device cannot do that", "`wheelwire info`: it names the device"),
     # --- the supply
     "battery_low": Cause("The battery was low already at rest, and the device reset", "charge it"),
     "battery_sags": Cause(
@@ -206,8 +238,25 @@ REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.SCHEMA: "protocol_mismatch",
 }
 """Of a setpoint or a hello; by any other one a setpoint is `setpoints_refused`."""
+REQUEST_REFUSALS: dict[RefusalCode, str] = {
+    RefusalCode.NOT_FINITE: "value_not_finite",
+    RefusalCode.OUT_OF_RANGE: "value_out_of_range",
+    RefusalCode.NOT_INTEGRAL: "value_not_whole",
+    RefusalCode.UNKNOWN_PARAMETER: "parameter_unknown",
+    RefusalCode.NOT_STOPPED: "not_stopped",
+    RefusalCode.STORE_FAILED: "store_failed",
+    RefusalCode.RATE_TOO_HIGH: "rate_too_high",
+    RefusalCode.BOOTING: "still_starting",
+    RefusalCode.ON_TRIAL: "parameters_on_trial",
+    RefusalCode.BOARD_REFUSED: "board_refused",
+    RefusalCode.NO_BOARD_ON_TRIAL: "no_board_on_trial",
+    RefusalCode.NOT_SUPPORTED: "not_supported",
+}
+"""Of a request, beside those above."""
 LATCHED = (RefusalCode.ESTOPPED, RefusalCode.FAULT)
 """The robot has stopped before, by what is latched."""
+HELD = (*LATCHED, RefusalCode.CAUSE_PRESENT)
+"""What is latched is why; by the last one, it cannot be cleared yet."""
 ESTOPPED = "contact_open", "estop_by_session", "estop_by_stranger"
 """Any of them, as far as the state alone tells."""
 _FLAG_ALONE = {"wheel_never_counted": ("encoder_dead", "wheel_blocked")}
@@ -219,6 +268,11 @@ def sentence_of(causes: Sequence[str], side: str = "") -> str:
     wheel = side.capitalize() or "A"
     first, *others = (CAUSES[name].sentence.format(wheel=wheel) for name in causes)
     return first + "".join(f"; or {text[0].lower()}{text[1:]}" for text in others) + "."
+
+
+def look_at_of(causes: Iterable[str]) -> str:
+    """What to look at first, and then: of one of these causes."""
+    return ", then ".join(dict.fromkeys(CAUSES[name].look_at for name in causes))
 
 
 def latched_causes(faults: Fault) -> Iterator[tuple[Fault, tuple[str, ...], str]]:

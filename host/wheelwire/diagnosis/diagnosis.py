@@ -23,6 +23,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
+    ClearEstop,
     DeviceHello,
     Estop,
     Event,
@@ -46,13 +47,13 @@ from ..recording.frames import FrameReader
 from ..samples import tick_difference
 from . import wheels
 from .causes import (
-    CAUSES,
     COUNTING_FAULTS,
     LATCHED,
     OTHER_FAULTS,
     REFUSALS,
     RESETS,
     WHEEL_FAULTS,
+    look_at_of,
     sentence_of,
 )
 from .history import Asked, History, battery_v, drives
@@ -370,7 +371,7 @@ class Diagnosis:
             code = RefusalCode(refuse.code)
         except ValueError:
             return
-        if code is RefusalCode.CAUSE_PRESENT:
+        if code is RefusalCode.CAUSE_PRESENT and refuse.message_id == message_id(ClearEstop):
             self._contact_seen_us = now_us
         if refuse.message_id not in SETPOINT_IDS:
             return
@@ -597,9 +598,8 @@ def _same(stop: Stop | None) -> Stop | None:
 
 def stop_of(host_us: int, causes: tuple[str, ...], evidence: Iterable[str], side: str = "") -> Stop:
     """A stop by its causes' names."""
-    look_at = ", then ".join(dict.fromkeys(CAUSES[name].look_at for name in causes))
     sentence = sentence_of(causes, side)
-    return Stop(host_us, " or ".join(causes), sentence, tuple(evidence), look_at)
+    return Stop(host_us, " or ".join(causes), sentence, tuple(evidence), look_at_of(causes))
 
 
 def supply_fall(samples: Iterable[Measurement]) -> tuple[str, ...]:

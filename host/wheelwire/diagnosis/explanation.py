@@ -1,31 +1,68 @@
-"""The sentence that an error of the library carries: of the stop that is behind it."""
+"""What an error of the library says of the stop that is behind it."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from wheelwire_protocol.codes import RefusalCode
 
-from ..errors import DeviceRefused, LinkLost, WheelwireError
-from .causes import ESTOPPED, LATCHED, REFUSALS, latched_causes, sentence_of
+from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, WheelwireError
+from .causes import (
+    ESTOPPED,
+    HELD,
+    REFUSALS,
+    REQUEST_REFUSALS,
+    latched_causes,
+    look_at_of,
+    sentence_of,
+)
 
 # A refused setpoint must not wait for what only a watch needs.
 if TYPE_CHECKING:
     from .watch import StopWatch
 
+_Said: TypeAlias = tuple[str, tuple[str, ...], str]
+"""Sentence, evidence, and what to look at."""
+_NOTHING: _Said = "", (), ""
 
-def why(error: WheelwireError, watch: StopWatch | None) -> str:
-    """Why the robot does not drive or answer, as far as the error and a watch of stops know."""
+
+def explain(error: WheelwireError, watch: StopWatch | None) -> None:
+    """Have the error say why the robot does not drive, answer or do what it was asked for.
+
+    As far as the error and a watch of stops know.
+    """
+    error.why, error.evidence, error.look_at = _said(error, watch)
+
+
+def _said(error: WheelwireError, watch: StopWatch | None) -> _Said:
     if isinstance(error, LinkLost):
-        return sentence_of(error.causes) if error.causes else ""
+        return _one_of(error.causes, str(error)) if error.causes else _NOTHING
+    if isinstance(error, ProtocolMismatch):
+        return _one_of(("protocol_mismatch",), str(error))
     if not isinstance(error, DeviceRefused):
-        return ""
-    if error.code not in LATCHED:
-        name = next((name for code, name in REFUSALS.items() if code == error.code), None)
-        return sentence_of((name,)) if name else ""
+        return _NOTHING
+    try:
+        code = RefusalCode(error.code)
+    except ValueError:  # of a later firmware
+        return _NOTHING
+    evidence = f"{code.name}: {code.doc}"
+    if code not in HELD:
+        name = REFUSALS.get(code) or REQUEST_REFUSALS.get(code)
+        return _one_of((name,), evidence) if name else _NOTHING
     stop = watch.latched() if watch is not None else None
     if stop is not None:
-        return stop.sentence
-    if error.code == RefusalCode.ESTOPPED:
-        return sentence_of(ESTOPPED)
-    return " ".join(sentence_of(causes, side) for _, causes, side in latched_causes(error.faults))
+        return stop.sentence, (*stop.evidence, evidence), stop.look_at
+    if code is RefusalCode.ESTOPPED:
+        return _one_of(ESTOPPED, evidence)
+    if code is RefusalCode.CAUSE_PRESENT and not error.faults:
+        return _one_of(("contact_open",), evidence)
+    found = list(latched_causes(error.faults))
+    return (
+        " ".join(sentence_of(causes, side) for _, causes, side in found),
+        (*(f"{fault.name}: {fault.doc}" for fault, _, _ in found), evidence),
+        look_at_of(name for _, causes, _ in found for name in causes),
+    )
+
+
+def _one_of(causes: tuple[str, ...], evidence: str) -> _Said:
+    return sentence_of(causes), (evidence,), look_at_of(causes)

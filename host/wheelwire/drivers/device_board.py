@@ -22,7 +22,6 @@ from wheelwire_protocol.types import (
 
 from ..board import BoardDescription, unpacked
 from ..errors import BoardNotKept, LinkLost, WheelwireError
-from ..link.device_link import DeviceLink
 from .requests import Requests, blocking
 
 RESTART_TIMEOUT_S = 8.0
@@ -171,8 +170,8 @@ class AwaitableBoard:
 class DeviceBoard:
     """The board of one device, for threads."""
 
-    def __init__(self, link: DeviceLink) -> None:
-        self._awaited = AwaitableBoard(Requests(link))
+    def __init__(self, requests: Requests) -> None:
+        self._awaited = AwaitableBoard(requests)
 
     read = blocking(AwaitableBoard.read)
     write = blocking(AwaitableBoard.write)

@@ -22,7 +22,6 @@ from wheelwire_protocol.types import (
 
 from ..arguments import number
 from ..errors import DeviceRefused, InvalidArgument, WheelwireError
-from ..link.device_link import DeviceLink
 from ..link.trial import LONGEST_TRIAL_S, SHORTEST_TRIAL_S
 from ..parameters import (
     TRIAL_TIMEOUT_S,
@@ -211,8 +210,8 @@ class AwaitableTrial(AbstractAsyncContextManager["AwaitableTrial"]):
 class DeviceParameters(Parameters):
     """The parameters that live on a device."""
 
-    def __init__(self, link: DeviceLink) -> None:
-        self._awaited = AwaitableParameters(Requests(link))
+    def __init__(self, requests: Requests) -> None:
+        self._awaited = AwaitableParameters(requests)
 
     set = blocking(AwaitableParameters.set)
     refresh = blocking(AwaitableParameters.refresh)

@@ -19,7 +19,6 @@ from wheelwire_protocol.codes import (
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
-from ..link.device_link import DeviceLink
 from ..link.recorded import Ledger, Recorded, StoredBox
 from .requests import Requests, blocking
 
@@ -125,8 +124,8 @@ class AwaitableRecorder:
 class DeviceRecorder:
     """The recorder of one device, for threads."""
 
-    def __init__(self, link: DeviceLink) -> None:
-        self._awaited = AwaitableRecorder(Requests(link))
+    def __init__(self, requests: Requests) -> None:
+        self._awaited = AwaitableRecorder(requests)
 
     boxes = blocking(AwaitableRecorder.boxes)
     read_box = blocking(AwaitableRecorder.read_box)

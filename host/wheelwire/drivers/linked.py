@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import RefusalCode
@@ -12,14 +11,12 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..errors import WheelwireError
 from ..link.device_link import DeviceLink
 from ..link.info import LinkInfo, LinkStatistics
-from ..link.news import Happening
+from ..link.news import Happening, News
 from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
 from ..samples import Setpoint
 from .driving import Driving
-
-if TYPE_CHECKING:
-    from ..diagnosis.watch import StopWatch
+from .explanations import Explanations
 
 TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"].id
 
@@ -51,7 +48,7 @@ class LinkedRobot(Driving):
     _link: DeviceLink
     _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
     _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
-    _watch: StopWatch | None = None
+    _explanations: Explanations
 
     @property
     def info(self) -> LinkInfo:
@@ -61,11 +58,8 @@ class LinkedRobot(Driving):
     @property
     def geometry(self) -> DifferentialDrive:
         """The robot's current dimensions and limits, as the device has them."""
-        try:
+        with self._explanations:
             values = self._link.watched_values
-        except WheelwireError as error:
-            self._explain(error)
-            raise
         known, geometry = self._geometry  # set_velocity asks each time
         # By identity, which is enough: the link replaces the values as a whole.
         if geometry is None or values is not known:
@@ -134,34 +128,26 @@ class LinkedRobot(Driving):
         return tuple(found)
 
     def _listen(self, happening: Happening) -> None:
-        self._link.listen(self._callbacks.listener, happening)
+        listener, explanations = self._callbacks.listener, self._explanations
+
+        def tell(news: News) -> None:
+            if isinstance(news[1], WheelwireError):
+                explanations.explain(news[1])
+            listener(news)
+
+        self._link.listen(tell, happening)
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
-        try:
+        with self._explanations:
             self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
-        except WheelwireError as error:
-            self._explain(error)
-            raise
 
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        try:
+        with self._explanations:
             self._link.drive_duty(left, right, expiry_us)
-        except WheelwireError as error:
-            self._explain(error)
-            raise
 
     def _check_link(self) -> None:
-        try:
+        with self._explanations:
             self._link.check()
-        except WheelwireError as error:
-            self._explain(error)
-            raise
-
-    def _explain(self, error: WheelwireError) -> None:
-        """Have the error carry the sentence of the stop that is behind it."""
-        from ..diagnosis.explanation import why  # here, for most programs meet no such error
-
-        error.why = why(error, self._watch)
 
     @property
     def _name(self) -> str:

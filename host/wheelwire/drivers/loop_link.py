@@ -32,7 +32,7 @@ class LoopLink(Requests):
     """
 
     def __init__(self, robot: DeviceDriver) -> None:
-        super().__init__(robot._link)
+        super().__init__(robot._link, robot._explanations)
         self.latest_sample: LatestSample = robot._latest_sample
         self._virtual = cast("InlineLink", self.link) if self.link.in_virtual_time else None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -57,8 +57,9 @@ class LoopLink(Requests):
             _guard(link, self.wait_for), name=f"wheelwire {link.name}"
         )
         try:
-            for ready, timeout_s in link.opening():
-                await self.wait_for(link.changed, ready, timeout_s)
+            with self.explanations:
+                for ready, timeout_s in link.opening():
+                    await self.wait_for(link.changed, ready, timeout_s)
         except BaseException:
             # A cancellation, too: the thread would go on serving a port that nobody can close.
             await self.close()
@@ -156,9 +157,10 @@ class LoopLink(Requests):
         if not results:
             self.link.withdraw(done)
             raise self.link.no_answer()
-        # The same error may end many calls: tracebacks must not pile up in it.
-        if isinstance(results[0], WheelwireError):
-            raise results[0].with_traceback(None)
+        with self.explanations:
+            # The same error may end many calls: tracebacks must not pile up in it.
+            if isinstance(results[0], WheelwireError):
+                raise results[0].with_traceback(None)
         return results[0]
 
     async def request(self, message: RequestMessage) -> Answer:
@@ -173,7 +175,7 @@ class LoopLink(Requests):
         """Only in virtual time: anything else would block the loop."""
         if isinstance(self.link, Link):
             raise LinkLost("a new session is being opened; wait a moment")
-        return self.link.request(message)
+        return super().answer_to(message)
 
     def _own_loop(self) -> asyncio.AbstractEventLoop:
         loop = asyncio.get_running_loop()

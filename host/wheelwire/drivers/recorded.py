@@ -20,6 +20,7 @@ from ..recording.recorder import Attachment, Recorder, recording_path
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .factory import RECORD_VARIABLE
+from .requests import Requests
 
 if TYPE_CHECKING:
     from .base import BaseDriver
@@ -102,9 +103,9 @@ def _said(text: Callable[[Link], str], link: Link) -> str:
 
 
 def _parameters(link: Link) -> str:
-    return ParameterFile.of_robot(DeviceParameters(link).list(), link.info.device).text()
+    return ParameterFile.of_robot(DeviceParameters(Requests(link)).list(), link.info.device).text()
 
 
 def _board(link: Link) -> str:
-    state, found = DeviceBoard(link).read()
+    state, found = DeviceBoard(Requests(link)).read()
     return f"# {state.doc}\n{to_yaml(found) if found else ''}"

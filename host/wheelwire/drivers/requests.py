@@ -31,24 +31,32 @@ from wheelwire_protocol.types import (
 from ..errors import DeviceRefused, GroupUnavailable
 from ..link.device_link import DeviceLink
 from ..link.requests import Answer, RequestMessage, subject
+from .explanations import Explanations
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
 
 class Requests:
-    """Requests over a link; each of them blocks the thread until it is answered."""
+    """Requests over a link; each of them blocks the thread until it is answered.
 
-    def __init__(self, link: DeviceLink) -> None:
+    Args:
+        link: To the device.
+        explanations: What the errors say of the stop that is behind them.
+    """
+
+    def __init__(self, link: DeviceLink, explanations: Explanations | None = None) -> None:
         self.link = link
+        self.explanations = explanations or Explanations()
 
     def answer_to(self, message: RequestMessage) -> Answer:
         """As `Link.request`, for what cannot be awaited."""
-        return self.link.request(message)
+        with self.explanations:
+            return self.link.request(message)
 
     async def request(self, message: RequestMessage) -> Answer:
         """As `Link.request`."""
-        return self.link.request(message)
+        return self.answer_to(message)
 
     async def ask(self, message: RequestMessage) -> Answer:
         """As `request`; the refusal of contradictory values says what contradicts what."""
@@ -60,7 +68,7 @@ class Requests:
             found = cast("Contradictions", await self.request(ContradictionsGet(0, 0)))
             flags = Contradiction(found.refused)
             sentences = " ".join(flag.doc for flag in Contradiction if flag in flags)
-            raise DeviceRefused(error.code, subject(message), hint=sentences) from None
+            raise error.hinted(subject(message), sentences) from None
 
     async def check_group(self, group: Group) -> None:
         """Raise `GroupUnavailable` unless both sides have the same messages of this group."""

@@ -23,6 +23,7 @@ from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .device_recorder import DeviceRecorder
+from .explanations import Explanations
 from .linked import LinkedRobot
 from .options import TransportOptions, takes
 from .requests import AwaitableDevice, Requests, blocking
@@ -60,13 +61,17 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         self._link = link = make_link(self._latest_sample)
         if link.in_virtual_time:
             self._callbacks = InlineCallbacks()
+        # An object of its own: a method of the driver would keep the driver alive.
+        self._explanations = Explanations()
         if not _opened_later.get():
-            link.open()
+            with self._explanations:
+                link.open()
         inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, _close, inbox, link)
-        self._awaited = AwaitableDevice(Requests(link))
-        self._parameters = DeviceParameters(link)
+        self._requests = Requests(link, self._explanations)
+        self._awaited = AwaitableDevice(self._requests)
+        self._parameters = DeviceParameters(self._requests)
         # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
         self._recorders: list[Recorder] = []
@@ -79,12 +84,12 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     @property
     def board(self) -> DeviceBoard:
         """The board that the device has stored."""
-        return DeviceBoard(self._link)
+        return DeviceBoard(self._requests)
 
     @property
     def recorder(self) -> DeviceRecorder:
         """What the device has recorded of its stops."""
-        return DeviceRecorder(self._link)
+        return DeviceRecorder(self._requests)
 
     def note(self, name: str, value: Any) -> None:
         """Have a recording say this of the program that uses the robot.
@@ -128,7 +133,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
 
         if self._link.in_virtual_time:
             raise InvalidCommand(f"{self._link.name}: only a robot in real time can be watched")
-        self._watch = watch = StopWatch(self._link, report)
+        self._explanations.watch = watch = StopWatch(self._link, report)
         return watch
 
     clear_estop = blocking(AwaitableDevice.clear_estop)
@@ -158,11 +163,13 @@ class DeviceDriver(LinkedRobot, BaseDriver):
             LinkLost: There is no session; the stop was sent if the port is there.
             RequestTimeout: It was not acknowledged; the setpoint's deadline acts.
         """
-        self._link.stop()
+        with self._explanations:
+            self._link.stop()
 
     def estop(self) -> None:
         """Stop both wheels and latch; otherwise as `stop`."""
-        self._link.estop()
+        with self._explanations:
+            self._link.estop()
 
     def shutdown(self) -> None:
         """Stop the robot, close the port, end the thread. Safe to call more than once."""

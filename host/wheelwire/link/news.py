@@ -16,6 +16,8 @@ class Happening(enum.Enum):
     """A session was opened; reported with the device."""
     FAULT = "on_fault"
     """A fault was latched; reported with all that are."""
+    STOPPED = "watch_stops"
+    """The robot has stopped; reported with the stop, by a watch, and never by the link itself."""
 
 
 News: TypeAlias = "tuple[Happening, object]"

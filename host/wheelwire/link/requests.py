@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import TrialAction
+from wheelwire_protocol.codes import Fault, RefusalCode, TrialAction
 from wheelwire_protocol.parameters import PARAMETER_BY_ID
 from wheelwire_protocol.types import (
     Ack,
@@ -50,7 +50,7 @@ from wheelwire_protocol.types import (
     UnsavedValue,
 )
 
-from ..errors import DeviceRefused, RequestTimeout, WheelwireError
+from ..errors import NO_FAULT, DeviceRefused, RequestTimeout, WheelwireError
 
 RequestMessage: TypeAlias = (
     Stop
@@ -268,14 +268,21 @@ class RequestQueue:
         """Hand an answer for which `answered_by` has found the request to whoever asked."""
         self._finish(_key(answer), answer, now_us)
 
-    def on_refuse(self, refuse: Refuse, now_us: int) -> bool:
-        """Take a refusal of this session; False when it refuses no open request."""
+    def on_refuse(self, refuse: Refuse, now_us: int, faults: Fault) -> bool:
+        """Take a refusal of this session; False when it refuses no open request.
+
+        Args:
+            refuse: The refusal.
+            now_us: The host's clock.
+            faults: Latched.
+        """
         key = refuse.message_id in _URGENT_IDS, refuse.reference
         request = self._open.get(key)
         # As for an answer, the id alone is not enough.
         if request is None or refuse.message_id != message_id(type(request.message)):
             return False
-        error = DeviceRefused(refuse.code, subject(request.message))
+        held = isinstance(request.message, ClearFault) or refuse.code == RefusalCode.FAULT
+        error = DeviceRefused(refuse.code, subject(request.message), faults if held else NO_FAULT)
         self._finish(key, error, now_us)
         return True
 

@@ -768,7 +768,7 @@ class Session:
         if refuse.message_id in SETPOINT_IDS:
             self.setpoints.refused_us = now_us
             self.setpoints.on_refused(refuse)
-        elif not self._requests.on_refuse(refuse, now_us):
+        elif not self._requests.on_refuse(refuse, now_us, self.setpoints.faults):
             self._foreign += 1
             return
         # After its caller has the error: the end of the session would report a LinkLost instead.

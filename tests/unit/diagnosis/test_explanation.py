@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable
 
 import pytest
@@ -15,10 +16,17 @@ import pytest
 import wheelwire
 from wheelwire import aio
 from wheelwire.diagnosis import Stop
-from wheelwire.diagnosis.causes import CAUSES, LATCHED, REFUSALS
-from wheelwire.diagnosis.explanation import why
+from wheelwire.diagnosis.causes import CAUSES
+from wheelwire.diagnosis.explanation import explain
 from wheelwire.drivers.mock import MockDriver
-from wheelwire.errors import DeviceRefused, LinkLost, RequestTimeout, WheelwireError
+from wheelwire.errors import (
+    DeviceRefused,
+    LinkLost,
+    ProtocolMismatch,
+    Release,
+    RequestTimeout,
+    WheelwireError,
+)
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 pytestmark = pytest.mark.timeout(60)
@@ -132,20 +140,123 @@ def test_a_cleared_stop_is_no_longer_said() -> None:
         assert "; or " in raised.value.why  # nobody watches
 
 
-@pytest.mark.parametrize("code", RefusalCode)
-def test_every_refusal_that_is_a_cause_has_its_sentence(code: RefusalCode) -> None:
+def explained(error: WheelwireError) -> WheelwireError:
+    explain(error, None)
+    return error
+
+
+@pytest.mark.parametrize("code", set(RefusalCode) - {RefusalCode.NONE})
+def test_every_refusal_has_its_sentence_its_evidence_and_what_to_look_at(code: RefusalCode) -> None:
     faults = Fault.LEFT_REVERSED if code is RefusalCode.FAULT else Fault(0)
-    said = why(DeviceRefused(code, "the setpoint", faults), None)
-    assert bool(said) == (code in REFUSALS or code in LATCHED)
+    error = explained(DeviceRefused(code, "the request", faults))
+    assert error.why.endswith(".")
+    assert error.evidence[-1] == f"{code.name}: {code.doc}"
+    assert error.look_at
 
 
 def test_an_error_that_no_stop_is_behind_says_nothing() -> None:
     for error in (RequestTimeout("late"), LinkLost("not opened yet"), WheelwireError("other")):
-        assert why(error, None) == error.why == ""
+        assert (explained(error).why, error.evidence, error.look_at) == ("", (), "")
 
 
 def test_a_code_of_a_later_firmware_says_nothing() -> None:
-    assert why(DeviceRefused(250, "the setpoint"), None) == ""
+    assert explained(DeviceRefused(250, "the setpoint")).why == ""
+
+
+def test_a_hello_of_another_release_is_named() -> None:
+    error = ProtocolMismatch(Release(1, 2, "0.1.0"), Release(3, 4, "0.2.0"))
+    assert explained(error).why == "Host and firmware are of different releases."
+    assert error.evidence == (str(error),)
+
+
+# --- requests and callbacks --------------------------------------------------------------------
+
+
+def test_a_clear_is_refused_with_what_lasts() -> None:
+    with mock() as robot:
+        robot.simulator.set("estop_open", 1)
+        robot.advance(0.1)
+        with pytest.raises(DeviceRefused) as raised:
+            robot.clear_estop()
+        assert raised.value.code == RefusalCode.CAUSE_PRESENT
+        assert raised.value.why == "The emergency stop's contact opened."
+        assert str(raised.value).endswith(raised.value.why)
+        assert raised.value.look_at == CAUSES["contact_open"].look_at
+        robot.simulator.set("estop_open", 0)
+        robot.clear_estop()
+
+
+def test_a_fault_that_lasts_is_named_when_its_clear_is_refused() -> None:
+    with mock() as robot:
+        robot.simulator.set("driver_failed", 1)
+        robot.advance(0.1)
+        with pytest.raises(DeviceRefused) as raised:
+            robot.clear_fault()
+    assert raised.value.why == "A motor or encoder peripheral did not start."
+    assert raised.value.evidence[0].startswith("DRIVER_FAILED: ")
+    assert "DRIVER_FAILED" in str(raised.value)
+
+
+def test_requests_of_parameters_and_boards_say_why_they_are_refused() -> None:
+    with mock() as robot:
+        robot.set_velocity(0.2, 0.0)
+        robot.advance(0.05)
+        for refused in (robot.parameters.save, robot.recorder.ledger, robot.board.restart):
+            with pytest.raises(DeviceRefused) as raised:
+                refused()
+            assert raised.value.code == RefusalCode.NOT_STOPPED
+            assert raised.value.why == f"{CAUSES['not_stopped'].sentence}."
+            assert raised.value.why not in str(raised.value)  # the code's text says the same
+        robot.stop()
+        robot.parameters.set("stream_rate_hz", 200.0)
+        with pytest.raises(DeviceRefused) as raised:
+            robot.parameters.set("control_rate_hz", 100.0)
+        assert raised.value.why == "Parameters contradict each other."
+
+
+def test_a_request_of_a_lost_robot_and_the_callback_say_what_is_behind_it() -> None:
+    lost: list[WheelwireError] = []
+    with mock() as robot:
+        robot.on_lost = lost.append
+        robot.unplug()
+        for unreachable in (robot.device_counters, robot.stop, robot.estop, robot.clear_fault):
+            with pytest.raises(LinkLost) as raised:
+                unreachable()
+            assert raised.value.why == "The connection to the robot was lost."
+            assert raised.value.evidence
+            assert raised.value.look_at == CAUSES["cable_pulled"].look_at
+    assert [error.why for error in lost] == ["The connection to the robot was lost."]
+
+
+def test_asyncio_says_it_of_requests_and_to_its_callback() -> None:
+    async def lose() -> list[str]:
+        said: list[str] = []
+        async with aio.open_driver("mock", realtime=False) as robot:
+            robot.on_lost = lambda error: said.append(error.why)
+            robot.simulator.set("estop_open", 1)
+            robot.advance(0.1)
+            with pytest.raises(DeviceRefused) as refused:
+                await robot.clear_estop()
+            said.append(refused.value.why)
+            robot.unplug()
+            with pytest.raises(LinkLost) as raised:
+                await robot.stop()
+            said.append(raised.value.why)
+            while len(said) < 3:  # the callback is a task of its own
+                await asyncio.sleep(0.001)
+        return said
+
+    contact, *lost = asyncio.run(lose())
+    assert contact == "The emergency stop's contact opened."
+    assert lost == ["The connection to the robot was lost."] * 2
+
+
+def test_a_forgotten_driver_is_closed_although_it_explains_errors() -> None:
+    robot = mock()
+    robot.on_lost = print
+    known = weakref.ref(robot)
+    del robot
+    assert known() is None
 
 
 def test_drivers_start_without_diagnosis() -> None:

@@ -10,13 +10,14 @@ import pytest
 from support.staged_stops import STAGED, diagnosed
 from wheelwire.diagnosis.causes import (
     CAUSES,
-    LATCHED,
+    HELD,
     OTHER_FAULTS,
     REFUSALS,
+    REQUEST_REFUSALS,
     RESETS,
     WHEEL_FAULTS,
 )
-from wheelwire_protocol.codes import Fault, ResetReason
+from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
 
 PAGE = Path(__file__).parents[3] / "docs" / "causes.md"
 
@@ -43,13 +44,20 @@ def test_a_wheel_is_named_by_its_side() -> None:
     assert stop.sentence.startswith("Right wheel stopped counting")
 
 
-def test_every_fault_and_reset_has_a_cause() -> None:
+def test_every_fault_reset_and_refusal_has_a_cause() -> None:
     assert set(WHEEL_FAULTS) | set(OTHER_FAULTS) == set(Fault)
     assert set(RESETS) == set(ResetReason)
     named = {name for _, name in WHEEL_FAULTS.values()}
-    named |= {*OTHER_FAULTS.values(), *RESETS.values(), *REFUSALS.values()}
+    named |= {
+        *OTHER_FAULTS.values(),
+        *RESETS.values(),
+        *REFUSALS.values(),
+        *REQUEST_REFUSALS.values(),
+    }
     assert named <= set(CAUSES)
-    assert not set(REFUSALS) & set(LATCHED)
+    tables = (*REFUSALS, *REQUEST_REFUSALS, *HELD)
+    assert set(tables) == set(RefusalCode) - {RefusalCode.NONE}
+    assert len(tables) == len(set(tables))
 
 
 def test_the_page_has_the_same_causes() -> None:

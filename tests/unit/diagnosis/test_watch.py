@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 
 import pytest
 
 import wheelwire
+from wheelwire import aio
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.errors import InvalidCommand, LinkLost
+from wheelwire.errors import DeviceRefused, InvalidArgument, InvalidCommand, LinkLost
 from wheelwire_protocol.codes import ResetReason
 
 pytestmark = pytest.mark.timeout(60)
@@ -105,6 +108,129 @@ def test_two_watches_report_alike_and_one_outlives_the_other() -> None:
         robot.stop()
         assert first.wait(2) == ["stop_by_session"] * 2
     assert len(second.stops) == 1
+
+
+# --- asyncio -----------------------------------------------------------------------------------
+
+
+async def drive_in_loop(robot: aio.Driver) -> None:
+    while True:
+        with suppress(LinkLost):
+            robot.set_velocity(0.2, 0.0, ttl=0.5)
+            if (await robot.read(PATIENCE_S)).state is wheelwire.SupervisorState.DRIVING:
+                return
+
+
+def run(body: Callable[[aio.Driver], Coroutine[object, object, None]]) -> None:
+    async def open_and_run() -> None:
+        async with aio.open_driver("mock") as robot:
+            await body(robot)
+
+    asyncio.run(open_and_run())
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    while not condition():  # the test's time limit ends it
+        await asyncio.sleep(0.005)
+
+
+def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:
+    found: list[tuple[str, bool]] = []
+    own = threading.get_ident()
+
+    async def report(stop: Stop) -> None:
+        await asyncio.sleep(0)
+        found.append((stop.cause, threading.get_ident() == own))
+
+    async def body(robot: aio.Driver) -> None:
+        watch = await robot.watch_stops(report)
+        await drive_in_loop(robot)
+        await until(lambda: len(found) == 1)
+        await robot.estop()
+        await until(lambda: len(found) == 2)
+        latched = watch.latched()
+        assert latched is not None
+        with pytest.raises(DeviceRefused) as raised:
+            robot.set_velocity(0.2, 0.0)
+        assert raised.value.why == latched.sentence
+        await watch.close()
+        await watch.close()
+        await robot.clear_estop()
+        await robot.estop()
+        assert watch.latched() is None
+
+    run(body)
+    assert found == [("program_paused", True), ("estop_by_session", True)]
+
+
+def test_reports_to_a_loop_come_one_after_the_other_whatever_they_raise(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    reports: list[str] = []
+    running = 0
+
+    async def report(stop: Stop) -> None:
+        nonlocal running
+        running += 1
+        assert running == 1
+        await asyncio.sleep(0.2)
+        running -= 1
+        reports.append(stop.cause)
+        raise RuntimeError("mine")
+
+    async def body(robot: aio.Driver) -> None:
+        await robot.watch_stops(report)
+        for _ in range(2):
+            await drive_in_loop(robot)
+            await robot.stop()
+        await until(lambda: len(reports) == 2)
+
+    run(body)
+    assert reports == ["stop_by_session"] * 2
+    assert "watch_stops raised an exception" in caplog.text
+
+
+def test_a_report_may_close_the_robot_and_ends_no_loop() -> None:
+    closed: list[str] = []
+
+    async def body(robot: aio.Driver) -> None:
+        async def report(stop: Stop) -> None:
+            await robot.close()
+            closed.append(stop.cause)
+
+        await robot.watch_stops(report)
+        await drive_in_loop(robot)
+        await robot.stop()
+        await until(lambda: bool(closed))
+
+    run(body)
+    assert closed == ["stop_by_session"]
+    assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
+
+
+def test_after_a_loop_s_close_nothing_is_reported_and_no_thread_is_left() -> None:
+    found: list[Stop] = []
+
+    async def body(robot: aio.Driver) -> None:
+        await robot.watch_stops(found.append)
+        await drive_in_loop(robot)
+        await robot.close()
+        await asyncio.sleep(0.2)
+
+    run(body)
+    assert found == []
+    assert not [one.name for one in threading.enumerate() if one.name == "wheelwire stops"]
+
+
+def test_a_loop_cannot_watch_virtual_time_nor_call_what_is_no_function() -> None:
+    async def body() -> None:
+        async with aio.open_driver("mock", realtime=False) as robot:
+            with pytest.raises(InvalidCommand, match="only a robot in real time"):
+                await robot.watch_stops(print)
+            with pytest.raises(InvalidArgument, match="watch_stops = 1"):
+                await robot.watch_stops(1)  # type: ignore[arg-type]
+
+    asyncio.run(body())
 
 
 def test_virtual_time_is_not_watched() -> None:

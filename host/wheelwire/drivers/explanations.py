@@ -1,0 +1,40 @@
+"""What the errors of a driver say of the stop that is behind them."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from ..errors import WheelwireError
+
+if TYPE_CHECKING:
+    from ..diagnosis.watch import StopWatch
+
+
+class Explanations:
+    """Of one robot. An error that leaves a `with` block of it is explained.
+
+    Attributes:
+        watch: Of the robot's stops, if there is one.
+    """
+
+    def __init__(self) -> None:
+        self.watch: StopWatch | None = None
+
+    def explain(self, error: WheelwireError) -> None:
+        """Have the error carry the sentence, the evidence and what to look at."""
+        from ..diagnosis.explanation import explain  # here, for most programs meet no such error
+
+        explain(error, self.watch)
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if isinstance(error, WheelwireError):
+            self.explain(error)
