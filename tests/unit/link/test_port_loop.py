@@ -280,6 +280,8 @@ class Blocked(Rig):
         """Of a setpoint's frame."""
         self._left = [*calls, finish]
         self._mark = 0
+        self._now_us = 0
+        """Of the turn."""
 
     def run(self) -> list[AnyMessage]:
         """Until the calls are made; returns what the port took since it was blocked."""
@@ -291,8 +293,9 @@ class Blocked(Rig):
     def taken(self) -> bytes:
         return b"".join(self.narrow.written[self._mark :])
 
-    def _next(self, _done: object, _now_us: int) -> None:
-        if self.session.phase is Phase.OPEN:
+    def _next(self, _done: object, now_us: int) -> None:
+        is_next_turn, self._now_us = now_us != self._now_us, now_us
+        if is_next_turn and self.session.phase is Phase.OPEN:
             if not self._mark:
                 self._mark = len(self.narrow.written)
                 self.device.mute = True
@@ -312,7 +315,7 @@ class Blocked(Rig):
         self.loop.send(frame, host_clock_us())
 
     def estop(self) -> None:
-        self.session.estop(ignore, host_clock_us())
+        self.session.estop(ignore, self._now_us)  # as calls do: it is sent in this turn
 
 
 def opened(room: int) -> Callable[[Blocked], None]:
