@@ -10,7 +10,7 @@ import pigpio
 import pytest
 
 from wheelwire.board import BoardDescription, WheelPins
-from wheelwire.files.board import load_board
+from wheelwire.files.board import load_board, shipped_boards
 from wheelwire.linux_mcu.gpio import pigpiod
 from wheelwire.linux_mcu.gpio.base import HIGH_Q15, Gpio, release_pins
 from wheelwire.linux_mcu.gpio.pigpiod import PigpiodGpio
@@ -115,6 +115,23 @@ def test_both_wheels_and_standby_are_let_go_of(stage: Stage, standby: int | None
     expected = released(stage) | ({standby} if standby is not None else set())
     assert set(release_pins(board_of(stage, standby))) == expected
     assert len(release_pins(board_of(stage, standby))) == len(expected)
+
+
+SHIPPED = {
+    "bts7960": {25, 26, 27, 33, 32, 4},
+    "drv8833": {26, 27, 32, 4, 21},
+    "esp32c6": {10, 11},
+    "esp32s3": {4, 7},
+    "l298n": {25, 33},
+    "mdd10a": {25, 33},
+    "pi4b": {18, 19},
+    "tb6612": {25, 26, 27, 33, 32, 4, 21},
+}
+"""By hand, from the boards' files: the GPIOs that have to be low for both motors to be off."""
+
+
+def test_each_shipped_board_has_its_release_pins() -> None:
+    assert {name: set(release_pins(load_board(name))) for name in shipped_boards()} == SHIPPED
 
 
 @pytest.mark.parametrize(("stage", "side"), HELD)

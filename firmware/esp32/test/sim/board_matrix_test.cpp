@@ -2,6 +2,8 @@
 // what the windings do at the levels of each state in which nothing may drive.
 #include <cstdio>
 #include <cstring>
+#include <initializer_list>
+#include <iterator>
 #include <string>
 
 #include "check.hpp"
@@ -307,5 +309,30 @@ TEST(matrix_pull_downs_are_needed_and_enough) {
   for (const Stage stage : {Stage::kPwmIn1In2, Stage::kInIn}) {
     CHECK(table_of(stage)->pull_downs == 0);
     CHECK(!may_drive_afloat(stage, table_of(stage)->inputs));
+  }
+}
+
+TEST(each_shipped_board_is_released_by_the_pins_of_a_table) {
+  // By hand, from the boards' files.
+  struct Release {
+    const char* name;
+    std::initializer_list<int> pins;
+  };
+  const Release table[] = {
+      {"bts7960", {25, 26, 27, 33, 32, 4}},
+      {"drv8833", {26, 27, 32, 4, 21}},
+      {"l298n", {25, 33}},
+      {"mdd10a", {25, 33}},
+      {"tb6612", {25, 26, 27, 33, 32, 4, 21}},
+      {"esp32s3", {4, 7}},
+      {"esp32c6", {10, 11}},
+      {"pi4b", {18, 19}},
+  };
+  static_assert(std::size(table) == std::size(kShippedBoards));
+  for (size_t i = 0; i < std::size(table); ++i) {
+    CHECK(std::strcmp(table[i].name, kShippedBoards[i].name) == 0);
+    PinMask expected = 0;
+    for (const int pin : table[i].pins) expected |= mask_of(pin);
+    CHECK(release_pins(kShippedBoards[i].board) == expected);
   }
 }
