@@ -19,14 +19,15 @@ struct Motor final : MotorPort {
 
 class DriveBench {
  public:
-  void follow(int32_t umps, int right_ticks) {
-    latch(right_ticks);
-    drive.follow(ControlMode::kVelocity, {umps, umps}, config);
+  void follow(int32_t umps, int right_ticks) { follow({umps, umps}, 0, right_ticks); }
+  void follow(WheelPair umps, int left_ticks, int right_ticks) {
+    latch(left_ticks, right_ticks);
+    drive.follow(ControlMode::kVelocity, umps, config);
   }
   void stop() {
     drive.begin_stop(StopMode::kCoast, counts.t_us, config);
     for (int step = 0; step < 300; ++step) {
-      latch(0);
+      latch(0, 0);
       drive.keep_stopped(counts.t_us);
     }
   }
@@ -38,8 +39,9 @@ class DriveBench {
   EncoderCounts counts{};
 
  private:
-  void latch(int right_ticks) {
+  void latch(int left_ticks, int right_ticks) {
     counts.t_us += config.period_us;
+    counts.left = static_cast<int16_t>(counts.left + left_ticks);
     counts.right = static_cast<int16_t>(counts.right + right_ticks);
     CHECK(drive.latch(counts, config) == 0);
   }
@@ -119,5 +121,42 @@ TEST(a_wheel_that_was_blocked_is_not_driven_the_old_way_once_it_is_to_turn_back)
       CHECK(bench.left.duty < blocked_q15 / 20 && bench.right.duty < blocked_q15 / 20);
       bench.follow(-200'000, 0);
     }
+  }
+}
+
+TEST(a_wheel_that_no_longer_has_to_wait_speeds_up_within_the_limit) {
+  constexpr int32_t kSpeed_umps = 200'000;
+  for (const bool left_is_held : {true, false}) {
+    DriveBench bench;
+    bench.drive.note_battery(7400, bench.config);
+    double travelled_um = 0;
+    int counted = 0;
+    // The other wheel does as it is told.
+    const auto step = [&](WheelPair umps) {
+      const WheelPair before = bench.drive.commanded();
+      const int32_t waits = left_is_held ? before.right : before.left;
+      travelled_um += waits * 1e-6 * bench.config.period_us;
+      const int ticks = static_cast<int>(travelled_um * 1024 / bench.config.um_per_tick_q10);
+      const int moved = ticks - counted;
+      counted = ticks;
+      bench.follow(umps, left_is_held ? 0 : moved, left_is_held ? moved : 0);
+      const WheelPair after = bench.drive.commanded();
+      CHECK(magnitude(after.left - before.left) <= bench.config.velocity_slew_umps);
+      CHECK(magnitude(after.right - before.right) <= bench.config.velocity_slew_umps);
+      return left_is_held ? after.right : after.left;
+    };
+    int32_t slowest_umps = kSpeed_umps;
+    for (int i = 0; i < 350; ++i) {
+      const int32_t umps = step({kSpeed_umps, kSpeed_umps});
+      if (i > 200 && umps < slowest_umps) slowest_umps = umps;
+    }
+    CHECK(slowest_umps < kSpeed_umps / 2);  // It waits.
+    const WheelPair turn = left_is_held ? WheelPair{0, kSpeed_umps} : WheelPair{kSpeed_umps, 0};
+    int32_t fastest_umps = 0;
+    for (int i = 0; i < 300; ++i) {
+      const int32_t umps = step(turn);
+      if (umps > fastest_umps) fastest_umps = umps;
+    }
+    CHECK(fastest_umps > kSpeed_umps * 9 / 10);
   }
 }

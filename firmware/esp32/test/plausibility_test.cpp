@@ -177,3 +177,40 @@ TEST(speed_that_an_encoder_hides_is_not_taken_for_weight) {
     }
   }
 }
+
+TEST(a_heavy_robot_that_touches_an_obstacle_while_it_gains_speed_is_plausible) {
+  struct Touch {
+    double heaviness;  ///< So many times heavier than the feed-forward says.
+    int at_ms;
+    double left;  ///< What the obstacle leaves of the speed.
+    int held_ms;
+    double duty;
+  };
+  const Touch touches[] = {
+      // It is slowed down,
+      {4, 300, 0.3, 200, 0.85},
+      {4, 300, 0.6, 120, 1.0},
+      // stands at once,
+      {6, 500, 0.0, 0, 1.0},
+      {6, 800, 0.3, 200, 1.0},
+      // or is held for so long that no tick comes.
+      {4, 200, 0.0, 200, 1.0},
+      {6, 150, 0.0, 200, 0.85},
+  };
+  for (const Touch& touch : touches) {
+    for (const int direction : {1, -1}) {
+      PlausibilityMonitor monitor;
+      double speed_mps = 0;
+      for (int ms = 1; ms <= 3000; ++ms) {
+        if (ms == touch.at_ms) speed_mps *= touch.left;
+        const bool is_held = ms >= touch.at_ms && ms < touch.at_ms + touch.held_ms;
+        const double spare = touch.duty - 1.365 * speed_mps - 0.055;
+        if (!is_held) speed_mps += spare / (0.143 * touch.heaviness) * 1e-3;
+        const auto measured = static_cast<int32_t>(speed_mps * 1e6) * direction;
+        const auto duty = static_cast<int32_t>(touch.duty * 32'767) * direction;
+        CHECK(
+            !monitor.update(duty, measured, measured != 0, kNominal, kPeriod_us, kTime_us, kGains));
+      }
+    }
+  }
+}

@@ -61,6 +61,15 @@ TEST(a_new_session_forgets_answers_commands_and_the_clock) {
   CHECK(session.take_command(1));
 }
 
+TEST(a_new_host_gets_no_answer_to_a_previous_hosts_request) {
+  Session session = opened();
+  // Of an id that in the new session is old.
+  session.record(40'000);
+  CHECK(classify(session, 40'000) == Session::Request::kRepeat);
+  session.open(0x9999, 0xff00);
+  CHECK(classify(session, 40'000) == Session::Request::kOld);
+}
+
 TEST(only_newer_commands_are_taken) {
   Session session = opened();
   CHECK(!session.take_command(0));
