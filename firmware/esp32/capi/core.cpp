@@ -37,7 +37,7 @@ struct CoreRecorder {
   }
 
   RecorderFlash flash;
-  uint32_t memory[wheelwire::box::kWords]{};
+  wheelwire::RecorderMemory memory{};
   std::optional<wheelwire::RecorderKeeper> keeper;  // From the start on.
 };
 

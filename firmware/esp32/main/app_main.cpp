@@ -41,7 +41,7 @@ TwinStore latch_store{latch_slots[0], latch_slots[1]};
 RtcLatchMemory latches;
 PartitionFlash recorder_flash;
 /// Start-up code leaves it as it is, so that what was recorded outlives a panic and a watchdog.
-__NOINIT_ATTR uint32_t box_memory[box::kWords];
+__NOINIT_ATTR RecorderMemory recorder_memory;
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
 ParameterSpec specs[kParameterCount];
 Battery battery;
@@ -127,7 +127,7 @@ void start() {
   // A robot that cannot drive safely still reports why.
   if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
 
-  static RecorderKeeper recorder{box_memory, recorder_flash, origin_of(identity),
+  static RecorderKeeper recorder{recorder_memory, recorder_flash, origin_of(identity),
                                  identity.reset_reason, keeper.fingerprint()};
   const bool can_record = recorder_flash.start(RecorderKeeper::kFlashSize);
   static ControlTask control{device, line, dead_man, shared_state,

@@ -1,5 +1,9 @@
 #include "ledger.hpp"
 
+#include <string.h>
+
+#include <atomic>
+
 #include "crc32.hpp"
 #include "wire.hpp"
 
@@ -36,6 +40,15 @@ bool LedgerCounts::decode(const uint8_t* bytes, LedgerCounts& out) {
 }
 
 void Ledger::start(ResetReason reason) {
+  find_newest();
+  recall();
+  const auto index = static_cast<size_t>(reason);
+  ++counts_.resets[index < kResetReasonCount ? index : 0];
+  is_changed_ = true;
+  keep(0);
+}
+
+void Ledger::find_newest() {
   uint8_t bytes[LedgerCounts::kSize];
   bool is_found = false;
   for (uint32_t entry = 0; entry < kEntries; ++entry) {
@@ -47,9 +60,27 @@ void Ledger::start(ResetReason reason) {
     counts_ = read;
     next_ = (entry + 1) % kEntries;
   }
-  const auto index = static_cast<size_t>(reason);
-  ++counts_.resets[index < kResetReasonCount ? index : 0];
-  is_changed_ = true;
+}
+
+/// What is of another entry was counted before it, or is of another flash.
+void Ledger::recall() {
+  for (size_t i = 0; i < kMemorySize; i += LedgerCounts::kSize) {
+    LedgerCounts kept;
+    if (!LedgerCounts::decode(memory_ + i, kept)) continue;
+    if (kept.number == counts_.number) counts_ = kept;
+    return;
+  }
+}
+
+void Ledger::keep(uint64_t now_us) {
+  kept_us_ = now_us;
+  uint8_t bytes[LedgerCounts::kSize];
+  counts(now_us).encode(bytes);
+  for (size_t i = 0; i < kMemorySize; i += sizeof bytes) {
+    memcpy(memory_ + i, bytes, sizeof bytes);
+    // The compiler must not write both at once.
+    std::atomic_signal_fence(std::memory_order_seq_cst);
+  }
 }
 
 void Ledger::count(SupervisorEvent event, SupervisorState before) {
@@ -58,6 +89,7 @@ void Ledger::count(SupervisorEvent event, SupervisorState before) {
   if (!is_stop) return;
   ++counts_.stops[static_cast<size_t>(event)];
   is_changed_ = true;
+  keep(kept_us_);
 }
 
 LedgerCounts Ledger::counts(uint64_t now_us) const {
@@ -82,6 +114,7 @@ bool Ledger::work(uint64_t now_us) {
   if (flash_.write(offset_of(next_), bytes, sizeof bytes)) {
     counts_.number = written.number;
     is_changed_ = false;
+    keep(now_us);
   }
   next_ = (next_ + 1) % kEntries;
   return true;

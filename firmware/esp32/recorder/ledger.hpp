@@ -1,7 +1,8 @@
 // What happened to a robot in its life, as counts that outlive a reset.
 //
 // Each write is an entry of its own, behind the others: the newest whole one counts, and a cut of
-// the power leaves the one before it.
+// the power leaves the one before it. What was counted since is in memory that a reset of the
+// processor leaves alone: a crash loses no count, and at most a second of the running time.
 #pragma once
 
 #include "flash_region.hpp"
@@ -28,14 +29,23 @@ struct LedgerCounts {
 class Ledger {
  public:
   static constexpr uint32_t kSize = 8 * kFlashSector;
+  /// Two records, written one after the other: a reset in between leaves one whole.
+  static constexpr size_t kMemorySize = 2 * LedgerCounts::kSize;
 
   /// In `flash`, kSize bytes from `offset` on.
-  Ledger(FlashRegion& flash, uint32_t offset) : flash_(flash), offset_(offset) {}
+  /// `memory`: kMemorySize bytes that start-up code leaves as they are. What they hold counts by
+  /// its check, never by the reason of the reset.
+  Ledger(FlashRegion& flash, uint32_t offset, uint8_t* memory)
+      : flash_(flash), offset_(offset), memory_(memory) {}
 
-  /// Finds the newest entry, and counts this start.
+  /// Finds the newest entry and what was counted since, and counts this start.
   void start(ResetReason reason);
   /// Counts a change of the supervisor's state.
   void count(SupervisorEvent event, SupervisorState before);
+  /// Call in each step: keeps the running time.
+  void note_time(uint64_t now_us) {
+    if (now_us - kept_us_ >= kKeepIntervalUs) keep(now_us);
+  }
   /// Up to now.
   LedgerCounts counts(uint64_t now_us) const;
   /// Call at rest: one operation, if there is something to write, every ten minutes at most.
@@ -43,8 +53,12 @@ class Ledger {
 
  private:
   static constexpr uint64_t kIntervalUs = 600'000'000;
+  static constexpr uint64_t kKeepIntervalUs = 1'000'000;
   static constexpr uint32_t kEntries = kSize / LedgerCounts::kSize;
 
+  void find_newest();
+  void recall();
+  void keep(uint64_t now_us);
   bool is_blank(uint32_t entry);
   uint32_t offset_of(uint32_t entry) const {
     return offset_ + entry * static_cast<uint32_t>(LedgerCounts::kSize);
@@ -52,7 +66,9 @@ class Ledger {
 
   FlashRegion& flash_;
   uint32_t offset_;
-  uint32_t next_ = 0;  // Entry to be written.
+  uint8_t* memory_;
+  uint64_t kept_us_ = 0;  // When the memory was written.
+  uint32_t next_ = 0;     // Entry to be written.
   LedgerCounts counts_;
   bool is_changed_ = false;
   uint64_t due_us_ = 0;

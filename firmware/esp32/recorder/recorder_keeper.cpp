@@ -34,6 +34,7 @@ void RecorderKeeper::start() {
 }
 
 void RecorderKeeper::step(Device& device, uint64_t now_us) {
+  ledger_.note_time(now_us);
   if (rests(device, now_us) || now_us < kAfterStartUs || !device.is_at_rest(now_us)) return;
   if (stores_ && !store_.is_storing()) {
     // It is stored, or the flash takes nothing.

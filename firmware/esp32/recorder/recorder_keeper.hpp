@@ -14,6 +14,12 @@ namespace wheelwire {
 /// What records on a device of this identity.
 BoxOrigin origin_of(const Identity& identity);
 
+/// What a reset of the processor leaves as it is, if start-up code does.
+struct RecorderMemory {
+  uint32_t box[box::kWords];
+  uint8_t ledger[Ledger::kMemorySize];
+};
+
 class RecorderKeeper final : public BoxArchive {
  public:
   /// Of the partition `recorder`.
@@ -21,13 +27,13 @@ class RecorderKeeper final : public BoxArchive {
   static_assert(kFlashSize == 320 * 1024);
 
   /// `board`: fingerprint of the active one.
-  RecorderKeeper(uint32_t* memory, FlashRegion& flash, const BoxOrigin& origin,
+  RecorderKeeper(RecorderMemory& memory, FlashRegion& flash, const BoxOrigin& origin,
                  ResetReason reset_reason, uint32_t board)
       : flash_(flash),
         store_(flash),
-        ledger_(flash, BoxStore::kSize),
-        black_box_(memory, origin, &ledger_),
-        memory_(memory),
+        ledger_(flash, BoxStore::kSize, memory.ledger),
+        black_box_(memory.box, origin, &ledger_),
+        memory_(memory.box),
         origin_(origin),
         reset_reason_(reset_reason),
         board_(board) {}

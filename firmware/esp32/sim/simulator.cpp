@@ -99,7 +99,7 @@ void Simulator::boot() {
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();
   device_->start(now_us);
-  recorder_.emplace(box_memory_.data(), board.recorder_flash, origin_of(identity_),
+  recorder_.emplace(recorder_memory_, board.recorder_flash, origin_of(identity_),
                     identity_.reset_reason, keeper_->fingerprint());
   recorder_->start();
   device_->record(recorder_->black_box());
@@ -133,7 +133,7 @@ void Simulator::reset(ResetReason reason) {
   board.reset();
   if (loses_memory(reason)) {
     board.latches.lose();
-    std::fill(box_memory_.begin(), box_memory_.end(), 0);
+    recorder_memory_ = {};
   }
   identity_.boot_id = static_cast<uint32_t>(random_.next());
   identity_.reset_reason = reason;
@@ -159,9 +159,10 @@ std::vector<uint32_t> Simulator::box_image() {
                      .board = keeper_ ? keeper_->fingerprint() : 0,
                      .faults = faults(),
                      .stored_us = board.device_us(),
-                     .check = box_check(box_memory_.data())};
+                     .check = box_check(recorder_memory_.box)};
   head.encode(image.data());
-  std::copy(box_memory_.begin(), box_memory_.end(), image.begin() + BoxHead::kWords);
+  std::copy(std::begin(recorder_memory_.box), std::end(recorder_memory_.box),
+            image.begin() + BoxHead::kWords);
   return image;
 }
 

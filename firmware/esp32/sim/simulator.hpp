@@ -94,7 +94,7 @@ class Simulator {
   ParameterSpec specs_[kParameterCount];
   ParameterSpec boot_specs_[kParameterCount];  // With the defaults that the board gives.
   std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
-  std::vector<uint32_t> box_memory_ = std::vector<uint32_t>(box::kWords);
+  RecorderMemory recorder_memory_{};
   std::optional<RecorderKeeper> recorder_;
   std::optional<Device> device_;
   uint64_t next_step_us_ = 0;

@@ -53,14 +53,14 @@ Images images(BoxStore& boxes) {
 
 /// A device with its recorder, at rest since long.
 struct Recorded {
-  std::vector<uint32_t> memory = std::vector<uint32_t>(box::kWords);
+  RecorderMemory memory{};
   CutFlash flash{RecorderKeeper::kFlashSize};
   RobotBench bench;
   explicit Recorded(uint64_t start_us = 20'000'000) : bench(start_us) {}
   std::optional<RecorderKeeper> keeper;
 
   void start(ResetReason reason = ResetReason::kPowerOn) {
-    keeper.emplace(memory.data(), flash, kOrigin, reason, 0x77);
+    keeper.emplace(memory, flash, kOrigin, reason, 0x77);
     keeper->start();
     bench.device.start(bench.now_us);
     bench.device.record(keeper->black_box());
@@ -207,7 +207,7 @@ TEST(a_box_is_stored_once_the_robot_stands_and_can_be_re_run) {
   // It records again, and what was written to flash meanwhile re-runs, too.
   CHECK(!robot.keeper->black_box().is_closed());
   robot.run(15'000);
-  CHECK(Rerun(robot.memory.data()).run() == Rerun::Outcome::kSame);
+  CHECK(Rerun(robot.memory.box).run() == Rerun::Outcome::kSame);
 }
 
 TEST(a_drive_puts_the_rest_of_a_write_off) {
@@ -270,9 +270,25 @@ TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
   }
 }
 
+namespace {
+
+uint32_t deadlines(const Ledger& ledger) {
+  return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
+}
+
+/// What a ledger knows that starts now.
+LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) {
+  Ledger ledger(flash, BoxStore::kSize, memory);
+  ledger.start(reason);
+  return ledger.counts(0);
+}
+
+}  // namespace
+
 TEST(the_ledger_counts_across_resets) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  Ledger first(flash, BoxStore::kSize);
+  uint8_t memory[Ledger::kMemorySize]{};
+  Ledger first(flash, BoxStore::kSize, memory);
   first.start(ResetReason::kPowerOn);
   first.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
   first.count(SupervisorEvent::kDeadline, SupervisorState::kTimedOut);
@@ -281,7 +297,8 @@ TEST(the_ledger_counts_across_resets) {
   first.count(SupervisorEvent::kStop, SupervisorState::kDriving);
   CHECK(!first.work(609'000'000));
   CHECK(first.work(610'000'000) && !first.work(2'000'000'000));
-  Ledger second(flash, BoxStore::kSize);
+  std::fill(std::begin(memory), std::end(memory), uint8_t{0});  // As a cut of the power does.
+  Ledger second(flash, BoxStore::kSize, memory);
   second.start(ResetReason::kBrownout);
   const LedgerCounts counts = second.counts(5'000'000);
   CHECK(counts.uptime_s == 615);
@@ -297,7 +314,8 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
   for (const uint32_t entries : {0u, 5u, 31u, 32u, 255u, 256u, 700u}) {
     for (size_t cut = 0; cut < 3; ++cut) {
       CutFlash flash(RecorderKeeper::kFlashSize);
-      Ledger before(flash, BoxStore::kSize);
+      uint8_t memory[3][Ledger::kMemorySize]{};  // Lost with the power.
+      Ledger before(flash, BoxStore::kSize, memory[0]);
       before.start(ResetReason::kPowerOn);
       uint64_t now_us = 10'000'000;
       const auto write = [&now_us](Ledger& ledger, CutFlash& power) {
@@ -309,29 +327,99 @@ TEST(a_cut_at_any_operation_leaves_the_old_counts_or_the_new_ones) {
       flash.cut_after(cut);
       write(before, flash);
       flash.power_on();
-      Ledger after(flash, BoxStore::kSize);
+      Ledger after(flash, BoxStore::kSize, memory[1]);
       after.start(ResetReason::kPowerOn);
-      const auto deadlines = [](const Ledger& ledger) {
-        return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
-      };
       CHECK(deadlines(after) == entries || deadlines(after) == entries + 1);
       write(after, flash);
-      Ledger later(flash, BoxStore::kSize);
+      Ledger later(flash, BoxStore::kSize, memory[2]);
       later.start(ResetReason::kPowerOn);
       CHECK(deadlines(later) == deadlines(after));
     }
   }
 }
 
-TEST(a_boot_loop_writes_nothing) {
+TEST(a_reset_of_the_processor_loses_no_count) {
   CutFlash flash(RecorderKeeper::kFlashSize);
-  for (int boot = 0; boot < 50; ++boot) {
+  uint8_t memory[Ledger::kMemorySize];
+  std::fill(std::begin(memory), std::end(memory), uint8_t{0xa5});  // As a power-on leaves it.
+  for (uint32_t boot = 0; boot < 5; ++boot) {
+    Ledger ledger(flash, BoxStore::kSize, memory);
+    ledger.start(boot == 0 ? ResetReason::kPowerOn : ResetReason::kPanic);
+    CHECK(deadlines(ledger) == boot);
+    CHECK(ledger.counts(0).uptime_s == 4 * boot);
+    CHECK(ledger.counts(0).resets[static_cast<size_t>(ResetReason::kPanic)] == boot);
+    for (uint64_t now_us = 1000; now_us < 4'500'000; now_us += 1000) ledger.note_time(now_us);
+    ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  }
+  CHECK(flash.operations == 0);
+}
+
+TEST(what_is_in_flash_is_not_counted_twice) {
+  CutFlash flash(RecorderKeeper::kFlashSize);
+  uint8_t memory[Ledger::kMemorySize]{};
+  uint8_t before_write[Ledger::kMemorySize];
+  Ledger ledger(flash, BoxStore::kSize, memory);
+  ledger.start(ResetReason::kPowerOn);
+  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  std::copy(std::begin(memory), std::end(memory), before_write);
+  CHECK(ledger.work(20'000'000));
+  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  // A panic between the write and what follows it leaves the memory of before: flash knows more.
+  const LedgerCounts torn = counts_after(ResetReason::kPanic, flash, before_write);
+  CHECK(torn.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 1);
+  CHECK(torn.uptime_s == 20);
+  const LedgerCounts whole = counts_after(ResetReason::kPanic, flash, memory);
+  CHECK(whole.stops[static_cast<size_t>(SupervisorEvent::kDeadline)] == 2);
+  CHECK(whole.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 1);
+}
+
+TEST(counts_in_memory_that_are_damaged_or_of_another_flash_are_not_believed) {
+  CutFlash flash(RecorderKeeper::kFlashSize);
+  uint8_t memory[Ledger::kMemorySize]{};
+  Ledger ledger(flash, BoxStore::kSize, memory);
+  ledger.start(ResetReason::kPowerOn);
+  ledger.count(SupervisorEvent::kDeadline, SupervisorState::kDriving);
+  const auto counted = [&flash](const uint8_t* from) {
+    uint8_t copy[Ledger::kMemorySize];
+    std::copy_n(from, sizeof copy, copy);
+    return counts_after(ResetReason::kPanic, flash, copy)
+        .stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
+  };
+  // A reset in the middle of a write leaves one of the two records whole.
+  for (size_t i = 0; i < sizeof memory; ++i) {
+    memory[i] ^= 1;
+    CHECK(counted(memory) == 1);
+    memory[i] ^= 1;
+  }
+  memory[5] ^= 1;
+  memory[LedgerCounts::kSize + 5] ^= 1;
+  CHECK(counted(memory) == 0);
+  memory[5] ^= 1;
+  CHECK(counted(memory) == 1);
+  CutFlash written(RecorderKeeper::kFlashSize);
+  uint8_t other[Ledger::kMemorySize]{};
+  Ledger elsewhere(written, BoxStore::kSize, other);
+  elsewhere.start(ResetReason::kPowerOn);
+  CHECK(elsewhere.work(10'000'000));
+  flash = written;
+  CHECK(counted(memory) == 0);
+}
+
+TEST(a_boot_loop_writes_nothing_and_is_counted) {
+  CutFlash flash(RecorderKeeper::kFlashSize);
+  RecorderMemory memory{};
+  for (uint32_t boot = 0; boot < 50; ++boot) {
     Recorded robot(50'000);
     robot.flash = flash;
-    robot.start(boot % 2 == 0 ? ResetReason::kBrownout : ResetReason::kPanic);
+    robot.memory = memory;
+    robot.start(boot % 2 == 0 ? ResetReason::kTaskWatchdog : ResetReason::kPanic);
     robot.estop_and_clear(100);
     robot.run(9700);
     flash = robot.flash;
+    memory = robot.memory;
+    const auto ledger = robot.bench.ask<LedgerValue>(LedgerGet{});
+    CHECK(ledger && ledger->resets_panic + ledger->resets_task_watchdog == boot + 1);
+    CHECK(ledger->stops_estop == boot + 1);
   }
   CHECK(flash.operations == 0);
 }
@@ -360,7 +448,7 @@ TEST(a_host_reads_the_boxes_part_by_part) {
   CHECK(robot.read(3).empty());
   // What was read is in the box that is recorded now, and re-runs.
   robot.run(10);
-  CHECK(Rerun(robot.memory.data()).run() == Rerun::Outcome::kSame);
+  CHECK(Rerun(robot.memory.box).run() == Rerun::Outcome::kSame);
 }
 
 TEST(a_repeat_is_answered_afresh_and_an_older_request_is_not) {

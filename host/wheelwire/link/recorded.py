@@ -30,8 +30,8 @@ class Ledger:
     """What happened to a robot in its life.
 
     Attributes:
-        uptime_s: In all. It is stored every ten minutes at most: what came last before a reset is
-            missing.
+        uptime_s: In all. A power cut costs all counts of the last ten minutes at most, any other
+            reset a second of this.
         resets: Starts by their reason.
         stops: E-stops and faults, and drives that a session, a stop or a deadline ended.
     """

@@ -118,7 +118,7 @@ TEST(a_robot_without_its_timer_steps_late_and_reports_why) {
 
 namespace {
 
-uint32_t box_memory[box::kWords];
+RecorderMemory recorder_memory;
 
 /// A start of the chip after `reason`, and how it goes on until 20 s after it: a fault at 2 s if
 /// `fails`, and flash that takes 400 ms to erase a sector. Returns the newest box in
@@ -128,7 +128,7 @@ BoxValue newest_after_a_run(ResetReason reason, bool fails) {
   CHECK(rig.start() && start_task_watchdog());
   PartitionFlash flash;
   CHECK(flash.start(RecorderKeeper::kFlashSize));
-  RecorderKeeper recorder{box_memory, flash, {}, reason, 0};
+  RecorderKeeper recorder{recorder_memory, flash, {}, reason, 0};
   static DeadMan dead_man;
   static SharedState state;
   ControlTask task{rig.device, rig.line, dead_man, state, &recorder};
@@ -257,7 +257,7 @@ TEST(a_host_is_answered_between_the_operations_of_a_box_s_write) {
                 Identity{}};
   PartitionFlash flash;
   CHECK(flash.start(RecorderKeeper::kFlashSize));
-  RecorderKeeper recorder{box_memory, flash, {}, ResetReason::kPowerOn, 0};
+  RecorderKeeper recorder{recorder_memory, flash, {}, ResetReason::kPowerOn, 0};
   static DeadMan dead_man;
   static SharedState state;
   ControlTask task{device, line, dead_man, state, &recorder};
