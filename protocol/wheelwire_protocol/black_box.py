@@ -20,6 +20,8 @@ from .types import AnyMessage
 
 BOX_SIZE = 32768
 """Of every box, in bytes."""
+PARTS = 4
+"""Of every box: the oldest one makes room for the next."""
 
 
 class BoxError(ValueError):
@@ -179,6 +181,11 @@ def release_text(release: int) -> str:
 class Box:
     """A black box.
 
+    Attributes:
+        head: What it says about itself.
+        missing: How many of its PARTS cannot be read, the oldest ones: a reset came while one was
+            written, or damaged the memory.
+
     Raises:
         BoxError: These bytes are none, or a damaged one.
         NativeMissingError: The library is missing or of another release.
@@ -189,13 +196,13 @@ class Box:
         self._handle: ctypes.c_void_p | None = None
         self._library = native.load()
         self._image = bytes(image)
-        self._handle, self.head = self._open()
+        self._handle, self.head, self.missing = self._open()
 
     def __del__(self) -> None:
         if self._handle:
             self._library.wheelwire_box_close(self._handle)
 
-    def _open(self) -> tuple[ctypes.c_void_p, BoxHead]:
+    def _open(self) -> tuple[ctypes.c_void_p, BoxHead, int]:
         handle = ctypes.c_void_p()
         head = native.BoxHead()
         status = self._library.wheelwire_box_open(
@@ -205,26 +212,26 @@ class Box:
             raise BoxError("a black box that is damaged: its checksum does not match")
         if status != native.BOX_OPENED:
             raise BoxError("no black box")
-        return handle, BoxHead(
-            BoxCause(head.cause),
-            ResetReason(head.reset_reason),
-            head.number,
-            head.boot_id,
-            head.core,
-            release_text(head.release),
-            head.git_hash,
-            head.board,
-            Fault(head.faults),
-            head.stored_us,
-        )
+        try:
+            return handle, _head(head), head.missing
+        except ValueError as error:
+            self._library.wheelwire_box_close(handle)
+            raise BoxError(f"a black box of a later release: {error}") from error
 
     def entries(self) -> Iterator[Entry]:
-        """What it holds, from the oldest record on, without what only a re-run needs."""
-        handle, _ = self._open()
+        """What it holds, from the oldest record on, without what only a re-run needs.
+
+        Raises:
+            BoxError: A record has a code of a later release.
+        """
+        handle, *_ = self._open()
         try:
             raw = native.BoxEntry()
             while self._library.wheelwire_box_next(handle, ctypes.byref(raw)):
-                entry = _entry(raw)
+                try:
+                    entry = _entry(raw)
+                except ValueError as error:
+                    raise BoxError(f"a black box of a later release: {error}") from error
                 if entry is not None:
                     yield entry
         finally:
@@ -252,6 +259,21 @@ class Box:
             raw.recorded,
             raw.computed,
         )
+
+
+def _head(head: native.BoxHead) -> BoxHead:
+    return BoxHead(
+        BoxCause(head.cause),
+        ResetReason(head.reset_reason),
+        head.number,
+        head.boot_id,
+        head.core,
+        release_text(head.release),
+        head.git_hash,
+        head.board,
+        Fault(head.faults),
+        head.stored_us,
+    )
 
 
 def _entry(raw: native.BoxEntry) -> Entry | None:

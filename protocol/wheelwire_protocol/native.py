@@ -19,7 +19,7 @@ from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .types import SCHEMA_HASH
 
-ABI = 8
+ABI = 9
 RECORDER_SIZE = 320 * 1024
 """Of what `Core.keep_recorder` has written, in bytes."""
 """Version of `wheelwire_core.h`; a library with another one is refused."""
@@ -502,6 +502,7 @@ class BoxHead(ctypes.Structure):
         ("faults", ctypes.c_uint32),
         ("cause", ctypes.c_uint8),
         ("reset_reason", ctypes.c_uint8),
+        ("missing", ctypes.c_uint8),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import pytest
@@ -92,6 +92,58 @@ def test_a_reset_is_told_by_its_box(robot: VirtualMockDriver, reason: ResetReaso
     # Its clock was the one before the reset, which nobody knows.
     assert not found.is_dated
     assert "before the reset" in " ".join(found.stop.evidence)
+
+
+Damage = Callable[[bytes], bytes]
+
+
+def flipped(image: bytes) -> bytes:
+    return image[:5000] + bytes([image[5000] ^ 1]) + image[5001:]
+
+
+def damaged(robot: VirtualMockDriver, damage: Damage = flipped) -> list[DatedStop]:
+    """The stops, where flash has changed each box since it was stored."""
+    recorded = robot.recorder.read()
+    boxes = [(stored, damage(image)) for stored, image in recorded.boxes]
+    return stops_of_device(robot.info.device, robot.read(), recorded._replace(boxes=boxes))
+
+
+@pytest.mark.parametrize("damage", [flipped, lambda image: b"\xff" * len(image), lambda _: b""])
+def test_a_damaged_box_is_named_and_its_head_tells_on(
+    robot: VirtualMockDriver, damage: Damage
+) -> None:
+    block(robot)
+    robot.advance(STORED_S)
+    (found,) = damaged(robot, damage)
+    assert found.stop.cause == "encoder_dead or wheel_blocked"
+    assert found.stop.sentence.startswith("Left wheel")
+    assert "black box 1 of boot" in found.stop.evidence[0]
+    assert "cannot be read" in found.stop.evidence[0]
+    assert "LEFT_NOT_COUNTING" in " ".join(found.stop.evidence)
+    assert found.is_dated
+
+
+def test_a_damaged_box_of_a_fault_that_is_cleared_says_that_it_is_lost(
+    robot: VirtualMockDriver,
+) -> None:
+    block(robot)
+    robot.simulator.set("left.blocked", 0)
+    robot.clear_fault()
+    robot.advance(STORED_S)
+    (found,) = damaged(robot)
+    assert found.stop.cause == "box_damaged"
+
+
+def test_a_damaged_box_of_an_estop_or_a_reset_is_named(robot: VirtualMockDriver) -> None:
+    robot.estop()
+    robot.advance(STORED_S)
+    (found,) = damaged(robot)
+    assert found.stop.cause == "contact_open or estop_by_session or estop_by_stranger"
+    robot.clear_estop()
+    drive(robot, 1.0)
+    robot.simulator.reset(ResetReason.INTERRUPT_WATCHDOG)
+    robot.advance(STORED_S)
+    assert [one.stop.cause for one in damaged(robot)][1:] == ["interrupt_watchdog"]
 
 
 def test_a_power_cut_leaves_the_boxes(robot: VirtualMockDriver) -> None:

@@ -50,7 +50,8 @@ int wheelwire_box_open(const uint8_t* image, size_t size, wheelwire_box** box,
            .board = found.board,
            .faults = found.faults,
            .cause = static_cast<uint8_t>(found.cause),
-           .reset_reason = static_cast<uint8_t>(found.reset_reason)};
+           .reset_reason = static_cast<uint8_t>(found.reset_reason),
+           .missing = static_cast<uint8_t>(opened->reader.missing())};
   *box = opened;
   return WHEELWIRE_BOX_OPENED;
 }

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 8
+#define WHEELWIRE_ABI 9
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -168,6 +168,7 @@ typedef struct wheelwire_box_head {
   uint32_t faults;
   uint8_t cause;
   uint8_t reset_reason;
+  uint8_t missing; /* Quarters of it that cannot be read: a reset damaged them. */
 } wheelwire_box_head;
 
 /* One record; which fields have a meaning depends on its kind, that of recorder/box_format.hpp. */

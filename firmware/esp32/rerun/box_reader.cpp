@@ -79,6 +79,8 @@ BoxReader::BoxReader(const uint32_t* memory) {
     first = before;
     ++count_;
   }
+  const uint32_t recorded = found[newest].number;
+  missing_ = (recorded < box::kSegments ? recorded : box::kSegments) - count_;
   for (size_t i = 0; i < count_; ++i) segments_[i] = found[(first + i) % box::kSegments];
 }
 

@@ -29,6 +29,9 @@ class BoxReader {
 
   /// There is nothing to read.
   bool is_empty() const { return count_ == 0; }
+  /// How many segments were recorded and cannot be read, with all that came before them: a reset
+  /// in the middle of a write, or memory that it damaged.
+  size_t missing() const { return missing_; }
   /// Of the newest segment. Without meaning in an empty box.
   const BoxOrigin& origin() const { return origin_; }
 
@@ -50,6 +53,7 @@ class BoxReader {
 
   Segment segments_[box::kSegments];  // In the order of their numbers.
   size_t count_ = 0;
+  size_t missing_ = 0;
   BoxOrigin origin_{};
   size_t segment_ = 0;
   size_t at_ = box::kHeadWords;

@@ -179,6 +179,7 @@ TEST(a_second_at_1_khz_with_100_setpoints_is_always_there) {
     robot.bench.step();
     if (i < 4000 || i % 50 != 0) continue;
     BoxReader reader(robot.memory.data());
+    CHECK(reader.missing() == 0);
     BoxEntry entry;
     while (reader.next(entry) && !entry.is_step()) {
     }
@@ -319,6 +320,28 @@ TEST(a_state_that_is_not_what_the_re_run_computes_names_its_field) {
   CHECK(rerun.run() == Outcome::kDiffers);
   CHECK(std::strcmp(rerun.difference().field, "session.newest_request") == 0);
   CHECK(rerun.difference().recorded == 2 && rerun.difference().computed == 0);
+}
+
+TEST(what_a_reset_damaged_is_missing_with_all_before_it) {
+  Recorded robot;
+  CHECK(BoxReader(robot.memory.data()).missing() == 0);  // Of a box that is not full yet, too.
+  for (int i = 0; i < 5000; ++i) {
+    robot.bench.turn(i % 2, i % 2);
+    robot.bench.step();
+  }
+  // The newest one comes last in the order of their numbers.
+  const size_t newest = (robot.black_box.segments() - 1) % box::kSegments;
+  for (size_t age = 1; age < box::kSegments; ++age) {
+    const size_t segment = (newest + box::kSegments - age) % box::kSegments;
+    uint32_t& word = robot.memory[segment * box::kSegmentWords + 1000];
+    word ^= 1;
+    BoxReader reader(robot.memory.data());
+    CHECK(reader.missing() == box::kSegments - age);
+    BoxEntry entry;
+    CHECK(reader.next(entry));
+    word ^= 1;
+  }
+  CHECK(BoxReader(robot.memory.data()).missing() == 0);
 }
 
 TEST(damaged_boxes_are_read_without_harm) {

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wheelwire.errors import OutputFailed
+from wheelwire.errors import OutputFailed, RecordingError
+from wheelwire_protocol.black_box import BoxError
 
 if TYPE_CHECKING:
     from wheelwire.diagnosis import Stop
@@ -40,7 +41,10 @@ def stops_of_file(file: Path) -> list[Stop]:
     from wheelwire.diagnosis.boxes import stop_of_box
     from wheelwire.recording.black_box import read_box
 
-    stop = stop_of_box(read_box(file))
+    try:
+        stop = stop_of_box(read_box(file))
+    except BoxError as error:
+        raise RecordingError(f"{file} is {error}: use the library of that release") from error
     return [] if stop is None else [stop]
 
 

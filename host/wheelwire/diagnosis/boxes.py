@@ -8,7 +8,10 @@ from itertools import pairwise
 from statistics import median
 
 from wheelwire_protocol.black_box import (
+    PARTS,
     Box,
+    BoxError,
+    BoxHead,
     Contact,
     End,
     HangUp,
@@ -43,7 +46,15 @@ from ..link.clock import Conversion
 from ..link.setpoints import SETPOINT_IDS
 from ..link.state_stream import DUTY_SCALE, Measurement
 from . import wheels
-from .causes import COUNTING_FAULTS, OTHER_FAULTS, REFUSALS, RESETS, WHEEL_FAULTS
+from .causes import (
+    COUNTING_FAULTS,
+    ESTOPPED,
+    OTHER_FAULTS,
+    REFUSALS,
+    RESETS,
+    WHEEL_FAULTS,
+    latched_causes,
+)
 from .diagnosis import Stop, stop_of, supply_fall
 
 SPACING_US = 10_000
@@ -82,8 +93,46 @@ def stop_of_box(box: Box, added_us: int = 0) -> Stop | None:
         return None
     causes, evidence, side = _JUDGES[stop.event](story, stop)
     when = f"{stop.t_us / 1e6:.2f} s after the start of boot {box.head.boot_id:08x}"
-    shown = (f"black box {box.head.number}: {when}", *evidence)
+    shown = (f"black box {box.head.number}: {when}", *_missing(box), *evidence)
     return stop_of(stop.t_us + added_us, causes, shown, side)
+
+
+def stop_of_damaged_box(head: BoxHead, error: BoxError, added_us: int = 0) -> Stop:
+    """The stop of a stored black box whose records cannot be read, as far as its head tells.
+
+    Args:
+        head: Of the box.
+        error: Why it cannot be read.
+        added_us: As of `stop_of_box`. The stop came some time before what was stored.
+    """
+    evidence = [
+        f"black box {head.number} of boot {head.boot_id:08x} cannot be read: {error}",
+        f"by its head it is of: {head.cause.name}. {head.cause.doc}",
+        f"it was stored {head.stored_us / 1e6:.2f} s after a start, some time after the stop",
+    ]
+    causes: tuple[str, ...] = ESTOPPED
+    side = ""
+    if head.cause is BoxCause.RESET:
+        causes = (RESETS[head.reset_reason],)
+        evidence.append(f"{head.reset_reason.name}. {head.reset_reason.doc}")
+    elif head.cause is BoxCause.FAULT:
+        found = list(latched_causes(head.faults))
+        evidence += [f"{fault.name}: {fault.doc}" for fault, _, _ in found]
+        # Of faults that were cleared before it was stored the head says nothing.
+        causes = tuple(dict.fromkeys(name for _, names, _ in found for name in names)) or (
+            "box_damaged",
+        )
+        side = found[0][2] if len(found) == 1 else ""
+    return stop_of(head.stored_us + added_us, causes, evidence, side)
+
+
+def _missing(box: Box) -> tuple[str, ...]:
+    if not box.missing:
+        return ()
+    return (
+        f"{box.missing} of its {PARTS} parts, the oldest, cannot be read: a reset came while one "
+        "was written, or damaged the memory",
+    )
 
 
 @dataclass
@@ -320,7 +369,8 @@ def _reset(story: _Story, added_us: int) -> Stop:
     reason = head.reset_reason
     evidence = [
         f"black box {head.number}, of boot {head.boot_id:08x}, which this reset ended: "
-        f"{reason.name}. {reason.doc}"
+        f"{reason.name}. {reason.doc}",
+        *_missing(story.box),
     ]
     end_us = head.stored_us
     if story.steps:

@@ -151,6 +151,10 @@ CAUSES: dict[str, Cause] = {
     "protocol_mismatch": Cause(
         "Host and firmware are of different releases", "one release on both sides"
     ),
+    "box_damaged": Cause(
+        "A fault stopped the robot, and the black box that tells which one is damaged",
+        "the flash, unless it is the only damaged one",
+    ),
     # --- a request that the device refused
     "value_not_finite": Cause("The value is not a finite number", "the program's computation"),
     "value_out_of_range": Cause(

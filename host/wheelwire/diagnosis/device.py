@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import ResetReason, SupervisorEvent
 from ..link.info import DeviceInfo
 from ..link.recorded import Ledger, Recorded
 from ..samples import WheelSample
-from .boxes import stop_of_box
+from .boxes import stop_of_box, stop_of_damaged_box
 from .diagnosis import Stop
 from .standing import standing_stops
 
@@ -54,10 +54,12 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
     current = []
     for stored, image in recorded.boxes:
         is_dated = stored.head.boot_id == device.boot_id
+        added_us = now_us - sample.t_us if is_dated else 0
+        stop: Stop | None
         try:
-            stop = stop_of_box(Box(image), now_us - sample.t_us if is_dated else 0)
-        except BoxError:
-            continue  # how it stands now is known all the same
+            stop = stop_of_box(Box(image), added_us)
+        except BoxError as error:
+            stop = stop_of_damaged_box(stored.head, error, added_us)
         if stop is not None:
             found.append(DatedStop(stop, is_dated))
             if stored.is_current:

@@ -43,6 +43,7 @@ class AwaitableRecorder:
 
         Raises:
             GroupUnavailable: The device has no recorder, or one of another release.
+            RecordingError: One is of a later release than this library.
             DeviceRefused: The robot drives: stop it first.
             LinkLost, RequestTimeout: The device was not reached.
         """
@@ -53,7 +54,13 @@ class AwaitableRecorder:
             value = cast("BoxValue", await self._requests.ask(BoxGet(0, 0, age)))
             if value.number == 0:
                 break
-            found[value.number] = StoredBox(_head(value), value.size, bool(value.is_current))
+            try:
+                head = _head(value)
+            except ValueError as error:
+                raise RecordingError(
+                    f"black box {value.number} is of a later release ({error}): use its library"
+                ) from error
+            found[value.number] = StoredBox(head, value.size, bool(value.is_current))
         return list(found.values())
 
     async def read_box(self, box: StoredBox) -> bytes:
