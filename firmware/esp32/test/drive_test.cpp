@@ -131,7 +131,7 @@ TEST(a_wheel_that_no_longer_has_to_wait_speeds_up_within_the_limit) {
     bench.drive.note_battery(7400, bench.config);
     double travelled_um = 0;
     int counted = 0;
-    // The other wheel does as it is told.
+    // The other wheel follows its command.
     const auto step = [&](WheelPair umps) {
       const WheelPair before = bench.drive.commanded();
       const int32_t waits = left_is_held ? before.right : before.left;
