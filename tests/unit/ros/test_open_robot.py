@@ -1,0 +1,175 @@
+"""What an open robot has its parts do, and in which order: at its end, a failure, a new session."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock, call
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from support.host_samples import sample
+from wheelwire import Pose, SupervisorState, WheelSample
+from wheelwire_ros import open_robot, parameters
+from wheelwire_ros.open_robot import OpenRobot
+
+IDLE, DRIVING = SupervisorState.IDLE, SupervisorState.DRIVING
+TIMED_OUT, FAULT = SupervisorState.TIMED_OUT, SupervisorState.FAULT
+
+
+class Parts:
+    """An open robot whose parts are mocks of one parent, which has all calls in their order."""
+
+    def __init__(self) -> None:
+        self.calls = Mock()
+        self.open = OpenRobot.__new__(OpenRobot)
+        calls, robot = self.calls, self.open
+        calls.context.ok.return_value = True
+        calls.connection.is_prepared = False
+        calls.connection.active = True
+        calls.resets.note.return_value = False
+        calls.poses.at.return_value = None
+        calls.estimator.unseen_m = 0.0
+        parts: dict[str, Any] = {
+            "_node": SimpleNamespace(
+                context=calls.context,
+                threads=calls.threads,
+                bridge=calls.bridge,
+                setting=calls.setting,
+                update_state=calls.update_state,
+                get_logger=lambda: calls.logger,
+            ),
+            "connection": calls.connection,
+            "estimator": calls.estimator,
+            "_resources": calls.resources,
+            "_reader": calls.reader,
+            "_resets": calls.resets,
+            "_recorded_poses": calls.poses,
+            "_pacer": calls.pacer,
+            "_time_base": calls.time_base,
+            "_publisher": calls.publisher,
+            "_newest": None,
+            "_closing": False,
+            "_preparing": False,
+            "_stop": "",
+        }
+        for name, part in parts.items():
+            setattr(robot, name, part)
+
+    def samples(self, *samples: WheelSample) -> list[Any]:
+        """Hand these over; returns the calls because of the last one."""
+        for one in samples:
+            self.calls.mock_calls.clear()
+            self.open._on_sample(one)
+        return list(self.calls.mock_calls)
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> Parts:
+    monkeypatch.setattr(parameters, "tuning", lambda _: "tuning")
+    return Parts()
+
+
+def test_a_thread_of_samples_that_fails_stops_the_robot_first(parts: Parts) -> None:
+    error = RuntimeError("a defect")
+    parts.open._fail(error)
+    expected = [call.connection.robot.shutdown(), call.threads.fail(error)]
+    assert [made for made in parts.calls.mock_calls if made != call.context.ok()] == expected
+
+
+def test_a_failure_of_the_closing_is_none(parts: Parts) -> None:
+    parts.open._closing = True
+    parts.open._fail(RuntimeError("the closing"))
+    assert parts.calls.mock_calls == []
+
+
+def test_the_end_ignores_commands_then_stops_then_gives_back(parts: Parts) -> None:
+    parts.open.close()
+    assert parts.calls.mock_calls == [
+        call.connection.deactivate(),
+        call.connection.robot.shutdown(),
+        call.resources.close(),
+    ]
+
+
+def test_where_the_robot_is_lost_or_back_its_session_is_prepared(parts: Parts) -> None:
+    parts.open._on_reach()
+    assert parts.calls.mock_calls == [
+        call.threads.requests.submit(parts.open._prepare),
+        call.update_state(),
+    ]
+    parts.open._on_reach()  # one preparation at a time
+    assert len(parts.calls.threads.requests.submit.mock_calls) == 1
+    parts.open._prepare()
+    assert parts.calls.connection.follow.mock_calls == [call()]
+    parts.open._on_reach()
+    assert len(parts.calls.threads.requests.submit.mock_calls) == 2
+
+
+def test_a_preparation_that_fails_in_an_unknown_way_stops_the_robot(parts: Parts) -> None:
+    parts.calls.connection.follow.side_effect = RuntimeError("a defect")
+    parts.open._prepare()
+    assert call.connection.robot.shutdown() in parts.calls.mock_calls
+    assert not parts.open._preparing
+
+
+def test_a_new_session_s_geometry_reaches_commands_and_odometry(parts: Parts) -> None:
+    parts.calls.connection.drive = "geometry"
+    parts.open._on_session()
+    assert parts.calls.bridge.mirror.mock_calls == [call(parts.calls.connection.robot)]
+    assert parts.calls.connection.tuning == "tuning"
+    assert parts.calls.estimator.drive == "geometry"
+
+
+@pytest.mark.parametrize("after", [IDLE, TIMED_OUT, FAULT])
+def test_the_commands_hear_of_each_end_of_a_drive(parts: Parts, after: SupervisorState) -> None:
+    assert call.connection.note_standstill() not in parts.samples(sample(state=DRIVING))
+    assert call.connection.note_standstill() not in parts.samples(sample(state=DRIVING))
+    assert call.connection.note_standstill() in parts.samples(sample(state=after))
+    assert call.connection.note_standstill() not in parts.samples(sample(state=after))
+
+
+def test_each_change_of_state_or_faults_is_told_of(parts: Parts) -> None:
+    told = call.update_state()
+    assert told in parts.samples(sample(state=IDLE))
+    assert told not in parts.samples(sample(state=IDLE))
+    assert told in parts.samples(sample(state=DRIVING))
+    parts.calls.resets.note.return_value = True
+    assert told in parts.samples(sample(state=DRIVING))
+
+
+def test_a_sample_is_counted_also_where_it_is_not_published(parts: Parts) -> None:
+    parts.calls.connection.active = False
+    one = sample()
+    made = parts.samples(one)
+    assert call.estimator.update(one) in made
+    assert not parts.calls.publisher.publish.mock_calls
+    parts.calls.connection.active = True
+    parts.samples(one)
+    assert len(parts.calls.publisher.publish.mock_calls) == 1
+    parts.calls.context.ok.return_value = False
+    parts.samples(one)
+    assert len(parts.calls.publisher.publish.mock_calls) == 1
+
+
+def test_a_pose_that_is_set_goes_to_odometry_and_recording(
+    parts: Parts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noted: list[Any] = []
+    monkeypatch.setattr(open_robot, "note", lambda *arguments: noted.append(arguments))
+    parts.open._poses = Mock()
+    parts.calls.estimator.set_pose.return_value = None
+    parts.open.set_pose(Pose(1.0, 2.0, 0.5), "covariance")
+    assert parts.calls.estimator.set_pose.mock_calls == [call(Pose(1.0, 2.0, 0.5), "covariance")]
+    assert noted == []
+
+
+def test_a_fault_that_is_cleared_ends_the_warning_of_a_reset(parts: Parts) -> None:
+    parts.open.clear_fault()
+    assert parts.calls.mock_calls == [
+        call.connection.clear_fault(),
+        call.resets.acknowledge(),
+        call.update_state(),
+    ]
