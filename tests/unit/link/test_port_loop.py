@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import threading
 import time
 from collections.abc import Callable
@@ -294,6 +295,7 @@ class Blocked(Rig):
         return b"".join(self.narrow.written[self._mark :])
 
     def _next(self, _done: object, now_us: int) -> None:
+        # A busy computer may get to two calls in one turn: the second one then waits for the next.
         is_next_turn, self._now_us = now_us != self._now_us, now_us
         if is_next_turn and self.session.phase is Phase.OPEN:
             if not self._mark:
@@ -428,3 +430,21 @@ def test_what_a_port_takes_in_parts_arrives_whole_and_once(part: int) -> None:
     assert (decoder.counters.bad_crc, decoder.counters.bad_cobs) == (0, 0)
     assert len(estops) >= 1
     assert decoder.counters.frames == len(messages)
+
+
+def test_while_a_stop_waits_the_loop_waits_for_room_and_not_longer() -> None:
+    """So it goes out as soon as the port takes bytes again, not with the next repeat."""
+    found: dict[str, bool] = {}
+
+    def look(name: str) -> Callable[[Blocked], None]:
+        def note(rig: Blocked) -> None:
+            found[name] = bool(rig.loop._wanted & select.POLLOUT)
+
+        return note
+
+    # Answers are missing, so a repeat may come in between: each look follows a turn of its own.
+    Blocked(
+        look("before"), lambda rig: rig.estop(), a_turn, look("waiting"), opened(WIDE), a_turn,
+        a_turn, look("after"),
+    ).run()  # fmt: skip
+    assert found == {"before": False, "waiting": True, "after": False}
