@@ -1,16 +1,20 @@
-"""CPU of links on one asyncio loop, and how late samples reach their coroutines: this file."""
+"""How late samples reach coroutines of a loop, or threads, and the CPU that takes: this file.
+
+With real-time priority, as by `chrt -f 5`, what else the computer does changes little.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import sys
+import threading
 import time
 from contextlib import AsyncExitStack, ExitStack
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import table
-from wheelwire import aio
+from wheelwire import SerialDriver, aio
 from wheelwire.simulation.simulator import Simulator
 
 LINKS = (1, 5, 20)
@@ -18,37 +22,75 @@ SETTLING_S = 0.5
 MEASURED_S = 3.0
 
 
-async def follow(robot: aio.Driver, late_ms: list[float]) -> None:
-    """Note how old each sample is when the coroutine has it."""
-    add = late_ms.append
-    async for sample in robot.samples():
-        add((time.monotonic() - sample.stamp) * 1e3)
+class Ages:
+    """How old each sample is when the program has it, and the CPU of one core meanwhile."""
+
+    def __init__(self) -> None:
+        self.late_ms: list[float] = []
+
+    def begin(self) -> None:
+        self.late_ms.clear()
+        self._begin = time.process_time(), time.monotonic()
+
+    def end(self) -> list[str]:
+        cpu_s, begin_s = self._begin
+        cpu = (time.process_time() - cpu_s) / (time.monotonic() - begin_s)
+        found = sorted(self.late_ms)
+        quantiles = (f"{found[len(found) * percent // 100]:.2f}" for percent in (50, 99))
+        return [f"{cpu:.1%}", str(len(found)), *quantiles]
 
 
-async def measure(ports: list[str]) -> list[str]:
-    """A row: links, CPU of one core, samples, and their age: median and 99th percentile."""
-    late_ms: list[float] = []
+async def on_a_loop(ports: list[str]) -> list[str]:
+    """CPU, samples, and their age: median and 99th percentile."""
+    ages = Ages()
+
+    async def follow(robot: aio.Driver) -> None:
+        async for sample in robot.samples():
+            ages.late_ms.append((time.monotonic() - sample.stamp) * 1e3)
+
     async with AsyncExitStack() as stack:
         openings = [aio.open_driver("serial", port=port) for port in ports]
         robots = [await stack.enter_async_context(opening) for opening in openings]
-        tasks = [asyncio.ensure_future(follow(robot, late_ms)) for robot in robots]
+        tasks = [asyncio.ensure_future(follow(robot)) for robot in robots]
         await asyncio.sleep(SETTLING_S)
-        late_ms.clear()
-        cpu_s, begin_s = time.process_time(), time.monotonic()
+        ages.begin()
         await asyncio.sleep(MEASURED_S)
-        cpu = (time.process_time() - cpu_s) / (time.monotonic() - begin_s)
-        found = sorted(late_ms)
+        found = ages.end()
     await asyncio.gather(*tasks)
-    ages = (f"{found[len(found) * percent // 100]:.2f}" for percent in (50, 99))
-    return [str(len(ports)), f"{cpu:.1%}", str(len(found)), *ages]
+    return found
+
+
+def on_threads(ports: list[str]) -> list[str]:
+    """The same with a thread for each robot."""
+    ages = Ages()
+
+    def follow(robot: SerialDriver) -> None:
+        for sample in robot.samples():
+            ages.late_ms.append((time.monotonic() - sample.stamp) * 1e3)
+
+    with ExitStack() as stack:
+        robots = [stack.enter_context(SerialDriver(port)) for port in ports]
+        threads = [threading.Thread(target=follow, args=(robot,)) for robot in robots]
+        for thread in threads:
+            thread.start()
+        time.sleep(SETTLING_S)
+        ages.begin()
+        time.sleep(MEASURED_S)
+        found = ages.end()
+    for thread in threads:
+        thread.join()
+    return found
 
 
 def main() -> int:
     """Measure, and print the table."""
+    rows = []
     with ExitStack() as stack:
         ports = [stack.enter_context(Simulator()).port for _ in range(max(LINKS))]
-        rows = [asyncio.run(measure(ports[:links])) for links in LINKS]
-    header = ("links", "CPU", "samples", "age [ms]", "99 %")
+        for links in LINKS:
+            rows.append([str(links), "a loop", *asyncio.run(on_a_loop(ports[:links]))])
+            rows.append([str(links), "threads", *on_threads(ports[:links])])
+    header = ("links", "on", "CPU", "samples", "age [ms]", "99 %")
     sys.stdout.write(f"## asyncio\n\n100 samples a second on each link:\n\n{table(header, rows)}\n")
     return 0
 

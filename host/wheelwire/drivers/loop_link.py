@@ -1,4 +1,4 @@
-"""How coroutines wait for a link, whose thread is another one than their loop's."""
+"""How coroutines wait for a link, whose thread is not that of their loop."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import asyncio
 import threading
 from collections import deque
 from collections.abc import Awaitable, Callable
+from contextvars import Context, copy_context
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from wheelwire_protocol.parameters import PARAMETERS
 
@@ -77,7 +78,7 @@ class LoopLink(Requests):
             await asyncio.wait([guard], timeout=CLOSE_TIMEOUT_S)
 
     def abandon(self) -> None:
-        """Nobody uses the link any more: stop the robot, without keeping a loop waiting."""
+        """Stop the robot of a link that nobody uses any more, without making a loop wait."""
         if isinstance(self.link, Link) and self._loop is not None and self._loop.is_running():
             self.link.finish()
         else:
@@ -112,7 +113,7 @@ class LoopLink(Requests):
     async def wait_for(
         self, changed: Notifier, ready: Callable[[], bool], timeout_s: float | None = None
     ) -> bool:
-        """Wait until `ready()`, which `changed` tells of, or for `timeout_s`; returns whether."""
+        """Wait until `ready()`, or for `timeout_s`; returns whether it was. `changed` wakes it."""
         loop = self._own_loop()
         if self._virtual is not None:
             return await _pass_until(self._virtual, ready, timeout_s)
@@ -120,14 +121,14 @@ class LoopLink(Requests):
         while not ready():
             if end_s is not None and loop.time() >= end_s:
                 return False
-            waiter = _Waiter(loop.create_future(), self.call_in_loop)
+            waiter = _Waiter(loop, self.call_in_loop)
             changed.add(waiter)
             # It ends the same wait: when time is up, `ready` is asked once more, too.
             timer = None if end_s is None else loop.call_at(end_s, waiter.end)
             try:
                 # What changed before it was added wakes nobody.
                 if not ready():
-                    await waiter.future
+                    await waiter
             finally:
                 changed.discard(waiter)
                 if timer is not None:
@@ -135,9 +136,9 @@ class LoopLink(Requests):
         return True
 
     async def call(self, post: Callable[[Done], None]) -> Answer:
-        """Have `post` send a request; wait for its result, and return or raise it.
+        """Send a request by `post`; wait for its result, and return or raise it.
 
-        When this is cancelled the request is withdrawn.
+        Cancelling this withdraws the request.
         """
         self._own_loop()
         results: list[Answer | WheelwireError] = []
@@ -188,23 +189,46 @@ class LoopLink(Requests):
         return loop
 
 
-class _Waiter:
-    """A coroutine that waits for another thread's news."""
+class _Waiter(asyncio.Future[None]):
+    """A coroutine that waits for another thread's news.
+
+    It goes on within `end`, and not in the loop's next pass as with a plain future: before that the
+    loop makes three system calls, and in each of them the threads of other ports may take the
+    interpreter's lock.
+    """
 
     def __init__(
-        self, future: asyncio.Future[None], call_in_loop: Callable[[Callable[[], None]], None]
+        self,
+        loop: asyncio.AbstractEventLoop,
+        call_in_loop: Callable[[Callable[[], None]], None],
     ) -> None:
-        self.future = future
+        super().__init__(loop=loop)
         self._call_in_loop = call_in_loop
+        self._go_on: Callable[[_Waiter], object] = lambda _: None
+
+    def add_done_callback(
+        self, call: Callable[[Any], object], /, *, context: Context | None = None
+    ) -> None:
+        """Keep `call`, which resumes the coroutine; the task that awaits this sets it once."""
+        run = (context or copy_context()).run
+        self._go_on = lambda waiter: run(call, waiter)  # given, not held: no cycle is left behind
 
     def release(self) -> None:
         """End the wait; from any thread."""
         self._call_in_loop(self.end)
 
     def end(self) -> None:
-        """End the wait; in the loop."""
-        if not self.future.done():
-            self.future.set_result(None)
+        """End the wait; in the loop, but in no task of it."""
+        if not self.done():
+            self.set_result(None)
+            self._go_on(self)
+
+    def cancel(self, msg: Any = None) -> bool:
+        """As every future: the coroutine learns of it in the loop's next pass."""
+        was_waiting = super().cancel(msg)
+        if was_waiting:
+            self.get_loop().call_soon(self._go_on, self)
+        return was_waiting
 
 
 async def _pass_until(link: InlineLink, ready: Callable[[], bool], timeout_s: float | None) -> bool:
