@@ -1,7 +1,7 @@
 """A link beside the program that holds the port: it reads, stops and e-stops, and never drives.
 
-That program passes on what crosses its link (`tap_server`). The session is done again here from
-that, so everything that can be read of a link can be read of this one.
+That program passes on what crosses its link (`tap_server`). From that this one runs the session
+again, so a caller can read here whatever it can read of a link.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ from .tap_wire import (
 )
 
 GREETING_S = 3.0
-"""For a program to say what it holds: long, for a busy computer. A suspended one never does."""
+"""How long a program has to say what it holds; a busy computer takes a while. A suspended program
+never answers."""
 LONGEST_MESSAGE = 1 << 24
 CLOSED = "the link is closed; open it again"
 
@@ -56,9 +57,9 @@ class Holder:
 
     Attributes:
         name: For messages: `python3, process 4711`.
-        identity: Of the robot: its port, or what stands for it.
-        port: That it holds, for messages.
-        board_id: Of the board at the port.
+        identity: The robot's port, or what stands for it.
+        port: The port that it holds, for messages.
+        board_id: The id of the board at the port.
     """
 
     name: str
@@ -68,17 +69,17 @@ class Holder:
     connection: socket.socket
     reader: MessageReader
     rest: list[tuple[Say, bytes]]
-    """What came behind the greeting."""
+    """The messages that came behind the greeting."""
 
 
 def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
     """The program that holds this robot, or the one that this board is at; None if there is none.
 
-    To be closed: `Holder.connection`, or the link that is made of it.
+    The caller closes `Holder.connection`, or the link that it makes of it.
 
     Args:
         identity: A port, or what stands for it (`LinkOptions.identity`).
-        board_id: Of the board; the identity is then ignored.
+        board_id: The id of the board; the identity is then ignored.
     """
     wanted = absolute_port(identity)
     for holder in _holders(board_id or ""):
@@ -91,7 +92,7 @@ def find_holder(identity: str, board_id: str | None = None) -> Holder | None:
 def _holders(board_id: str) -> Iterator[Holder]:
     """All programs that offer a link, or those whose socket has this board's name.
 
-    As they answer: one that is suspended keeps nobody from finding the others.
+    Those that answer first come first, so that a suspended one does not hide the others.
     """
     try:
         paths = sorted(tap_directory().path.glob(f"{board_id}*{SUFFIX}"))
@@ -154,7 +155,8 @@ class AttachedLink(RerunLink):
         listens: Whether what crosses the link is wanted: a stop alone needs nothing of it.
 
     Attributes:
-        lost: Records that this program took too late; the session was taken over anew each time.
+        lost: How many records this program took too late; after each loss it took the session over
+            anew.
     """
 
     def __init__(
@@ -169,7 +171,7 @@ class AttachedLink(RerunLink):
         self._asked: dict[int, Done] = {}
         self._readers: list[TapReader] = []
         self._joining: list[TapReader] = []
-        """Who is to get all from the next START on."""
+        """The readers that get all records from the next START on."""
         self._thread = threading.Thread(
             target=self._run, name=f"wheelwire attached to {holder.port}", daemon=True
         )
@@ -201,14 +203,17 @@ class AttachedLink(RerunLink):
     def _check_known(self) -> None:
         self._check_alive()
         if not self._is_known():
-            raise LinkLost(f"{self.holder.name}, which holds {self.name}, says nothing")
+            raise LinkLost(
+                f"{self.holder.name}, which holds {self.name}, says nothing: end that program, or "
+                "try again when it is less busy"
+            )
 
     def finish(self) -> None:
         """Begin to close, without waiting."""
         self._finish(LinkClosed(CLOSED))
 
     def close(self) -> None:
-        """End it; the robot goes on as the other program drives it. Safe to call more than once."""
+        """Close the connection; the other program goes on driving. Safe to call more than once."""
         self.finish()
         if self._thread.is_alive() and threading.current_thread() is not self._thread:
             self._thread.join(CALL_TIMEOUT_S)
@@ -336,7 +341,7 @@ class AttachedLink(RerunLink):
         self._ask(Estop(0, 0), done)
 
     def withdraw(self, done: Done) -> None:
-        """Whoever waits for `done` has given up."""
+        """The caller no longer waits for `done`."""
         for tag in [tag for tag, one in self._asked.items() if one is done]:
             self._asked.pop(tag, None)
 
@@ -348,7 +353,7 @@ class AttachedLink(RerunLink):
         """
         raise InvalidCommand(
             f"{self.holder.name} holds {self.name} and alone drives, sets and clears; a program "
-            "that is attached reads, stops and e-stops"
+            "that is attached reads, stops and e-stops: end that one first to drive from here"
         )
 
     def drive_duty(self, left: float, right: float, expiry_us: int) -> NoReturn:
@@ -373,5 +378,5 @@ class AttachedLink(RerunLink):
         """As `DeviceLink.no_answer`; says whose answer it is."""
         return RequestTimeout(
             f"{self.holder.name}, which holds {self.name}, gave no answer for "
-            f"{CALL_TIMEOUT_S:g} s: whether it was done is not known"
+            f"{CALL_TIMEOUT_S:g} s: whether it was done is not known; look at that program"
         )

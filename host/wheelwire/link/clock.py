@@ -32,7 +32,8 @@ SPACING_US = 400_000
 """Once a line is fitted, exchanges in quicker succession are only checked against it, not added:
 the window has to span half a minute, and a fit costs more than anything else an idle link does."""
 MAX_DRIFT = 500e-6
-"""Between any two clocks: two crystals, and NTP, which slews the host's by up to 500 ppm."""
+"""The most that any two clocks drift apart: two crystals do, and NTP slews the host's by up to
+500 ppm."""
 MAX_SLOPE = 0.1
 """A steeper fit is not drift: the device's clock stood still, or the answers are wrong."""
 DRIFT_CHANGE = 2e-6
@@ -77,7 +78,7 @@ _BOOT_CLOCK: int | None = getattr(time, "CLOCK_BOOTTIME", None)
 
 
 def _boot_clock_us() -> int | None:
-    """A clock that continues while the computer sleeps; None where there is none."""
+    """The time of a clock that runs on while the computer sleeps; None if there is none."""
     return None if _BOOT_CLOCK is None else time.clock_gettime_ns(_BOOT_CLOCK) // 1000
 
 
@@ -150,7 +151,7 @@ class _Line(NamedTuple):
 
 
 class Conversion:
-    """An estimate that no longer changes: the lines of which, at each time, the surest counts."""
+    """An estimate that no longer changes. Of its lines, at each time the surest one counts."""
 
     __slots__ = ("lines",)
 
@@ -364,7 +365,7 @@ class Synchroniser:
     def resumed(
         cls, session_id: int, send: Callable[[Ping], None], known: dict[str, Any]
     ) -> Synchroniser:
-        """One that goes on where another was, behind its first burst."""
+        """A synchroniser that goes on where another one was, behind its first burst."""
         clock = ClockEstimator.resumed(known["readings"])
         times = known["due_us"], known["sent_us"]
         return cls(session_id, send, *times, clock, 0, known["last_id"], dict(known["open"]))

@@ -47,7 +47,8 @@ if TYPE_CHECKING:
     from .transports import Transport
 
 Opening: TypeAlias = "Iterator[tuple[Callable[[], bool], float]]"
-"""What is to be waited for while a link is opened, one after the other, each with its limit [s]."""
+"""The conditions that a caller waits for while a link opens, one after the other, each with its
+time limit [s]."""
 
 CONNECT_TIMEOUT_S = 5.0
 """How long to look for the device, unless the application says otherwise."""
@@ -95,7 +96,7 @@ class LinkOptions:
     identity: str = ""
 
     def session(self) -> Session:
-        """A session that is prepared as they say."""
+        """A session with these options."""
         return Session(
             _random_nonce,
             self.stream_rate_hz,
@@ -128,7 +129,7 @@ class Link(DeviceLink):
         self._session = options.session()
         self._tap_server: TapServer | None = None
         self._withdrawn: set[RequestDone] = set()
-        """Posted by somebody who has given up; one call into C each, so nothing is locked."""
+        """Requests whose callers have given up. Each change is one call into C, without a lock."""
         # Weakly: the port's thread must not keep alive what nobody else refers to any more.
         this = weakref.ref(self)
         self._loop = PortLoop(
@@ -165,7 +166,7 @@ class Link(DeviceLink):
             raise
 
     def opening(self) -> Opening:
-        """As `open`, by whoever waits for what this yields, and closes the link when it raises."""
+        """As `open`: the caller waits for what this yields, and closes the link on errors."""
         # Thread.start() waits for an Event: an exception out of a signal handler in there can
         # leave the new thread waiting for ever. No handler interrupts a thread but the main.
         try:
@@ -190,7 +191,7 @@ class Link(DeviceLink):
             self._tap_server = offer(self)
 
     def watch(self, parameters: Sequence[int]) -> None:
-        """Have the values of these parameters in each session; to be called before it is opened."""
+        """Read the values of these parameters in each session. Call it before `open`."""
         self._session.watch(parameters)
 
     def finish(self) -> None:
@@ -225,7 +226,7 @@ class Link(DeviceLink):
 
     @property
     def identity(self) -> str:
-        """What other programs of this computer find the robot by."""
+        """The name by which other programs of this computer find the robot."""
         return self._options.identity or self.name
 
     @property
@@ -283,7 +284,7 @@ class Link(DeviceLink):
         self._begin(self._session.estop, done)
 
     def withdraw(self, done: RequestDone) -> None:
-        """Whoever posted a request with `done` has given up: nothing of it is sent from now on."""
+        """The caller of a request has given up: the link sends no copy of it from now on."""
         self._withdrawn.add(done)  # for a thread that has not begun it; the call below if it has
 
         def withdraw(answered: Done, _now_us: int) -> None:
@@ -310,7 +311,7 @@ class Link(DeviceLink):
         self._loop.call(begin, answered)
 
     def listen_to_tap(self, reader: TapReader) -> None:
-        """Have `reader` get all that crosses the link; before it is opened or at any time after."""
+        """Give `reader` all that crosses the link; call it before `open` or at any time after."""
         if not self._thread.is_alive():
             self._session.listen(reader, host_clock_us())
             return
@@ -322,7 +323,7 @@ class Link(DeviceLink):
         self._loop.call(listen, lambda _: None)
 
     def leave_tap(self, reader: TapReader) -> None:
-        """`reader` gets nothing more."""
+        """Give `reader` nothing more."""
 
         def leave(done: Done, _now_us: int) -> None:
             self._session.leave(reader)
@@ -333,8 +334,8 @@ class Link(DeviceLink):
     def _write_at_once(self, copy: bytes | None) -> None:
         """Write a stop's copy: the port's thread sends the one that is acknowledged.
 
-        That thread has to be woken, and gets the interpreter only when this one lets go of it:
-        milliseconds in which the wheels would turn on.
+        That thread has to wake up, and gets the interpreter only when this one releases it: the
+        wheels would turn for milliseconds more.
         """
         if copy is not None:
             with suppress(LinkLost):  # what follows the copy tells
@@ -355,7 +356,7 @@ class Link(DeviceLink):
     # --- while it is being opened --------------------------------------------------------------
 
     def _opening_is_decided(self) -> bool:
-        """A session is open, or waiting for one is in vain."""
+        """Whether a session is open, or none can open any more."""
         session = self._session
         # Neither passes by itself while a link is being opened; all else may.
         final = isinstance(session.error, (ProtocolMismatch, DeviceRefused, BoardMismatch))
@@ -376,8 +377,8 @@ class Link(DeviceLink):
         if session.answers:
             return RequestTimeout(
                 f"{port} answers, but no session could be opened in "
-                f"{self._options.connect_timeout_s:g} s ({session.error}): allow more time, look "
-                "at the cable"
+                f"{self._options.connect_timeout_s:g} s ({session.error}): allow more time, "
+                "and check the cable"
             )
         # A port that was lost without a byte says more than that it was silent.
         if not session.bytes_received and policy.lost is not None:

@@ -1,4 +1,4 @@
-"""What every link to a device offers, in real time, in virtual time and of a recording."""
+"""What every link to a device offers: one in real time, one in virtual time, a recording."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CALL_TIMEOUT_S = 5.0
 
 
 class DeviceLink(ABC):
-    """A link to one device. Is to be opened first, and closed."""
+    """A link to one device. Its user opens it first, and closes it."""
 
     _session: Session
     _listener: Listener | None = None
@@ -41,7 +41,7 @@ class DeviceLink(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """End it. Safe to call more than once."""
+        """Stop the robot and end the link. Safe to call more than once."""
 
     @property
     @abstractmethod
@@ -50,7 +50,7 @@ class DeviceLink(ABC):
 
     @property
     def has_ended(self) -> bool:
-        """The link is down for good."""
+        """Whether the link is down for good."""
         return self._end is not None
 
     def check(self) -> None:
@@ -148,7 +148,7 @@ class DeviceLink(ABC):
         return cast("Answer", self._result(partial(self.post, message), is_stop=False))
 
     def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """Stop and wait for the acknowledgement. Without a session it is sent all the same.
+        """Stop and wait for the acknowledgement. Without a session the stop is sent all the same.
 
         Raises:
             LinkLost: There is no session: whether the stop arrived is unknown.
@@ -174,14 +174,14 @@ class DeviceLink(ABC):
 
     @abstractmethod
     def withdraw(self, done: Done) -> None:
-        """Whoever posted a request with `done` has given up: nothing of it is sent from now on."""
+        """The caller of a request has given up: the link sends no copy of it from now on."""
 
     def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:
         """Wait for the result of what `post` asks for; return it, or raise its error.
 
-        A call whose time is up is withdrawn: nothing of it goes out after its caller has gone on.
-        So is a request when an exception out of a signal handler ends the wait; a stop is to arrive
-        in any case.
+        A call whose time is up is withdrawn, so that no copy goes out after its caller has gone on.
+        A request is withdrawn, too, when an exception out of a signal handler ends the wait; a stop
+        has to arrive in any case.
         """
         # A queue for each call: a result that comes after its caller gave up reaches nobody.
         results: SimpleQueue[Answer | WheelwireError | None] = SimpleQueue()
@@ -202,10 +202,10 @@ class DeviceLink(ABC):
         return result
 
     def no_answer(self) -> RequestTimeout:
-        """Of a call that has had no result within `CALL_TIMEOUT_S`."""
+        """The error of a call that has had no result within `CALL_TIMEOUT_S`."""
         return RequestTimeout(
             f"the link gave no answer for {CALL_TIMEOUT_S:g} s: whether it was done is not known; "
-            "look at the port, and at what keeps this computer busy"
+            "check the port, and what keeps this computer busy"
         )
 
     def release_trial(self) -> None:
@@ -215,9 +215,9 @@ class DeviceLink(ABC):
     # --- what is passed on -----------------------------------------------------------------------
 
     def listen(self, listener: Listener, happening: Happening) -> None:
-        """Tell `listener` what happens from now on; of `happening` also what is so already.
+        """Report to `listener` what happens from now on; of `happening` also what is so already.
 
-        Whoever takes what comes calls it.
+        The caller that lets time pass calls it.
         """
         self._listener = listener
         standing = self._session.standing_news(happening)
@@ -238,10 +238,10 @@ class DeviceLink(ABC):
 
     @abstractmethod
     def listen_to_tap(self, reader: TapReader) -> None:
-        """Have `reader` get all that crosses the link from now on."""
+        """Give `reader` all that crosses the link from now on."""
 
     def note(self, what: Mapping[str, Any]) -> None:
-        """Say something of the program to whoever listens to the tap."""
+        """Pass on something that the program says to all that listen to the tap."""
         self.tap.note(what, self._clock_us())
 
     # --- time ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Finding one board among several ports: by what it says of itself, not by the port's name.
+"""Finds one board among several ports: by the id that it reports, not by the port's name.
 
 CP210x bridges of boards and of lidars have the same ids, commonly the same serial number, and
 change names at every plugging. Opening a port asserts DTR, which stops a lidar: so only ports that
@@ -25,8 +25,8 @@ from .session import HELLO_PERIOD_US
 from .transports import Transport, open_transport
 
 NO_VERSION = 0
-"""Of no release: a device refuses it, so that being asked costs nobody a session; but it answers,
-and says who it is."""
+"""The version of no release. A device refuses a hello of it, so that the question ends nobody's
+session; but it answers with its id."""
 IDENTIFY_TIMEOUT_US = 1_000_000
 """Opening a port may reset an ESP32: it answers after its boot."""
 
@@ -86,7 +86,7 @@ class _Asked:
 
 
 def _why_not(board_id: str, names: list[str], asked: list[_Asked]) -> str:
-    """An absent board, a silent one and one that another program holds are mended differently."""
+    """The reason; an absent board, a silent one and one in use by others need different cures."""
     if not names:
         return f"board {board_id} is not there, nor any such port: plug it in"
     heard = [f"{one.board_id} at {one.transport.port}" for one in asked if one.board_id]
@@ -95,14 +95,16 @@ def _why_not(board_id: str, names: list[str], asked: list[_Asked]) -> str:
     held = [name for name in names if name not in opened]
     found = []
     if heard:
-        found.append(f"there is {', '.join(heard)}")
+        found.append(f"another board is there: {', '.join(heard)}")
     if silent:
         found.append(
             f"no board answers at {', '.join(silent)}: if it is there, check its power and that "
             "the firmware is flashed"
         )
     if held:
-        found.append(f"{', '.join(held)} cannot be opened or is in use")
+        found.append(
+            f"{', '.join(held)} cannot be opened or is in use: end the program that uses it"
+        )
     return f"board {board_id} was not found: {'; '.join(found)}"
 
 

@@ -1,4 +1,4 @@
-"""What a forked process must not keep from its parent: above all, open ports.
+"""Makes a forked process let go of what belongs to its parent, above all of open ports.
 
 The child has a copy of every descriptor, so a port would stay locked after the parent closed it.
 And the thread that serves the link does not exist in the child.

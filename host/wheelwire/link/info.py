@@ -1,4 +1,4 @@
-"""Who is at either end of the link, and what was counted on it."""
+"""The two ends of a link, and the counters of both."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """What a device says of itself.
+    """What a device reports of itself.
 
     Attributes:
         release: Its firmware's version, protocol version and schema hash.
@@ -123,7 +123,7 @@ class ExpectedBoard(NamedTuple):
 
 
 class BootHistory:
-    """Which boot ids a device had, so that a late frame of a previous one is no news of a reset."""
+    """The boot ids of a device, so that a late frame of an earlier boot is not taken as a reset."""
 
     def __init__(self) -> None:
         self.resets = 0
@@ -143,7 +143,7 @@ class BootHistory:
             self._boots.append(boot_id)
 
     def is_new(self, boot_id: int) -> bool:
-        """True for a boot not heard of yet."""
+        """Whether this boot id is new."""
         return boot_id not in self._boots
 
 
@@ -199,7 +199,7 @@ class LinkStatistics:
     frames_received: int = 0
     """Good frames of known messages."""
     frames_lost: int = 0
-    """On the way to the host, by their sequence numbers. One that comes late is taken off again."""
+    """Frames lost on the way to the host, by sequence numbers. A late one no longer counts."""
     bad_crc: int = 0
     bad_cobs: int = 0
     unknown_id: int = 0
@@ -269,7 +269,7 @@ _NOTE_US = 100_000
 
 
 class RecentCounts:
-    """What came in the last second. One thread notes; any may ask.
+    """What came in the last second. One thread adds; any may read.
 
     Attributes:
         due_us: When to note next.
@@ -317,7 +317,7 @@ class RoundTrips:
         self._oldest = 0
 
     def add(self, round_trip_us: int) -> None:
-        """Take one in, in place of the oldest when there are enough."""
+        """Add one, in place of the oldest once there are `ROUND_TRIPS`."""
         if len(self._newest_us) < ROUND_TRIPS:
             self._newest_us.append(round_trip_us)
         else:

@@ -50,7 +50,7 @@ class InlineLink(DeviceLink):
         post(done)
         if not self.wait_for(lambda: bool(results), ANSWER_S):
             self.withdraw(done)
-            raise RequestTimeout(f"{self.name} does not answer")
+            raise RequestTimeout(f"{self.name} does not answer; is it unplugged?")
         if isinstance(results[0], WheelwireError):
             raise results[0].with_traceback(None)
         return results[0]

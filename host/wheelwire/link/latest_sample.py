@@ -20,7 +20,7 @@ from .state_stream import Measurement
 from .waiting import Notifier
 
 ATTENTION_US = 200_000
-"""Whoever asked for a sample within this time is about to ask for the next."""
+"""A program that asked for a sample within this time is about to ask for the next."""
 FRESH_US = 100_000
 """A sample that was not read within this time, or within two periods of a slower stream, is not
 handed out any more: it says nothing about a device that has fallen silent since."""
@@ -57,7 +57,7 @@ class LatestSample:
         self.changed = Notifier()
         self.wait_for = self.changed.wait_for
         self.notify_all = self.changed.notify_all
-        """Wakes who waits for what was put."""
+        """Wakes all that wait for a sample."""
         self._last: WheelState | None = None
         # Filled and emptied by one call into C each, so that no lock is needed.
         self._unread: deque[Measurement] = deque(maxlen=1)
@@ -74,7 +74,7 @@ class LatestSample:
         """Copied before iterating: other threads add to it."""
 
     def put(self, measurement: Measurement) -> None:
-        """Store what was measured; `notify_all` tells those who wait for it."""
+        """Store a measurement; `notify_all` wakes those who wait for it."""
         state, last = measurement.state, self._last
         # A reset sets the counters back: the difference across it is unknown, and counts as none.
         if last is None:
@@ -232,5 +232,6 @@ class LatestSample:
         if self._failure is not None:
             return self._failure.with_traceback(None)
         return RequestTimeout(
-            f"no sample came within {timeout_s:g} s: is the stream rate above zero?"
+            f"no sample came within {timeout_s:g} s: set a stream rate above zero, or allow more "
+            "time"
         )

@@ -7,7 +7,7 @@ SILENCE_US = 2_000_000
 QUIET_US = 100_000
 """Nothing was received for this long: ping, because a device that was reset sends nothing."""
 IDLE_QUIET_US = 200_000
-"""The same for a device that streams nothing: these pings are all that an idle link costs."""
+"""As `QUIET_US`, for a device that streams nothing: an idle link costs only these pings."""
 STREAM_US = 500_000
 """A device is not streaming if no state came for this long while other messages did."""
 QUIET_PERIOD_US = 25_000
@@ -15,7 +15,7 @@ QUIET_PERIOD_US = 25_000
 
 
 class Liveness:
-    """What came from the device of a session that began at `now_us`, and when.
+    """When the device of a session that began at `now_us` was last heard.
 
     Attributes:
         heard_us: When anything of this session last came.

@@ -1,4 +1,4 @@
-"""What a link reports by itself, to whoever listens."""
+"""What a link reports by itself to its listeners."""
 
 from __future__ import annotations
 

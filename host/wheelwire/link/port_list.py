@@ -97,9 +97,9 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
 
 
 def lock_holder(device: str, proc: Path = Path("/proc")) -> str | None:
-    """Name and process id of who holds the lock that pyserial takes on a port; None: not known.
+    """Name and process id of the program that has locked a port as pyserial does; None: not known.
 
-    One small file tells, where `is_in_use` looks into every process.
+    This reads one small file, where `is_in_use` looks into every process.
     """
     with suppress(OSError):
         status = Path(device).stat()
@@ -125,7 +125,7 @@ def final_name(device: str | Path) -> str:
 
 
 def absolute_port(port: str) -> str:
-    """A port as any program of this computer would name it, whichever of its names was given."""
+    """The absolute path of a port, whichever of its names was given."""
     scheme, _, path = port.partition(":") if port.startswith("unix:") else ("", "", port)
     if "/" not in path or "://" in path:  # a driver's name, a URL
         return port

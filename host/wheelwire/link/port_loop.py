@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from .transports import Transport
 
 IDLE_US = 1_000_000
-"""How long nothing may be done when nothing is due."""
+"""The longest wait when nothing is due."""
 OUTPUT_LIMIT = 4096
-"""Bytes queued for the port at most: older ones would be out of date for a robot."""
+"""The most bytes that are queued for the port: older ones would be out of date for a robot."""
 CLOSED = "the link is closed; open it again"
 # With a delimiter at either end.
 MAX_FRAME = MAX_ENCODED + 2
@@ -49,11 +49,11 @@ OpenPort: TypeAlias = "Callable[[int], Transport]"
 """Opens the port at a baud rate, or raises a WheelwireError."""
 Done: TypeAlias = Callable[[Answer | WheelwireError | None], None]
 Task: TypeAlias = Callable[[Done, int], None]
-"""Given `done` and the time: hands `done` on, calls it itself, or raises."""
+"""Gets `done` and the time. It passes `done` on, calls it, or raises."""
 
 _log = logging.getLogger("wheelwire")
 _link_log = logging.getLogger("wheelwire.link")
-"""Of the link's loss and return alone, so that a program that reports them itself can filter."""
+"""Logs the loss and the return of a link alone: a program that reports them itself can filter."""
 
 
 class PortLoop:
@@ -109,10 +109,10 @@ class PortLoop:
         """When the last pass began."""
         self._coalescing = Coalescing()
         self._has_news = False
-        """A sample was stored, and those who wait for it have not been woken yet."""
+        """Whether a sample is stored for which no waiter was woken yet."""
         self._due_us = 0
         self._wait_due_us = 0
-        """When to do something though nothing comes; as `_next_wait` found it."""
+        """When the loop has work although nothing comes, by the newest `_next_wait`."""
         self._work_pending = True
         """The session may have work: somebody called `wake`, or an answer is pending."""
         self._finishing = False
@@ -131,7 +131,7 @@ class PortLoop:
         self._poller.register(self._wake_read, select.POLLIN)
         self._descriptor = -1
         self._wanted = 0
-        """Of the port, and the events that are polled for."""
+        """The port's descriptor, and the events that are polled for."""
         # Last: from here on a fork calls `abandon`, which needs all of the above.
         abandon_in_child(self)
 
@@ -187,7 +187,7 @@ class PortLoop:
             self._terminate(end)
 
     def fail(self, error: Exception) -> None:
-        """End before the start: the thread could not be created."""
+        """End the link before its start: the thread could not be created."""
         self._terminate(
             LinkClosed(f"the link's thread cannot be started ({error}): close other programs")
         )
@@ -196,7 +196,10 @@ class PortLoop:
         """Raise LinkLost if a setpoint would only queue up; requests have the other half."""
         # An upper bound: their sum would iterate over what another thread may be changing.
         if len(self._output) + MAX_FRAME * len(self._frames) > OUTPUT_LIMIT // 2:
-            raise LinkLost("the port accepts no data; the setpoint was not sent")
+            raise LinkLost(
+                "the port accepts no data, so the setpoint was not sent: check what is at its "
+                "other end"
+            )
 
     def send(self, frame: bytes, now_us: int) -> None:
         """Write a frame, or queue it behind others that wait; from any thread. Never waits.
@@ -209,7 +212,10 @@ class PortLoop:
         """
         transport = self._transport
         if transport is None:
-            raise LinkLost("the port is gone; the setpoint was not sent")
+            raise LinkLost(
+                "the port is gone, so the setpoint was not sent: send the next one when the robot "
+                "is back in reach"
+            )
         # Behind what waits, or a newer setpoint would overtake an older one.
         if self._output or self._frames or self._put(transport, frame) < len(frame):
             self._frames.append(frame)
@@ -219,10 +225,13 @@ class PortLoop:
             self.wake()
         # The port may have been closed before the write; then the descriptor led nowhere.
         if self._transport is not transport:
-            raise LinkLost("the port was closed; whether the setpoint was sent is not known")
+            raise LinkLost(
+                "the port was closed, and whether the setpoint was sent is not known: send the "
+                "next one when the robot is back in reach"
+            )
 
     def abandon(self) -> None:
-        """This process was forked: end its copy of the link; the parent's continues."""
+        """End this forked process's copy of the link; the parent's link continues."""
         self._terminate(
             LinkClosed(
                 f"this process was forked from the one that opened {self.port}, which keeps it: "
@@ -249,7 +258,7 @@ class PortLoop:
         return transport
 
     def _reopen(self) -> Transport | None:
-        """Retry until the port opens; None when the loop is to end."""
+        """Retry until the port opens; None when the loop has to end."""
         while not self._is_ending():
             self._pause(self.policy.take_pause_s())
             # It may have been `finish` that ended the pause.
@@ -265,7 +274,7 @@ class PortLoop:
         return None
 
     def _pause(self, pause_s: float) -> None:
-        """Wait that long, or until the loop is to end.
+        """Wait for this time, or until the loop has to end.
 
         Calls wake it, and fail with the reason why there is no session; they do not shorten the
         pause: opening a port may reset the board behind it.
@@ -330,7 +339,7 @@ class PortLoop:
     # --- one turn ------------------------------------------------------------------------------
 
     def _next_wait(self, now_us: int) -> tuple[int, bool]:
-        """Until when to wait for the port or a wake-up, and whether the port's data is left."""
+        """Until when to wait for the port or a wake-up, and whether to leave the port's data."""
         until_us, rest_until_us = self._due_us, self._coalescing.rest_until_us
         # Asked for at each turn: another thread may have sent a setpoint.
         repeat_due_us = self._session.setpoints.repeat_due_us
@@ -413,7 +422,7 @@ class PortLoop:
                 self._calls.popleft()[1](error)
 
     def _tell_news(self) -> None:
-        """Wake who waits for a sample. To be called right before waiting.
+        """Wake all that wait for a sample. Called right before the loop waits.
 
         Earlier, the thread that is woken would compete with this one for the interpreter.
         """
@@ -477,7 +486,7 @@ class PortLoop:
             self.baud_rate = transport.baud_rate
 
     def _connect(self, transport: Transport) -> None:
-        """The port was opened: say hello."""
+        """Begin a session on a port that was just opened."""
         now_us = host_clock_us()
         self.port = transport.port
         self.low_latency = transport.low_latency
@@ -498,7 +507,7 @@ class PortLoop:
         self._work_pending, self._due_us = True, 0
 
     def _lose(self, error: LinkLost) -> None:
-        """The port is given up because of `error`."""
+        """Give the port up because of `error`."""
         for kept in (error, error.__cause__):
             if kept is not None:  # its traceback would keep the port's descriptors
                 kept.__traceback__ = None
@@ -512,7 +521,7 @@ class PortLoop:
         self._frames.clear()
 
     def _note_failure(self, error: WheelwireError) -> None:
-        """The lost port could not be opened again."""
+        """Report that the lost port could not be opened again."""
         news = self.policy.news_of_failure(error)
         if news is not None:
             self._session.disconnect(news)
@@ -535,9 +544,9 @@ class PortLoop:
         self._changed.notify_all()
 
     def listen(self, listener: Listener, happening: Happening) -> None:
-        """Tell what happens from now on, and of `happening` also what is so already.
+        """Report what happens from now on, and of `happening` also what is so already.
 
-        To be called as a task.
+        The loop calls it as a task.
         """
         self._tell_listener()  # of what was before
         self._listener = listener
@@ -567,12 +576,12 @@ class PortLoop:
         return self._last_stop.is_over(now_us, all_written=not self._output)
 
     def _note_closing(self) -> None:
-        """The link is about to be closed: whether the robot moves is a question of this moment."""
+        """Begin to close: whether the robot moves is decided at this moment."""
         if self._closing_us is None:
             self._closing_us = host_clock_us()
 
     def _warn_of_motion(self) -> None:
-        """Say so if the robot drove when the closing began, and has acknowledged no stop."""
+        """Log a warning if the robot drove when the closing began, and has acknowledged no stop."""
         left_us = self._session.setpoints.moves_until_us - (self._closing_us or host_clock_us())
         if left_us > 0:
             _link_log.warning(

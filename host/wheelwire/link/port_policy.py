@@ -1,4 +1,4 @@
-"""The policy of a port: baud rates, giving up and reopening, resting, the last stop. Sans-IO.
+"""Decides for a port: which baud rate, when to give up, reopen and rest, the last stop. Sans-IO.
 
 The thread that serves a port asks at the times given here, and does what the answer says.
 """
@@ -17,7 +17,7 @@ FIRST_US = 1_000_000
 """Opening a port may reset an ESP32: it needs this long to answer even at the right rate."""
 NEXT_US = 500_000
 ROUND_US = FIRST_US + (len(USUAL_RATES) - 1) * NEXT_US
-"""A round where there is no rate to change: nothing but opening the port anew can help."""
+"""How long a round takes on a port without a rate: only opening the port anew can help."""
 UNANSWERED_US = 1_000_000
 """Reopen the port when a device that used to answer is silent for this long: it may be at fault."""
 CHECK_US = 1_000_000
@@ -29,7 +29,8 @@ WRONG_BOARD_PAUSE_S = 1.0
 STOP_ACK_TIMEOUT_US = 500_000
 """How long the device has to acknowledge the last stop."""
 REST_US = 10_000
-"""How long. At 5000 frames a second 2500 bytes come meanwhile; a terminal's buffer holds 4095."""
+"""How long to rest. At 5000 frames a second 2500 bytes come meanwhile; a terminal's buffer holds
+4095."""
 
 
 class BaudSearch:
@@ -44,9 +45,9 @@ class BaudSearch:
         self.rate = first
         """The first of each round: the one at which a device answered last, or was expected to."""
         self.tried: list[int] = []
-        """In the order of their trial; each once."""
+        """The rates in the order of their trial; each once."""
         self.over = False
-        """No rate of the round was answered: it is time to open the port anew."""
+        """Whether no rate of the round was answered: then the port is opened anew."""
         self._waiting: list[int] = []
         self._due_us: int | None = None
         self.begin(now_us)
@@ -85,7 +86,7 @@ class BaudSearch:
 
 
 class Unanswered(LinkLost):
-    """The port exists, but is reopened because nothing answers."""
+    """The port exists, but nothing answers there: the link opens it anew."""
 
 
 class PortPolicy:
@@ -158,7 +159,7 @@ class PortPolicy:
         self._pause_s = 0.0
 
     def takes_check(self, now_us: int) -> bool:
-        """Whether the port's settings are to be checked now; asking is taking it."""
+        """Whether to check the port's settings now. The question itself counts as the check."""
         if now_us < self._check_due_us:
             return False
         self._check_due_us = now_us + CHECK_US
@@ -195,7 +196,7 @@ class PortPolicy:
         return rate
 
     def note_lost(self, error: LinkLost) -> bool:
-        """The port was closed because of `error`; returns whether a warning of its own is due."""
+        """Note that the port was closed because of `error`; returns whether to warn of it."""
         # A port that is reopened on suspicion is not lost: its device may be merely silent.
         self.lost = None if isinstance(error, Unanswered) else error
         # The port is tried again for as long as that board is there: one warning is enough.
@@ -218,7 +219,7 @@ class LastStop:
         return self._until_us is not None
 
     def begin(self, session: Session, now_us: int) -> None:
-        """Have the session stop the robot."""
+        """Make the session stop the robot."""
         self._until_us = now_us + STOP_ACK_TIMEOUT_US
         session.stop(StopMode.CONFIGURED, self._on_answer, now_us)
 
@@ -239,7 +240,7 @@ class LastStop:
 
 
 class Coalescing:
-    """Tells a fast stream, of which a rest brings several frames, from a slow one."""
+    """Distinguishes a fast stream, which fills several frames into a rest, from a slow one."""
 
     def __init__(self) -> None:
         self.rest_until_us = 0

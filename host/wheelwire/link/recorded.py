@@ -14,10 +14,10 @@ class StoredBox(NamedTuple):
     """A black box that a device has stored.
 
     Attributes:
-        head: What it is of.
+        head: Why, when and on which board it was stored.
         size: In bytes.
-        is_current: What it ends with is how the device stands now, or the reset that began this
-            boot.
+        is_current: Whether it ends with the device's present state, or with the reset that began
+            this boot.
     """
 
     head: BoxHead
@@ -30,8 +30,8 @@ class Ledger:
     """What happened to a robot in its life.
 
     Attributes:
-        uptime_s: In all. A power cut costs all counts of the last ten minutes at most, any other
-            reset a second of this.
+        uptime_s: In all [s]. A power cut costs all counts of the last ten minutes at most, any
+            other reset a second of this.
         resets: Starts by their reason.
         stops: E-stops and faults, and drives that a session, a stop or a deadline ended.
     """
@@ -47,7 +47,7 @@ class Recorded(NamedTuple):
     Attributes:
         boxes: With what each of them holds, the oldest first.
         ledger: None: it has none, or does not say.
-        why_none: Why nothing could be read; empty if it could.
+        why_none: Why nothing could be read; empty if something was.
     """
 
     boxes: Sequence[tuple[StoredBox, bytes]] = ()

@@ -94,16 +94,16 @@ Answer: TypeAlias = (
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
 REPEAT_US = 25_000
-"""An answer needs less, on nearly every line; on others a repeat costs one more answer."""
+"""An answer takes less on nearly every line. On a slower one a repeat costs one more answer."""
 LONGEST_WAIT_US = 100_000
 """Each repeat waits twice as long as the one before it, up to this: the device may be busy."""
 ATTEMPTS = 12
 """Enough to succeed within about 1 s at 70 % loss."""
 URGENT_ATTEMPTS = 40
-"""In a second. A stop's waits do not grow: each copy is carried out, and harmless."""
+"""Copies of a stop within a second. Its waits do not grow: each copy does no harm."""
 ID_MODULUS = 1 << 16
 COPY_ID = 0
-"""Of the copy of a stop that its caller wrote; no request has it whose answer is waited for."""
+"""The id of the copy of a stop that its caller wrote; no request that awaits an answer has it."""
 _URGENT_IDS = frozenset({message_id(Stop), message_id(Estop)})
 
 # All other requests are answered by an Ack.
@@ -164,12 +164,12 @@ class RequestQueue:
     repeated: int = 0
     _waiting: deque[_Request] = field(default_factory=deque)
     _open: dict[tuple[bool, int], _Request] = field(default_factory=dict)
-    """(urgent, request_id) -> what is not answered yet."""
+    """(urgent, request_id) -> the request that is not answered yet."""
     _last_ids: dict[bool, int] = field(default_factory=dict)
 
     @property
     def waits_in_order(self) -> bool:
-        """True while a request is open whose place among the others the device minds."""
+        """Whether a request is open whose order among the others matters to the device."""
         return not all(request.urgent for request in self._open.values())
 
     @property
@@ -184,7 +184,7 @@ class RequestQueue:
         self._last_ids.clear()
 
     def snapshot(self) -> list[tuple[bool, int]]:
-        """What `resume` takes: the last ids, as if the requests that wait had theirs."""
+        """What `resume` takes: the last ids, as if the waiting requests already had theirs."""
         ids = dict(self._last_ids)
         for request in self._waiting:
             ids[request.urgent] = (ids.get(request.urgent, 0) + 1) % ID_MODULUS
@@ -247,7 +247,7 @@ class RequestQueue:
                 name = type(request.message).__name__
                 error = RequestTimeout(
                     f"no answer to {name} after {request.attempts} attempts: "
-                    "look at the link's statistics, and whether the device still runs"
+                    "check the link's statistics, and whether the device still runs"
                 )
                 self._finish(key, error, now_us)
 
@@ -291,12 +291,12 @@ class RequestQueue:
         return [place for place, request in enumerate(self._all) if request.done == done]
 
     def waiting_at(self, places: Iterable[int]) -> list[Done]:
-        """Who waits at these places."""
+        """The callers that wait at these places."""
         requests = self._all
         return [requests[place].done for place in places if place < len(requests)]
 
     def withdraw(self, done: Done) -> None:
-        """Whoever waited for `done` has given up.
+        """The caller that waited for `done` has given up.
 
         What was not sent yet is not sent. What was sent may have been carried out, but is not sent
         again: a late copy would undo what is asked for next. Other requests still wait until it is

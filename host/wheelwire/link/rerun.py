@@ -1,4 +1,4 @@
-"""A session done again, from what its tap has reported: the same samples, counters and stamps."""
+"""Runs a session again from what its tap reported: the same samples, counters and stamps."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _ESTOP = 255
 
 
 class Rerun:
-    """Does again what the session of a tap did.
+    """Repeats what the session of a tap did.
 
     Attributes:
-        session: In the state that it was in behind the newest record; None before a START. Only
-            to be read: what it wants to send goes nowhere.
+        session: The session in its state after the newest record; None before a START. Only read
+            it: what it wants to send goes nowhere.
         host_us: The recorded clock, of the newest record.
     """
 
@@ -49,7 +49,7 @@ class Rerun:
         }
 
     def feed(self, record: Record) -> list[Measurement]:
-        """Do one record again; returns what was measured by it.
+        """Run one record again; returns what it measured.
 
         Raises:
             ValueError: The record is none of this release.
@@ -84,7 +84,7 @@ def _request(session: Session, record: Record) -> None:
     for message in Decoder().feed(record.data):
         # A function for each, so that one can be withdrawn without the others.
         def done(_: Answer | WheelwireError) -> None:
-            """Nobody waits."""
+            """Takes an answer for which nobody waits."""
 
         session.request(message, done, record.host_us)  # type: ignore[arg-type]
 
@@ -98,7 +98,7 @@ def _stop(session: Session, record: Record) -> None:
 
 
 def _nobody(_: Answer | WheelwireError) -> None:
-    """Nobody waits for what a recorded stop was answered."""
+    """Takes the answer to a recorded stop, for which nobody waits."""
 
 
 def _asked(record: Record) -> tuple[float, float, int, int]:

@@ -1,4 +1,4 @@
-"""What a link knows whose session happens elsewhere, or happened: it is done again from records."""
+"""A link whose session happens in another program, or happened: it is run again from records."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class RerunLink(DeviceLink):
         session = self._rerun.session
         if session is None:
             self._check_alive()
-            raise LinkLost(f"{self.name}: nothing is known of its session yet")
+            raise LinkLost(f"{self.name}: nothing is known of its session yet; wait a moment")
         return session
 
     @property

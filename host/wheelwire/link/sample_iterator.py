@@ -28,7 +28,7 @@ class SampleIterator:
     def __init__(
         self, wait: Callable[[Callable[[], bool]], None], queue_us: int = QUEUE_US
     ) -> None:
-        """`wait` returns when its argument holds, or after a bounded time; see `BaseDriver`."""
+        """`wait` waits until its argument holds, or for a bounded time; see `BaseDriver`."""
         self.dropped = 0
         self._wait = wait
         self._queue_us = queue_us
@@ -39,7 +39,7 @@ class SampleIterator:
         self._failure: WheelwireError | None = None
 
     def put(self, measurement: Measurement) -> None:
-        """Something new was measured. Called by one thread."""
+        """Add a measurement. Only one thread calls it."""
         queue = self._queue
         queue.append([measurement])
         with suppress(IndexError):  # whoever iterates was quicker
@@ -85,5 +85,5 @@ class SampleIterator:
         raise StopIteration
 
     def is_ready(self) -> bool:
-        """Whether `poll` has anything to tell."""
+        """Whether `poll` would return a sample, or raise."""
         return bool(self._queue) or self._over

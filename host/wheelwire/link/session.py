@@ -7,7 +7,7 @@ watched parameters fetched, and the device's board compared with the expected on
 after that the session is open. It ends when the port closes, when
 the device falls silent or is reset, and when the device no longer knows the session.
 
-All that decides what it does goes by its tap first, so that it can be done again (`tap.Kind`).
+All inputs that decide what it does pass its tap first, so that it can be run again (`tap.Kind`).
 
 Sans-IO: bytes and times in; bytes, samples and the next deadline out, so that it runs in virtual
 time as well. All times are microseconds of one monotonic host clock. One thread owns a session;
@@ -110,7 +110,7 @@ RETRY_US = 1_000_000
 """Until the next hello after the device opened a session but refused to be prepared."""
 
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
-"""What an application means for the values that are on trial."""
+"""Requests that an application sends for the values that are on trial."""
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 _LOG = logging.getLogger("wheelwire")
 
@@ -187,7 +187,7 @@ class Session:
         self.warn: Callable[..., None] = _LOG.warning
 
         self._joining: list[TapReader] = []
-        """Who listens as soon as the session is not being prepared any more."""
+        """The readers that listen as soon as the session is prepared."""
         self._draw_nonce = nonce
         self._stream_rate_hz = stream_rate_hz
         self._watched = tuple(watched)
@@ -195,13 +195,13 @@ class Session:
         self._any_board = any_board
         self._expected_board = expected_board
         self._board_is_known = False
-        """The device said what board it is on, or that it cannot tell."""
+        """Whether the device said which board it is on, or that it cannot tell."""
 
         self._encoder = Encoder()
         self._decoder = Decoder()
         self._output = bytearray()
         self._frames_sent_before = 0
-        """By the encoders of earlier connections."""
+        """Frames that the encoders of earlier connections made."""
         self._invalid = 0
         self._foreign = 0
         self._refused = 0
@@ -213,9 +213,9 @@ class Session:
         self._nonce = 0
         self._hello_due_us = 0
         self._id = 0
-        """The session's; 0 outside one."""
+        """The session's nonce; 0 outside a session."""
         self._boot_id: int | None = None
-        """The device's; None outside a session."""
+        """The device's boot id; None outside a session."""
         self._hello: DeviceHello | None = None
         """What began the newest session."""
         self._command_seqs = count(1)
@@ -395,7 +395,7 @@ class Session:
         return min([self._liveness.silent_us, self._ping_due_us, *due])
 
     def awaits_answer(self, now_us: int) -> bool:
-        """Whether something may arrive that has to be handled without delay."""
+        """Whether the link has to handle what arrives without delay."""
         # A pong that is read late makes the bound of the clock wider.
         return (
             self.phase is not Phase.OPEN
@@ -459,7 +459,7 @@ class Session:
         self._trial.release()
 
     def standing_news(self, happening: Happening) -> News | None:
-        """That the robot is out of reach, or that a fault is latched, if it is so by now."""
+        """The news that the robot is out of reach, or that a fault is latched, if so; else None."""
         if happening is Happening.LOST and self.phase is not Phase.OPEN:
             return happening, self.error
         if happening is Happening.FAULT and self._latched:
@@ -471,14 +471,14 @@ class Session:
         self._watched = tuple(parameters)
 
     def withdraw(self, done: Done) -> None:
-        """Whoever waits for `done` has given up: no copy of the request is sent any more."""
+        """The caller has given up: the session sends no more copies of the request."""
         if self.tap.readers:
             which = self._requests.places(done)
             self.tap.put(Kind.WITHDRAWN, self.tap.host_us, struct.pack(f"<{len(which)}I", *which))
         self._requests.withdraw(done)
 
     def withdraw_places(self, places: Sequence[int]) -> None:
-        """As `withdraw`, by what `RequestQueue.places` has said of another session like this."""
+        """As `withdraw`, by what `RequestQueue.places` returned for another session like this."""
         for done in self._requests.waiting_at(places):
             self._requests.withdraw(done)
 
@@ -502,7 +502,7 @@ class Session:
 
     @property
     def _in_session(self) -> bool:
-        """The device has opened a session, which may not be ready for use yet."""
+        """Whether the device has opened a session; it may not be ready for use yet."""
         return self.phase in (Phase.PREPARING, Phase.OPEN)
 
     def _begin_hello(self, error: WheelwireError, now_us: int, pause_us: int = 0) -> None:
@@ -603,7 +603,7 @@ class Session:
         self._ask_for_board(device, now_us)
 
     def _ask_for_board(self, device: DeviceInfo, now_us: int) -> None:
-        """Ask for the device's board, of which no answer is needed unless one is expected."""
+        """Ask for the device's board; the session needs the answer only if it expects one."""
         self.board = None
         # Only a device that restarts when asked can have another board.
         self._board_is_known = Capability.RESTART not in device.capabilities
@@ -666,7 +666,7 @@ class Session:
             self._join()
 
     def _collect_watched(self) -> None:
-        """Replace the watched values, unless a device's answers have left one out."""
+        """Replace the watched values, unless one is still missing."""
         known = self.values
         if all(parameter in known for parameter in self._watched):
             self.watched_values = {parameter: known[parameter] for parameter in self._watched}
@@ -674,7 +674,7 @@ class Session:
     # --- what the device says ------------------------------------------------------------------
 
     def _is_ours(self, session_id: int, now_us: int) -> bool:
-        """Whether a message belongs to this session; if so, note that the device was heard."""
+        """Whether a message belongs to this session. If so, the device counts as heard."""
         ours = self._in_session and session_id == self._id
         # What belongs to a previous session is no sign of life of this one.
         if ours:
@@ -808,7 +808,7 @@ class Session:
             self._collect_watched()
 
     def _take_board(self, answer: Answer) -> None:
-        """The device has said which board it is on, or acknowledged that one is confirmed."""
+        """Take the device's report of its board, or that a board is confirmed."""
         if isinstance(answer, BoardValue):
             with suppress(ValueError):
                 self.board = ActiveBoard.from_value(answer)
@@ -817,7 +817,7 @@ class Session:
             self.board = replace(self.board, state=BoardState.STORED)
 
     def _begin_after_trial(self, now_us: int) -> None:
-        """The device has reverted a trial by itself: all that is known of its values is void."""
+        """Void all known values: the device has reverted a trial by itself."""
         expired = LinkLost(
             "a trial of parameters was not renewed in time; a new session is opened",
             causes=("trial_expired",),
@@ -827,16 +827,16 @@ class Session:
     # --- the tap -------------------------------------------------------------------------------
 
     def listen(self, reader: TapReader, now_us: int) -> None:
-        """Have `reader` get all that the session is given, and first how it is now.
+        """Give `reader` the session's present state, and then all its inputs.
 
-        At once, or as soon as the session is not being prepared any more.
+        This begins at once, or as soon as the session is prepared.
         """
         self.tap.host_us = now_us
         self._joining.append(reader)
         self._join()
 
     def leave(self, reader: TapReader) -> None:
-        """`reader` gets nothing more, and if it was not given the start yet, nothing at all."""
+        """Give `reader` nothing more; nothing at all, if it has not had the start yet."""
         self._joining = [one for one in self._joining if one is not reader]
         self.tap.remove(reader)
 
@@ -850,7 +850,7 @@ class Session:
             self.tap.put(kind, now_us, data)
 
     def _snapshot(self) -> dict[str, Any]:
-        """What `resume` needs; counters start anew, and what is being asked for is left out."""
+        """What `resume` needs. Counters start anew there, and open requests are left out."""
         board, expected = self.board, self._expected_board
         snapshot: dict[str, Any] = {
             "phase": self.phase.name,
@@ -883,7 +883,7 @@ class Session:
 
     @classmethod
     def resumed(cls, snapshot: bytes, nonce: Callable[[], int]) -> Session:
-        """A session that goes on where the one of a record START was.
+        """A session that goes on from the state in a record START.
 
         Raises:
             ValueError: It is none of this release.

@@ -16,20 +16,20 @@ from typing import Protocol
 
 
 class Waiter(Protocol):
-    """What waits, once: a lock that is held, or a coroutine's future."""
+    """One that waits, once: a lock that is held, or a coroutine's future."""
 
     def release(self) -> None:
         """End the wait; called by any thread. Never waits."""
 
 
 class Notifier:
-    """Wakes all who wait. Nobody waits without a limit."""
+    """Wakes all that wait. A thread never waits without a limit."""
 
     def __init__(self) -> None:
         self._waiting: set[Waiter] = set()
 
     def notify_all(self) -> None:
-        """Have everybody look again. Never waits."""
+        """Wake all waiters; each checks its condition again. Never waits."""
         # Those who wait at this moment, each by name: who is woken may be waiting again before this
         # ends, and must not be woken in place of another.
         for woken in tuple(self._waiting):
@@ -38,11 +38,11 @@ class Notifier:
                 woken.release()
 
     def add(self, waiter: Waiter) -> None:
-        """Release `waiter` at the next change; what has changed before is for it to look at."""
+        """Release `waiter` at the next change. It checks for earlier changes itself, after this."""
         self._waiting.add(waiter)
 
     def discard(self, waiter: Waiter) -> None:
-        """It does not wait any more, or was released."""
+        """Forget a waiter that has given up, or was released."""
         self._waiting.discard(waiter)
 
     def wait_for(self, ready: Callable[[], bool], timeout_s: float) -> bool:
