@@ -1,13 +1,13 @@
-"""The drivers for asyncio: a facade over `wheelwire.open_driver`, whose link has a thread.
+"""The drivers for asyncio: a facade over those of `wheelwire.open_driver`.
 
 async with wheelwire.aio.connect("/dev/ttyUSB0") as robot:
     async for sample in robot.samples():
         robot.set_velocity(0.2, 0.0, ttl=0.3)
         print(sample)
 
-Each method does what its namesake of `wheelwire.BaseDriver` does, and raises the same errors. What
-waits for the robot is a coroutine. A robot belongs to the loop that it was opened in: only that
-loop, and its thread, may use it.
+Each method does what its namesake of `wheelwire.BaseDriver` does, and raises the same errors.
+Methods that wait for the robot are coroutines. A robot belongs to the loop that it was opened in:
+only that loop, and its thread, may use it.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ class Driver(AwaitableDevice, LinkedRobot):
     """A robot with two driven wheels, on the running loop. Made by `connect` and `open_driver`.
 
     `set_velocity`, `set_wheel_velocity`, `set_duty` and the properties are plain: they wait for
-    nothing. Cancelling a coroutine withdraws what it has asked for: no copy of it is sent any more.
-    What was sent before may have been carried out. Used as an asynchronous context manager, it
-    stops the robot at the exit.
+    nothing. Cancelling a coroutine withdraws its request: no more copies are sent, but the robot
+    may have carried out an earlier one. Used as an asynchronous context manager, it stops the robot
+    at the exit.
 
     All methods that reach the robot raise `LinkLost` while it is out of reach, and `LinkClosed`
     once the driver is closed.
@@ -120,9 +120,9 @@ class Driver(AwaitableDevice, LinkedRobot):
     async def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
 
-        One that was left unread for 0.1 s, or for two periods of a slower stream, is not returned:
-        the next one is waited for. Waits through a reconnection if `timeout` [s], at most an hour,
-        is long enough.
+        A sample that was left unread for 0.1 s, or for two periods of a slower stream, is too old:
+        this waits for the next one. It also waits through a reconnection if `timeout` [s], at most
+        an hour, is long enough.
 
         Raises:
             InvalidArgument: The timeout is not a valid number.
@@ -225,7 +225,7 @@ class Driver(AwaitableDevice, LinkedRobot):
         await self.close()
 
     async def record(self, path: str | Path, driver: str | None = None) -> Recorder:
-        """As every driver's."""
+        """As `wheelwire.SerialDriver.record`."""
         return await asyncio.to_thread(self._robot.record, path, driver)
 
     async def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
@@ -356,7 +356,7 @@ class SampleIterator(AsyncIterator[WheelSample]):
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):
-    """What `connect` and `open_driver` return: for `await`, or `async with`, which also closes."""
+    """Opens a driver when it is awaited; `async with` also closes it."""
 
     def __init__(self, make: Callable[[], DriverT]) -> None:
         self._make = make

@@ -21,11 +21,11 @@ class AttachedDriver(DeviceDriver):
     Closing it does not stop the robot.
 
     Args:
-        holder: That program.
+        holder: The program that holds the port.
         listens: False for a stop alone: nothing else can be read then.
 
     Attributes:
-        holder: That program.
+        holder: The program that holds the port.
 
     Raises:
         LinkLost: The program says nothing.
@@ -61,15 +61,15 @@ def open_or_attach(name: str, options: Mapping[str, Any], *, listens: bool = Tru
 
 
 class _Place(NamedTuple):
-    """Where a robot is that one program holds."""
+    """Where a robot is that only one program can hold."""
 
     identity: str
     board_id: str = ""
     is_slow_to_open: bool = False
-    """Whether it would not say at once that it is held."""
+    """Whether it takes long to find out there that another program holds it."""
 
     def attached(self, *, listens: bool) -> AttachedDriver | None:
-        """Beside the program that holds it; None if none offers its link."""
+        """A driver beside the program that holds it; None if no program offers its link."""
         holder = find_holder(self.identity, self.board_id)
         if holder is None:
             return None
@@ -80,7 +80,7 @@ class _Place(NamedTuple):
 
 
 def _place(name: str, options: Mapping[str, Any]) -> _Place | None:
-    """Where the robot is; None where each program has one of its own."""
+    """Where the robot is; None if each program gets a robot of its own."""
     if name == "serial":
         port, board_id = str(options["port"]), str(options.get("board_id") or "").lower()
         # For a board's id all free ports are opened. The peer of a socket lets the second

@@ -71,9 +71,9 @@ class BaseDriver(Driving):
     def read(self, timeout: float = 1.0) -> WheelSample:
         """Return the newest unread sample, waiting for one if necessary.
 
-        One that was left unread for 0.1 s, or for two periods of a slower stream, is not returned:
-        the next one is waited for. Waits through a reconnection if `timeout` [s], at most an hour,
-        is long enough.
+        A sample that was left unread for 0.1 s, or for two periods of a slower stream, is too old:
+        this waits for the next one. It also waits through a reconnection if `timeout` [s], at most
+        an hour, is long enough.
 
         Raises:
             InvalidArgument: The timeout is not a valid number.

@@ -17,7 +17,7 @@ from ..link.news import Happening, Listener, News
 from ..link.waiting import Notifier
 
 LAST_CALL_S = 1.0
-"""How long closing waits for a callback that runs. What it asks of the robot ends at once then."""
+"""How long closing waits for a callback that runs; calls of the robot in there end at once."""
 
 Handler: TypeAlias = Callable[[Any], object]
 
@@ -31,7 +31,7 @@ class Callbacks(ABC):
         self.handlers: dict[Happening, Handler] = {}
 
     def set(self, happening: Happening, handler: Handler | None) -> None:
-        """Call `handler` from now on; None: nothing.
+        """Call `handler` from now on; with None call nothing.
 
         Raises:
             InvalidArgument: It cannot be called.
@@ -47,7 +47,7 @@ class Callbacks(ABC):
     @property
     @abstractmethod
     def listener(self) -> Listener:
-        """Takes what happens; refers to no function of the application."""
+        """Takes the news; refers to no function of the application."""
 
     @abstractmethod
     def close(self) -> None:
@@ -68,7 +68,7 @@ def log_failure(happening: Happening) -> None:
 
 
 class Inbox:
-    """What has happened and was not reported yet; refers to no function of the application."""
+    """The news that was not reported yet; refers to no function of the application."""
 
     def __init__(self) -> None:
         self.news: SimpleQueue[News | None] = SimpleQueue()
@@ -81,7 +81,7 @@ class Inbox:
 
 
 class ThreadCallbacks(Callbacks):
-    """Called on a thread of their own, which may call the robot.
+    """Calls the functions on a thread of its own, where they may call the robot.
 
     It starts with the first function that is set, and ends when the driver is closed or forgotten.
     """
@@ -95,7 +95,7 @@ class ThreadCallbacks(Callbacks):
 
     @property
     def listener(self) -> Listener:
-        """Queues it."""
+        """Queues the news."""
         return self.inbox.news.put
 
     def set(self, happening: Happening, handler: Handler | None) -> None:
@@ -120,7 +120,7 @@ class ThreadCallbacks(Callbacks):
             ) from error
 
     def close(self) -> None:
-        """As `Callbacks.close`; the thread ends after the call that it is in."""
+        """As `Callbacks.close`; the thread ends after the call that is under way."""
         self.inbox.close()
 
     def wait(self) -> None:
@@ -161,7 +161,7 @@ def _run(callbacks: weakref.ref[ThreadCallbacks], queue: SimpleQueue[News | None
 
 
 class InlineCallbacks(Callbacks):
-    """Called by whoever lets virtual time pass, for only one thread may use such a robot."""
+    """Calls the functions in the call that lets virtual time pass: one thread uses such a robot."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -171,7 +171,7 @@ class InlineCallbacks(Callbacks):
 
     @property
     def listener(self) -> Listener:
-        """Calls at once; what happens during a call comes after it."""
+        """Calls at once; news that comes during a call waits for its end."""
         return self._tell
 
     def _tell(self, news: News) -> None:

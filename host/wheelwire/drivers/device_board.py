@@ -1,6 +1,6 @@
-"""The board that a device has stored: read, written, tried, confirmed.
+"""Reads, writes, tries and confirms the board that a device has stored.
 
-Each operation stands here once, for asyncio and for threads.
+Each operation is written once, for asyncio and for threads.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class AwaitableBoard:
         """Whether the active board was confirmed, and the board; None if there is none.
 
         Raises:
-            GroupUnavailable: The device has no messages about boards, or of another release.
+            GroupUnavailable: The device has no messages about boards, or those of another release.
             ConfigurationError: The board has codes that are unknown here.
             LinkLost, RequestTimeout: The device was not reached.
         """
@@ -75,7 +75,7 @@ class AwaitableBoard:
         The firmware's own drives after a restart, which the device begins by itself.
 
         Args:
-            board: What the device is believed to be on, as `read` reported it.
+            board: The board that the device is on, as `read` reported it.
 
         Raises:
             DeviceRefused: The device has another board, or none that waits for a confirmation.
@@ -88,7 +88,7 @@ class AwaitableBoard:
         """Confirm the active board, and wait until the device drives on it.
 
         Args:
-            board: What the device is on, as `read` reported it.
+            board: The board that the device is on, as `read` reported it.
 
         Raises:
             BoardNotKept: The device is on another board by now, or came back without this one.
@@ -144,7 +144,7 @@ class AwaitableBoard:
     async def _await_restart(self, before: int) -> None:
         """Wait until a session is open with another boot than `before`.
 
-        A new session alone says nothing: a computer that stalls opens one with the same boot.
+        A new session alone proves no restart: a computer that stalls opens one with the same boot.
         """
         end = time.monotonic() + RESTART_TIMEOUT_S
         error: WheelwireError | None = None
@@ -159,8 +159,8 @@ class AwaitableBoard:
         raise LinkLost(
             f"the device did not come back within {RESTART_TIMEOUT_S:g} s of its restart"
             + (f" ({error})" if error else "")
-            + "; if it does not in ten more, take its power away for a moment: a board that was on "
-            "trial gives way to the previous one"
+            + "; if it is not back in ten more, switch its power off for a moment: the previous "
+            "board then replaces one that was on trial"
         )
 
     async def _check_group(self) -> None:
@@ -186,5 +186,5 @@ def _packed_size() -> int:
 
 
 def _size_of_ids() -> int:
-    """Of session_id and request_id, which every request begins with."""
+    """The size of session_id and request_id, with which every request begins."""
     return BY_TYPE[BoardGet].size - HEADER_SIZE - CRC_SIZE

@@ -1,4 +1,4 @@
-"""The parameters that live on a device: each operation once, for asyncio and for threads."""
+"""The parameters of a device. Each operation is written once, for asyncio and for threads."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ _REVERT = ParameterTrial(0, 0, TrialAction.REVERT, 0.0)
 class AwaitableParameters(ParameterMapping):
     """The parameters of one robot: a mapping of the newest values that it reported.
 
-    All of them are read whenever a session is opened, so using the mapping never waits. A change
-    that was cancelled or not answered (`RequestTimeout`) may have been made or not; `refresh`
-    tells.
+    The link reads all of them whenever a session opens, so using the mapping never waits. After a
+    change that was cancelled or not answered (`RequestTimeout`), `refresh` finds out whether the
+    device made it.
 
     Raises, in every coroutine: `LinkLost`, `RequestTimeout`, `DeviceRefused`; in every one that
     takes a name: `UnknownParameter`.
@@ -54,9 +54,9 @@ class AwaitableParameters(ParameterMapping):
         self._requests = requests
         self._bounds: dict[int, tuple[float, float]] = {}
         self._unsure: builtins.set[int] = set()
-        """Perhaps changed by a request that was never answered: what is known may be wrong."""
+        """Ids whose known value may be wrong, as a request to change it was never answered."""
         self._tried: builtins.set[int] = set()
-        """Set since the last trial began."""
+        """Ids of the values that were set since the last trial began."""
 
     async def set(self, name: str, value: float) -> float:
         """Change a value until the next reset of the device; returns the active value.
@@ -94,11 +94,11 @@ class AwaitableParameters(ParameterMapping):
         return infos
 
     async def save(self, name: str | None = None) -> None:
-        """Keep values across resets: one, or all. Only while stopped."""
+        """Save one value, or all, across resets. Only while the robot is stopped."""
         await self._requests.ask(ParameterSave(0, 0, 0 if name is None else definition_of(name).id))
 
     async def reset(self) -> None:
-        """Go back to the defaults, and forget what was saved. Only while stopped."""
+        """Go back to the defaults, and delete what was saved. Only while the robot is stopped."""
         # Until they are asked for below: the reset may be done although its answer is lost.
         self._unsure.update(definition.id for definition in PARAMETERS)
         await self._requests.ask(ParameterReset(0, 0))
@@ -113,7 +113,7 @@ class AwaitableParameters(ParameterMapping):
         return AwaitableTrial(self, self._requests, timeout_s)
 
     async def _active(self, parameter: int) -> float:
-        """The active value; the device is asked unless it is known for certain."""
+        """The active value; asks the device unless the value is known for certain."""
         value = self._newest(parameter)
         return await self._get(parameter) if value is None or parameter in self._unsure else value
 
@@ -208,7 +208,7 @@ class AwaitableTrial(AbstractAsyncContextManager["AwaitableTrial"]):
 
 
 class DeviceParameters(Parameters):
-    """The parameters that live on a device."""
+    """The parameters of a device, for threads."""
 
     def __init__(self, requests: Requests) -> None:
         self._awaited = AwaitableParameters(requests)

@@ -1,6 +1,6 @@
 """What a device has recorded of its stops: its black boxes and its ledger.
 
-Each operation stands here once, for asyncio and for threads.
+Each operation is written once, for asyncio and for threads.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ _STOPS = (
 
 
 class AwaitableRecorder:
-    """The recorder of one device. It is read while the robot does not drive."""
+    """The recorder of one device. It can be read only while the robot does not drive."""
 
     def __init__(self, requests: Requests) -> None:
         self._requests = requests
 
     async def boxes(self) -> list[StoredBox]:
-        """What the stored black boxes are of, the newest first.
+        """The stored black boxes, the newest first.
 
         Raises:
             GroupUnavailable: The device has no recorder, or one of another release.
@@ -103,7 +103,7 @@ class AwaitableRecorder:
         )
 
     async def read(self, *, boxes: bool = True) -> Recorded:
-        """All of it; of a robot that drives, or a device without a recorder, why there is none.
+        """Read all of it. If the robot drives or the device has no recorder, `why_none` says so.
 
         Args:
             boxes: False: the ledger alone.

@@ -1,4 +1,4 @@
-"""Setpoints: checked, limited, and given an expiry. The part of a driver that never waits."""
+"""Checks, limits and dates setpoints: the part of a driver that never waits."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ class Driving(ABC):
         # Finite numbers can overflow in the conversion.
         if not (isfinite(wheels.left_mps) and isfinite(wheels.right_mps)):
             raise InvalidCommand(
-                f"linear = {linear:g}, angular = {angular:g}: no wheel can turn that fast"
+                f"linear = {linear:g}, angular = {angular:g}: no wheel can turn that fast; "
+                "give smaller numbers"
             )
         self._drive_velocity(geometry.saturate(wheels), expiry_us)
 
@@ -107,8 +108,8 @@ class Driving(ABC):
     def latest(self) -> Latest | None:
         """The newest sample and its age, whether it was read or not; None before the first.
 
-        Never waits, and takes nothing from `read`. While the robot is out of reach it is the last
-        sample before: look at `age_s`.
+        Never waits, and takes nothing from `read`. While the robot is out of reach this is the last
+        sample before that: look at `age_s`.
         """
         return self._latest_sample.latest
 
@@ -154,11 +155,11 @@ class Driving(ABC):
     def on_lost(self) -> Callable[[WheelwireError], object] | None:
         """Called with the error when the robot is out of reach, whatever the reason.
 
-        This and the other two are functions to assign, or None. They may call the robot: they run
-        on a thread of their own, one after the other and in order; with asyncio in the loop, where
-        they may be coroutines; in virtual time in whichever call lets it pass. What they raise is
-        logged. None is called once `close` has returned. One that is assigned while the robot is
-        out of reach, or a fault is latched, is called for that.
+        Assign a function, or None, to this and to the other two. The functions may call the robot:
+        they run on a thread of their own, one after the other and in order. With asyncio they run
+        in the loop, and may be coroutines; in virtual time they run in the call that lets it pass.
+        The driver logs what they raise, and calls none after `close` has returned. A function that
+        is assigned while the robot is out of reach, or a fault is latched, is called for that.
         """
         return self._callbacks.handlers.get(Happening.LOST)
 
@@ -170,7 +171,7 @@ class Driving(ABC):
     def on_opened(self) -> Callable[[DeviceInfo], object] | None:
         """Called with the device when a session was opened again; see `on_lost`.
 
-        Parameters have the values that the device has saved then, if it was reset.
+        If the device was reset, its parameters have the values that it has saved.
         """
         return self._callbacks.handlers.get(Happening.OPENED)
 
@@ -198,7 +199,7 @@ class Driving(ABC):
     _callbacks: Callbacks
 
     def _listen(self, happening: Happening) -> None:
-        """Report what happens to `_callbacks`; of `happening` also what is so already."""
+        """Pass news on to `_callbacks`; of `happening` also what is so already."""
         raise InvalidCommand(
             f"{self._name} does not report {happening.name} by itself: ask `is_open` and `read`"
         )

@@ -22,7 +22,7 @@ class Explanations:
         self.watch: StopWatch | None = None
 
     def explain(self, error: WheelwireError) -> None:
-        """Have the error carry the sentence, the evidence and what to look at."""
+        """Add to the error the sentence of its stop, the evidence and what to look at."""
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
         explain(error, self.watch)

@@ -1,4 +1,4 @@
-"""Drivers by name."""
+"""Finds and opens drivers by name."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINT_GROUP = "wheelwire.drivers"
 RECORD_VARIABLE = "WHEELWIRE_RECORD"
-"""Of the environment: where every robot that a program opens is recorded."""
+"""The environment's variable that says where to record every robot that a program opens."""
 
 _BUILT_IN = {
     "l298n": "wheelwire.drivers.l298n:L298NDriver",
@@ -68,7 +68,7 @@ def open_driver(
             group `wheelwire.drivers`.
         *args: The driver's own arguments; see its class.
         record: A file, or a folder, to which the robot's day is recorded, see docs/recording.md;
-            by default what the environment's `WHEELWIRE_RECORD` says, if it does.
+            by default what the environment's `WHEELWIRE_RECORD` names, if it is set.
         **options: As `args`, by name.
 
     Raises:
@@ -112,7 +112,7 @@ def driver_class(name: str) -> Any:
         return getattr(import_module(module), attribute)
     except ImportError as error:
         raise DriverUnavailable(
-            f"driver {name!r} needs the module {error.name!r}: install what it belongs to"
+            f"driver {name!r} needs the module {error.name!r}: install the package that has it"
         ) from error
 
 

@@ -28,8 +28,8 @@ WATCHED = (
     PARAMETER_BY_NAME["rearm_gap_s"].id,
     PARAMETER_BY_NAME["nominal_supply_v"].id,
 )
-"""All that is read in each session. Whoever drives needs to know of the pause after a clear, and
-`wheelwire why` what supply is a low one."""
+"""The parameters that are read in each session. A program that drives needs the pause after a
+clear, and `wheelwire why` needs the supply below which it is low."""
 
 CONTACT_IGNORED = (
     "The e-stop input is switched off although the board has a contact, which stops nothing: set "
@@ -72,7 +72,8 @@ class LinkedRobot(Driving):
     def ttl_max_s(self) -> float | None:
         """The longest time to live that the robot takes, in seconds; None while out of reach.
 
-        Its parameter of this name, read whenever a session is opened. Never waits.
+        This is its parameter of the same name, which the link reads whenever a session opens. Never
+        waits.
         """
         values = self._link.watched_if_open
         known, limit_s = self._ttl_max_s  # every setpoint asks
@@ -93,27 +94,27 @@ class LinkedRobot(Driving):
 
     @property
     def asked(self) -> Setpoint | None:
-        """What the wheels are asked for now, by this program or the one that holds the robot.
+        """The active setpoint, of this program or the one that holds the robot.
 
-        `left` and `right` in m/s, or as duties, -1..1, if `duty` is set. None once it has expired
-        or was stopped. Never waits.
+        `left` and `right` are in m/s, or duties, -1..1, if `duty` is set. None once the setpoint
+        has expired, or the robot was stopped. Never waits.
         """
         return self._link.asked(self._latest_sample.now_us())
 
     @property
     def rolling_mps(self) -> float | None:
-        """How fast the robot rolled when it reported that it rolls though nothing drives it.
+        """How fast the robot rolled [m/s] when it reported that it rolls though nothing drives it.
 
-        In m/s. None unless it has, and once it has slowed down or drives. Never waits.
+        None before such a report, and after the robot slowed down or drove. Never waits.
         """
         return self._link.rolling_mps
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What keeps the device from driving or makes it less safe, as of its board: sentences.
+        """Sentences: what of its board keeps the device from driving, or makes it less safe.
 
-        A board that nobody confirmed, or one on trial; an e-stop contact whose input is switched
-        off. Never waits. Which parameters contradict each other, `contradictions` asks the device.
+        That is a board that nobody confirmed, or one on trial; or an e-stop contact whose input is
+        switched off. Never waits. `contradictions` finds parameters that contradict each other.
 
         Raises:
             LinkLost: The robot is out of reach.

@@ -15,7 +15,7 @@ from .callbacks import LAST_CALL_S, Callbacks, Handler, log_failure
 
 
 class LoopCallbacks(Callbacks):
-    """Called by a task of the loop; a coroutine is awaited before the next call.
+    """Calls the functions in a task of the loop, and awaits a coroutine before the next call.
 
     Args:
         call_in_loop: Calls its argument in the loop, from any thread.
@@ -31,7 +31,7 @@ class LoopCallbacks(Callbacks):
 
     @property
     def listener(self) -> Listener:
-        """Queues it, and has a task call; for the link's thread."""
+        """Queues the news for a task that calls the functions; for the link's thread."""
         # Weakly: the functions commonly refer to the driver, which the port must not keep alive.
         this, call_in_loop = weakref.ref(self), self._call_in_loop
 
@@ -43,7 +43,7 @@ class LoopCallbacks(Callbacks):
         return lambda news: call_in_loop(partial(tell, news))
 
     def tell(self, news: News) -> None:
-        """Call the function for it, once those before it have been called."""
+        """Call the function for the news, after those of earlier news."""
         if self._closed or news[0] not in self.handlers:
             return
         self._news.append(news)
@@ -95,4 +95,4 @@ class LoopCallbacks(Callbacks):
         awaited.result()
 
     def _check(self, happening: Happening, handler: Handler) -> None:
-        """A coroutine is as good as a plain function."""
+        """Accept everything: a coroutine is as good as a plain function."""

@@ -1,8 +1,7 @@
-"""The driver of a robot that is not there: the firmware's core with a simulated robot.
+"""The driver of a simulated robot, which runs the firmware's core.
 
-In real time it is a process of its own, and stands in for a robot under any program. In virtual
-time nothing happens but in `advance` and while a call waits, and the same calls give the same run,
-boot ids apart.
+In real time it is a process of its own, and replaces a robot under any program. Virtual time passes
+only in `advance` and while a call waits; the same calls give the same run, except for boot ids.
 """
 
 from __future__ import annotations
@@ -54,14 +53,16 @@ class MockDriver(DeviceDriver):
     __signature__ = signature(MockOptions)
 
     def __new__(cls: type[_Driver], *_args: Any, realtime: bool = True, **_options: Any) -> _Driver:
-        """A robot in virtual time is of a class of its own."""
+        """Make a `VirtualMockDriver` for virtual time."""
         is_virtual = cls is MockDriver and not flag("realtime", realtime)
         return cast("_Driver", object.__new__(VirtualMockDriver if is_virtual else cls))
 
     @takes(MockOptions)
     def __init__(self, options: MockOptions) -> None:
         if not flag("realtime", options.realtime):
-            raise InvalidArgument("a subclass for virtual time is one of VirtualMockDriver")
+            raise InvalidArgument(
+                "this class runs in real time: derive one for virtual time from VirtualMockDriver"
+            )
         self._process = MockProcess(options)
         super().__init__(partial(Link, self._process.options))
 
@@ -112,7 +113,7 @@ class VirtualMockDriver(MockDriver):
 
 
 class _Transport(SocketTransport):
-    """To a simulator, which ends with it."""
+    """A line to a simulator, which ends with it."""
 
     gone = "the process of the simulated robot has ended; it is started again"
     # Longer than for a port: each attempt starts a process.
@@ -140,7 +141,7 @@ class MockProcess:
 
     @property
     def options(self) -> LinkOptions:
-        """Of the link to it."""
+        """The options of the link to it."""
         return LinkOptions("mock", watched=WATCHED, open_port=self._open_transport)
 
     def unplug(self) -> None:
@@ -155,7 +156,7 @@ class MockProcess:
 
     def _open_transport(self, _baud_rate: int) -> Transport:
         if not self._plugged:
-            raise LinkLost("the simulated robot is unplugged")
+            raise LinkLost("the simulated robot is unplugged; call plug()")
         ours, theirs = socket.socketpair()
         presets = [f"--preset={_id(name)}={value!r}" for name, value in self._values.items()]
         self.simulator = Simulator(

@@ -27,9 +27,9 @@ from .linked import WATCHED
 
 DEFAULT_BAUD_RATE = 921_600
 MAX_BAUD_RATE = 20_000_000
-"""More than any adapter has."""
+"""A rate above that of any adapter."""
 MAX_STREAM_RATE_HZ = 65_535
-"""The largest value of the field. Each device has a lower limit of its own, set by its line."""
+"""The largest value of the field. Each device has a lower limit, which its line sets."""
 MAX_REPLAY_SPEED = 1000
 
 P = ParamSpec("P")
@@ -67,7 +67,7 @@ def arguments_of(
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
-    """What every link to a device takes; see `TransportDriver` and `SerialDriver`."""
+    """The options of every link to a device; see `TransportDriver` and `SerialDriver`."""
 
     baud_rate: int = 0
     connect_timeout: float = CONNECT_TIMEOUT_S
@@ -120,7 +120,7 @@ class DeviceOptions:
 
 @dataclass(frozen=True)
 class TransportOptions(DeviceOptions):
-    """Those of `TransportDriver`."""
+    """The options of `TransportDriver`."""
 
     name: str
     open_transport: OpenPort | None = None
@@ -142,7 +142,7 @@ class SerialOptions(DeviceOptions):
 
 @dataclass(frozen=True)
 class SerialDriverOptions(SerialOptions):
-    """Those of `SerialDriver`, which has to be given a port."""
+    """The options of `SerialDriver`, which needs a port."""
 
     port: str = field()
     _: KW_ONLY
@@ -158,7 +158,7 @@ class SerialDriverOptions(SerialOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class MockOptions:
-    """Those of `MockDriver`."""
+    """The options of `MockDriver`."""
 
     realtime: bool = True
     parameters: Mapping[str, float] | None = None
@@ -167,7 +167,7 @@ class MockOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayOptions:
-    """Those of `ReplayDriver`."""
+    """The options of `ReplayDriver`."""
 
     file: str | Path
     speed: float = 1.0
@@ -176,7 +176,7 @@ class ReplayOptions:
         """The same, checked."""
         if not (is_number(self.speed) and 0 <= self.speed <= MAX_REPLAY_SPEED):
             raise InvalidArgument(
-                f"speed = {shown(self.speed)}: give a number from 0, step by step, to "
+                f"speed = {shown(self.speed)}: give a number from 0 (step by step) to "
                 f"{MAX_REPLAY_SPEED}"
             )
         return path("file", self.file), float(self.speed)

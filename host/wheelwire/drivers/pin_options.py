@@ -22,7 +22,7 @@ PWM_DIRECTORY = Path("/sys/class/pwm")
 
 @dataclass(frozen=True, kw_only=True)
 class PinOptions:
-    """What the drivers of this computer's own pins take; see `L298NDriver`."""
+    """The options of both drivers of this computer's own pins; see `L298NDriver`."""
 
     pins: BoardDescription | None = None
     parameters: Mapping[str, float] | None = None
@@ -57,7 +57,7 @@ class GpioOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class L298NOptions(PinOptions, GpioOptions):
-    """Those of `L298NDriver`."""
+    """The options of `L298NDriver`."""
 
     pwm_directory: Path = PWM_DIRECTORY
 
@@ -84,7 +84,7 @@ class PigpioOptions:
 
 @dataclass(frozen=True)
 class PigpioDriverOptions(PinOptions, PigpioOptions):
-    """Those of `PigpioDriver`."""
+    """The options of `PigpioDriver`."""
 
     core_timeout_ms: int = field(default=PIGPIO_CORE_TIMEOUT_MS, kw_only=True)
 

@@ -1,4 +1,4 @@
-"""What the drivers of this computer's own pins share: the process that moves them."""
+"""The process that moves this computer's pins, which its drivers share."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PinProcess:
 
     @property
     def options(self) -> LinkOptions:
-        """Of the link to it."""
+        """The options of the link to it."""
         options = DeviceOptions(tap=self._tap).link_to(self._settings.backend, self._open)
         return replace(options, identity=self._settings.identity)
 

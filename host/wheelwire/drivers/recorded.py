@@ -1,4 +1,4 @@
-"""A robot whose day is recorded: what a recording says of it beside its bytes."""
+"""Records a robot, and adds its parameters, its board and the versions to the file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _YAML = "application/yaml"
 
 
 def wanted_recording(record: str | Path | None) -> Path | None:
-    """Where a robot is to be recorded: `record`, or what the environment says.
+    """Where to record a robot: `record`, or what the environment says.
 
     Raises:
         RecordingError: No file can be made there.
@@ -48,9 +48,10 @@ def record_opened(robot: BaseDriver, path: Path, driver: str, *, is_asked: bool)
 
     Args:
         robot: The robot.
-        path: Where to.
-        driver: Its name.
-        is_asked: By the program; the environment's wish is for those that can be recorded.
+        path: The file or folder to record to.
+        driver: The driver's name.
+        is_asked: Whether the program asked for it. The environment asks for all robots, but not
+            every one can be recorded.
     """
     from .transport_driver import DeviceDriver  # here: it imports what calls this
 
@@ -58,14 +59,16 @@ def record_opened(robot: BaseDriver, path: Path, driver: str, *, is_asked: bool)
         with suppress(*() if is_asked else (InvalidCommand,)):
             robot.record(path, driver)
     elif is_asked:
-        raise InvalidArgument(f"driver {driver!r} has no link that could be recorded")
+        raise InvalidArgument(
+            f"driver {driver!r} has no link that could be recorded: leave out `record`"
+        )
 
 
 def start(link: DeviceLink, path: str | Path, driver: str) -> Recorder:
     """Record a link that is open.
 
     Raises:
-        InvalidCommand: It is none in real time.
+        InvalidCommand: The link is not in real time.
         RecordingError: The file cannot be made.
     """
     if not isinstance(link, Link):

@@ -1,4 +1,4 @@
-"""The driver of a robot that is a recording: what was measured then is measured again."""
+"""The driver of a recording, which gives the measurements of its day again."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from .transport_driver import DeviceDriver
 class ReplayDriver(DeviceDriver):
     """A recording, as a robot. It is opened at its first session.
 
-    Setpoints are taken, and compared with those of the day; stops are taken; what else is asked for
-    is answered if it was asked for on that day. The recording's end is `LinkClosed`; iterators end.
+    It accepts setpoints and compares them with those of the day; it accepts stops; it answers other
+    requests if they were answered on that day. At the end of the recording calls raise
+    `LinkClosed`, and iterators end.
 
     Args:
         file: The recording.
@@ -55,7 +56,7 @@ class ReplayDriver(DeviceDriver):
         self._link.advance(timeout_s("seconds", seconds))
 
     def noted(self, name: str) -> Any:
-        """What the program of the day said of itself by `note`: the newest value, or None."""
+        """The newest value that the program of the day passed to `note`, or None."""
         return self._link.noted(name)
 
     def _now_us(self) -> int:

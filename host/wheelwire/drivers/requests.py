@@ -59,7 +59,7 @@ class Requests:
         return self.answer_to(message)
 
     async def ask(self, message: RequestMessage) -> Answer:
-        """As `request`; the refusal of contradictory values says what contradicts what."""
+        """As `request`; an error about contradictory values names them."""
         try:
             return await self.request(message)
         except DeviceRefused as error:
@@ -82,7 +82,7 @@ class Requests:
 
 
 class AwaitableDevice:
-    """What a device is asked for, beside its parameters and its board."""
+    """The requests to a device, except for those about parameters, the board and the recorder."""
 
     def __init__(self, requests: Requests) -> None:
         self._requests = requests

@@ -40,7 +40,7 @@ _opened_later: ContextVar[bool] = ContextVar("opened_later", default=False)
 
 @contextmanager
 def opened_later() -> Iterator[None]:
-    """A driver that is made in here does not open its link: whoever makes it does."""
+    """A driver that is made inside this does not open its link: its maker does."""
     before = _opened_later.set(True)
     try:
         yield
@@ -92,7 +92,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         return DeviceRecorder(self._requests)
 
     def note(self, name: str, value: Any) -> None:
-        """Have a recording say this of the program that uses the robot.
+        """Add a note of the program that uses the robot to its recording.
 
         Args:
             name: A name; a replay has the newest value of each name.
@@ -119,7 +119,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         return recorder
 
     def watch_stops(self, report: Callable[[Stop], object]) -> StopWatch:
-        """Have each stop of the robot reported with its cause, until the robot is closed.
+        """Report each stop of the robot with its cause, until the robot is closed.
 
         Errors that the robot raises meanwhile have the same sentence in `why`.
 
