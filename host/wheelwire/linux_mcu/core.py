@@ -193,7 +193,9 @@ class _Store:
             return b""
         except OSError as error:
             # Not an empty store: with the defaults it would drive as nobody has set it up.
-            raise ConfigurationError(f"{self._path}: {error.strerror}") from error
+            raise ConfigurationError(
+                f"{self._path}: {error.strerror}: correct the path of the store or its permissions"
+            ) from error
 
     def save(self, block: bytes) -> bool:
         """Replace the file atomically: after a crash it holds the old block or the new one."""

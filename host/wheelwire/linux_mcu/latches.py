@@ -18,7 +18,7 @@ from .settings import McuSettings
 
 DIRECTORY_VARIABLE = "WHEELWIRE_RUNTIME_DIR"
 UNREADABLE = b"unreadable"
-"""No record of the core's: it takes it for an e-stop."""
+"""Bytes that are no record, which the core treats as an e-stop."""
 
 
 class LatchFile:
@@ -32,7 +32,7 @@ class LatchFile:
         self._path = path
 
     def load(self) -> bytes:
-        """What was saved last; empty if nothing was, and no record if it cannot be read."""
+        """The record saved last; empty if there is none, `UNREADABLE` if it cannot be read."""
         try:
             # A whole record has at least a byte: an empty file is a damaged one.
             return self._path.read_bytes() or UNREADABLE
@@ -65,7 +65,7 @@ def latch_file(settings: McuSettings) -> LatchFile:
 
 
 def runtime_directory() -> Path:
-    """Our directory for what lasts as long as the computer runs, made if necessary.
+    """Our directory for files that last as long as the computer runs, made if necessary.
 
     Raises:
         ConfigurationError: Somebody else owns it, or may write to it.

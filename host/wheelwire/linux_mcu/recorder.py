@@ -14,7 +14,7 @@ from .settings import McuSettings
 
 
 def recorder_path(settings: McuSettings) -> Path:
-    """Beside the saved parameters; without those in memory, until the computer is switched off."""
+    """The file, beside the saved parameters; without those in memory, until the power is off."""
     if settings.store is not None:
         store = Path(settings.store)
         return store.with_name(f"{store.name}.recorder")
@@ -22,7 +22,7 @@ def recorder_path(settings: McuSettings) -> Path:
 
 
 def keep_recorder(core: Core, settings: McuSettings, heartbeat: Heartbeat) -> None:
-    """Have the core record; without a file to write to it says so, and records nothing."""
+    """Make the core record. If no file can be written, log that, and record nothing."""
     path = recorder_path(settings)
     try:
         file = RecorderFile(path, heartbeat)
@@ -48,7 +48,7 @@ class RecorderFile:
         flags = os.O_RDWR | os.O_CREAT | os.O_DSYNC | os.O_CLOEXEC | os.O_NOFOLLOW
         self._file = os.open(path, flags, 0o600)
         self.content = os.pread(self._file, RECORDER_SIZE + 1, 0)
-        """When it was opened."""
+        """The content when it was opened."""
         if len(self.content) != RECORDER_SIZE:
             # Another file's, or one that a crash cut off: as flash that was never written.
             self.content = b"\xff" * RECORDER_SIZE
@@ -56,7 +56,7 @@ class RecorderFile:
             os.pwrite(self._file, self.content, 0)
 
     def write(self, offset: int, data: bytes) -> bool:
-        """Write a part; False if the disk refuses."""
+        """Write a part; returns False if the disk refuses."""
         try:
             with self._heartbeat.saving():
                 return os.pwrite(self._file, data, offset) == len(data)

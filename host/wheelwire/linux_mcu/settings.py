@@ -11,7 +11,7 @@ from ..board import BoardDescription, unpacked
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""
 PIGPIO_CORE_TIMEOUT_MS = 1000
-"""The same behind a pigpiod: longer than an answer over a wireless network may take."""
+"""As `CORE_TIMEOUT_MS`, behind a pigpiod: an answer over a wireless network takes longer."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class McuSettings:
 
     @property
     def identity(self) -> str:
-        """Of the robot, by its pins, which two robots cannot share; behind a pigpiod with that."""
+        """The robot's name by its pins, which two robots cannot share, and by its pigpiod."""
         place = f"-{self.host}-{self.port}" if self.backend == "pigpio" else ""
         return f"{self.backend}-{self.board.fingerprint():08x}{place}"
 

@@ -46,15 +46,21 @@ def converted_store(path: Path) -> Path:
     try:
         content = path.read_bytes() if path.exists() else b""
     except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror}") from error
+        raise _unusable(path, error) from error
     # The core's own format begins with other bytes, "WWP1".
     if content.lstrip()[:1] in (b"{", b"["):
         block = _block(_parse(path, content))
         try:
             write_whole(path, block)
         except OSError as error:
-            raise ConfigurationError(f"{path}: {error.strerror}") from error
+            raise _unusable(path, error) from error
     return path
+
+
+def _unusable(path: Path, error: OSError) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}: {error.strerror}: correct the path of the store or its permissions"
+    )
 
 
 def _parse(path: Path, content: bytes) -> dict[str, float]:

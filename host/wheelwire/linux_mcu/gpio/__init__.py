@@ -45,7 +45,7 @@ def _open(settings: McuSettings, parameters: dict[str, float]) -> Gpio:
 
 
 def prepare_enable_low(settings: McuSettings) -> Callable[[], None]:
-    """For the guard: do the slow part now; the returned function claims EN and pulls it low."""
+    """Do the slow part for the guard; the returned function claims EN and pulls it low."""
     if settings.backend == "pigpio":
         return _rely_on_watchdog
     from .library import EnableLow

@@ -66,7 +66,7 @@ def inputs_of(board: BoardDescription) -> tuple[str, ...]:
 
 
 def pwm_inputs(board: BoardDescription) -> tuple[str, ...]:
-    """Those of `inputs_of` that ever take a duty."""
+    """The inputs that ever take a duty."""
     rows = STAGES[board.stage].rows.values()
     return tuple(name for name in inputs_of(board) if any(r.get(name) is Level.PWM for r in rows))
 
@@ -80,12 +80,12 @@ def pwm_pins(board: BoardDescription) -> tuple[int, ...]:
 def encoder_pins(wheel: WheelPins) -> tuple[int, int]:
     """The GPIOs of A and B. Raises `ConfigurationError` if one is missing."""
     if wheel.encoder_a is None or wheel.encoder_b is None:
-        raise ConfigurationError("the board has an encoder without A or B")
+        raise ConfigurationError("the board has an encoder without A or B: give both pins")
     return wheel.encoder_a, wheel.encoder_b
 
 
 def release_inputs(board: BoardDescription) -> tuple[str, ...]:
-    """Those of `inputs_of` that hold the motor off when they are low, whatever the others do."""
+    """The inputs that hold the motor off when they are low, whatever the others do."""
     coast = STAGES[board.stage].rows[Action.COAST]
     return tuple(name for name in inputs_of(board) if coast.get(name) is Level.LOW)
 

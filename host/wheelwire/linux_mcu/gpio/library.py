@@ -282,7 +282,9 @@ def _driver_unavailable_errors() -> Iterator[None]:
             raise PinsBusy(
                 f"another program uses one of the pins ({error}): end it first"
             ) from error
-        raise DriverUnavailable(f"a pin cannot be claimed: {error}") from error
+        raise DriverUnavailable(
+            f"a pin cannot be claimed: {error}; check the pins in the robot's file"
+        ) from error
 
 
 @contextmanager

@@ -67,12 +67,15 @@ class PigpioClient:
         try:
             return getattr(self._pi, method)(*arguments)
         except (OSError, struct.error) as error:  # struct.error: a truncated answer
-            raise LinkLost(f"pigpiod at {self.address} does not answer: {error}") from error
+            raise LinkLost(
+                f"pigpiod at {self.address} does not answer: {error}; check the daemon "
+                "and the network"
+            ) from error
 
     def check(self) -> None:
         """Raise `LinkLost` if the daemon has closed the connection."""
         if self._closed or not self._notify.is_alive():
-            raise LinkLost(f"pigpiod at {self.address} has closed the connection")
+            raise LinkLost(f"pigpiod at {self.address} has closed the connection; start it again")
 
     def close(self) -> None:
         """Close both connections and end the callback thread."""
