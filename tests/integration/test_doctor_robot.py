@@ -63,7 +63,7 @@ def test_a_firmware_that_is_older_than_the_library(
 def test_groups_that_are_off(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(GROUP_HASHES, Group.BOARD, 0x0BADBEEF)
     finding = only(examined(simulator), "groups")
-    assert "board messages are off" in finding.problem
+    assert "board messages do not work" in finding.problem
     assert "wheelwire flash ROBOT" in finding.cure
 
 

@@ -1,4 +1,4 @@
-"""The computer that is examined: what its files, its environment and a few commands say."""
+"""The computer that the doctor examines, by its files, its environment and a few commands."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Adapter:
 
     @property
     def label(self) -> str:
-        """How messages call it."""
+        """Its name in messages."""
         where = ", ".join(f"/dev/{port}" for port in self.ports)
         return where or f"the USB device {self.ids} at socket {self.socket}"
 
@@ -176,7 +176,7 @@ class Machine:
 
     @cached_property
     def processes(self) -> list[Process]:
-        """What runs. Kernel threads have no arguments and are left out."""
+        """The running processes. Kernel threads have no arguments and are left out."""
         return [
             Process(int(folder.name), tuple(line.split("\0")))
             for folder in self.files("/proc", "[0-9]*")

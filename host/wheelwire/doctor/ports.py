@@ -1,4 +1,4 @@
-"""Checks of serial ports: who may open them, who takes them away, and what they are called."""
+"""Checks of serial ports: who may open them, which programs take them, and their names."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _user(machine: Machine) -> str:
 
 
 def brltty(machine: Machine) -> Iterator[Finding]:
-    """The Braille daemon, which takes chips away that some displays have, too."""
+    """The Braille daemon takes USB chips that some Braille displays have, too."""
     if _is_masked(machine, "brltty-udev.service"):
         return
     for adapter in machine.adapters:
@@ -163,7 +163,7 @@ def _mm_ignores(machine: Machine, port: str) -> bool:
 
 
 def latency_timer(machine: Machine) -> Iterator[Finding]:
-    """FTDI's chips collect bytes, unless the program that has the port asked for low latency."""
+    """FTDI's chips delay bytes, unless the program that has the port asked for low latency."""
     for port in (port for adapter in machine.adapters for port in adapter.ports):
         timer = machine.read(f"/sys/bus/usb-serial/devices/{port}/latency_timer")
         if not timer.isdigit() or int(timer) <= 1:

@@ -17,7 +17,7 @@ from ..parameters import number_text
 from .finding import Finding
 
 WATCH_S = 1.5
-"""The link is listened to for so long before its loss and its clock are judged."""
+"""How long the doctor listens to the link before it judges its loss and its clock."""
 CLOCK_ERROR_LIMIT_US = 5_000.0
 LOSS_LIMIT = 0.01
 
@@ -28,7 +28,7 @@ def examine_robot(
     """What is wrong with a robot, and with the link to it.
 
     Args:
-        driver: Open, or attached to who has it open.
+        driver: An open driver, or one attached to the program that holds the robot.
         address: As the user named it, for the cures.
         given: Parameters that the robot file names, and each session sets.
 
@@ -68,7 +68,7 @@ def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
     except GroupUnavailable as error:
         yield Finding(
             "groups",
-            f"{error.group} messages are off: firmware and library have different ones.",
+            f"{error.group} messages do not work: firmware and library have different ones.",
             f"wheelwire flash {address} with the image of this library's release",
         )
 

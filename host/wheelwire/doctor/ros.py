@@ -16,7 +16,7 @@ _DEFAULTS = {
 
 
 def mismatch(machine: Machine) -> Iterator[Finding]:
-    """Variables that part this terminal from a running node."""
+    """Differing variables keep this terminal and a running node apart."""
     ours = _settings(machine.environment)
     if ours is None:
         return
@@ -39,7 +39,7 @@ def _is_node(process: Process) -> bool:
 
 
 def _settings(environment: Mapping[str, str]) -> dict[str, str] | None:
-    """What decides who hears whom; None outside of ROS."""
+    """The variables that decide who hears whom; None outside of ROS."""
     if not environment.get("ROS_DISTRO"):
         return None
     return {name: environment.get(name) or default for name, default in _DEFAULTS.items()}

@@ -1,4 +1,4 @@
-"""A file that is the robot's day: what crossed a link, recorded and done again.
+"""Recordings: files with all that crossed a link, and links that run it again.
 
 | module | subject |
 |-|-|

@@ -21,7 +21,9 @@ def read_box(path: Path) -> Box:
             # One byte more shows a file that is longer.
             return Box(file.read(BOX_SIZE + 1))
     except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from None
+        raise RecordingError(
+            f"cannot read {path}: {error.strerror or error}; name the file of a black box"
+        ) from None
     except BoxError as error:
         raise RecordingError(
             f"{path} is {error}: name a file of {BOX_SIZE} bytes that was read from a robot"
@@ -45,7 +47,12 @@ def rerun_box(path: Path) -> Rerun:
         )
     rerun = box.rerun()
     if rerun.outcome is Outcome.UNREADABLE:
-        raise RecordingError(f"{path} is damaged: the robot's state in it cannot be read")
+        raise RecordingError(
+            f"{path} is damaged: the robot's state in it cannot be read; read the box "
+            "from the robot again"
+        )
     if rerun.outcome is Outcome.EMPTY:
-        raise RecordingError(f"{path} is empty: it was stored before the robot made a step")
+        raise RecordingError(
+            f"{path} is empty: it was stored before the robot made a step; choose another box"
+        )
     return rerun

@@ -1,6 +1,6 @@
 """ROS 2 messages as they cross a middleware: plain CDR, little-endian.
 
-A message is laid out once, field by field; what changes from one to the next is filled in.
+The code lays a message out once, field by field, and then fills in what changes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Layout:
     def __init__(self) -> None:
         self._buffer = bytearray(HEADER)
         self._runs: list[tuple[int, str, int]] = []
-        """Places side by side: where, their format, how many."""
+        """Places that lie side by side: offset, format and number."""
         self._fields: list[tuple[struct.Struct, int, int, int]] = []
 
     def number(self, code: str, value: float | None = None) -> Layout:

@@ -1,4 +1,4 @@
-"""The messages that crossed the link, one by one, as core's decoder finds them in the bytes."""
+"""Finds the messages that crossed the link, one by one, by core's decoder."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Frame(NamedTuple):
     """One message, and when its last byte crossed the link."""
 
     host_us: int
-    """The host's monotonic clock, which a sample's stamp is of as well."""
+    """The host's monotonic clock, as in a sample's stamp."""
     is_sent: bool
-    """By the host."""
+    """Whether the host sent it."""
     message: Any
 
 
@@ -28,7 +28,7 @@ class FrameReader:
         self._sent = Decoder()
 
     def feed(self, record: Record) -> Iterator[Frame]:
-        """Those that one record completes."""
+        """The messages that one record completes."""
         kind = record.kind
         if kind is Kind.CONNECTED:  # a frame that was cut by the loss of the port has no rest
             self._received.restart()
@@ -42,7 +42,7 @@ class FrameReader:
 
 
 def frames(records: Iterable[Record]) -> Iterator[Frame]:
-    """All of a recording's, in order."""
+    """All messages of a recording, in order."""
     reader = FrameReader()
     for record in records:
         yield from reader.feed(record)

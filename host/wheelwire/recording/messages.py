@@ -1,7 +1,7 @@
 """The ROS 2 messages that viewers know, laid out in CDR, and their definitions.
 
 REP-103 and REP-105: x forward, counter-clockwise positive; a pose in the odometry's frame, a twist
-in the robot's. The components that a planar robot has not stay 0.
+in the robot's. Components that a planar robot lacks stay 0.
 """
 
 from __future__ import annotations
@@ -106,17 +106,17 @@ uint32 line
 
 
 def _header(frame: str) -> Layout:
-    """A header whose stamp is to be filled in."""
+    """A header with a place for its stamp."""
     return Layout().number("i").number("I").text(frame)
 
 
 def stamp(time_ns: int) -> tuple[int, int]:
-    """What fills a header's stamp."""
+    """The numbers that fill a header's stamp."""
     return divmod(time_ns, NANOSECONDS)
 
 
 def odometry(frame: str, child_frame: str, twist_diagonal: Sequence[float] = (0.0,) * 6) -> Layout:
-    """To be filled: stamp, x, y, orientation's z and w, pose's covariance (36), v, w."""
+    """An odometry; fill in stamp, x, y, orientation's z and w, pose's covariance (36), v, w."""
     covariance = [0.0] * 36
     covariance[::7] = twist_diagonal
     return (
@@ -134,14 +134,14 @@ def odometry(frame: str, child_frame: str, twist_diagonal: Sequence[float] = (0.
 
 
 def joint_state(names: Sequence[str]) -> Layout:
-    """To be filled: stamp, each joint's position, each joint's velocity."""
+    """The joints; fill in stamp, each joint's position, each joint's velocity."""
     count = len(names)
     layout = _header("").texts(*names)
     return layout.sequence("d", count).sequence("d", count).sequence("d", 0)
 
 
 def transforms(frame: str, child_frame: str) -> Layout:
-    """A `tf2_msgs/msg/TFMessage`. To be filled: stamp, x, y, rotation's z and w."""
+    """A `tf2_msgs/msg/TFMessage`. Fill in stamp, x, y, rotation's z and w."""
     return (
         Layout()
         .number("I", 1)
@@ -156,9 +156,9 @@ def transforms(frame: str, child_frame: str) -> Layout:
 
 
 def battery_state(frame: str) -> Layout:
-    """A battery whose voltage alone is measured. To be filled: stamp, voltage, percentage (0..1).
+    """A battery of which only the voltage is measured. Fill in stamp, voltage, percentage (0..1).
 
-    Everything else says that it is unknown.
+    All other fields say that they are unknown.
     """
     return (
         _header(frame)

@@ -1,4 +1,4 @@
-"""A picture of a recording: what was asked of the wheels, what they did, and what stopped them."""
+"""Draws a recording: the setpoints, what the wheels did, and what stopped them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS = 4000
-"""More than the picture has columns: of more samples each column shows the least and the most."""
+"""More than the picture has columns. Of more samples, each column shows least and most."""
 GAP_S = 0.5
 """Samples further apart are not joined by a line."""
 LABELS = 12
-"""Marks that are named; more would cover each other."""
+"""How many marks have a label; more would cover each other."""
 OUT_OF_REACH = "out of reach"
 COLOURS = {
     SupervisorState.BOOT: "#cfe3f5",
@@ -126,7 +126,7 @@ def line(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> Line:
 
 
 def steps(asked: Asked, values: Sequence[float]) -> Line:
-    """Setpoints as steps, each as long as it was asked for."""
+    """Setpoints as steps, each as long as it was active."""
     begins, ends, heights = (np.asarray(one) for one in (asked.begins_s, asked.ends_s, values))
     if not len(begins):
         return begins, heights
@@ -156,7 +156,7 @@ def _time_unit(end_s: float) -> tuple[str, float]:
 
 
 def _states(trace: Trace) -> list[SupervisorState | None]:
-    """Those that occur, in the order of their numbers."""
+    """The states that occur, in the order of their numbers."""
     found = {band.state for band in trace.bands}
     away_s = sum(band.end_s - band.begin_s for band in trace.bands if band.state is None)
     states: list[SupervisorState | None] = [state for state in SupervisorState if state in found]
@@ -189,7 +189,7 @@ def _draw_bands(
 
 
 def _name_marks(axes: Axes, marks: Sequence[Mark], scale: float) -> None:
-    """In the uppermost panel, each along its line."""
+    """Draw the faults in the uppermost panel, each along its line."""
     for mark in marks[:LABELS]:
         names = ", ".join(fault.name or "" for fault in Fault if fault in mark.faults)
         axes.annotate(

@@ -34,7 +34,7 @@ def decode(message: bytes) -> Record:
     """The record of a message.
 
     Raises:
-        ValueError: It is none of this release.
+        ValueError: The message is of another release.
     """
     try:
         header, dimensions, offset, size, number, kind, host_us = _LAYOUT.unpack_from(message)

@@ -1,4 +1,4 @@
-"""What a recording holds. It need not be complete: what a crash left is read to its last chunk.
+"""Reads recordings. After a crash it reads an incomplete file up to its last chunk.
 
 The package `mcap` reads its parts; its own readers refuse a file that does not end.
 """
@@ -40,12 +40,12 @@ FOREIGN = (
 _HEAD = struct.Struct("<BQ")
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX = range(1, 8)
 ATTACHMENT, METADATA_RECORD, DATA_END = 9, 12, 15
-"""By MCAP's specification. The last is the highest."""
+"""Opcodes of MCAP's specification. The last is the highest."""
 _MESSAGE = struct.Struct("<HIQQ")
-"""How a message begins: channel, sequence, and two times."""
+"""The head of a message: channel, sequence, and two times."""
 _DATA_END = _HEAD.pack(DATA_END, 4)
 _FOOTER = struct.Struct("<BQQQI8s")
-"""With the magic behind it: opcode, length, where the index begins, 0, the index's checksum."""
+"""The end of a file: opcode, length, where the index begins, 0, the index's checksum, magic."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def parts(file: BinaryIO) -> Iterator[Part]:
 
 
 def _is_whole(part: Part) -> bool:
-    """Whether a part that bears a checksum, or is of a known form, is as it was written."""
+    """Whether a part with a checksum, or of a known form, is undamaged."""
     from mcap.exceptions import McapError
     from mcap.records import Header, Metadata
 
@@ -134,7 +134,7 @@ def chunk_of(part: Part) -> Chunk:
 
 
 def stream_of(content: bytes) -> Any:
-    """What `mcap` reads a part from."""
+    """The stream from which `mcap` reads a part."""
     from io import BytesIO
 
     from mcap.data_stream import ReadDataStream
@@ -143,7 +143,7 @@ def stream_of(content: bytes) -> Any:
 
 
 def records(path: str | Path) -> Iterator[Record]:
-    """What the link's tap had reported, in order.
+    """The records of the link's tap, in order.
 
     Raises:
         RecordingError: The file cannot be read, is no recording, or of another release.
@@ -217,7 +217,7 @@ def offset_us(said: Mapping[str, str]) -> int:
 
 
 def _said(part: Part) -> dict[str, str] | None:
-    """Of a part with metadata: ours."""
+    """Our entries in a part with metadata."""
     from mcap.records import Metadata
 
     found = Metadata.read(stream_of(part.content))
@@ -253,7 +253,7 @@ def has_end(file: BinaryIO) -> bool:
 
 
 def is_complete(path: str | Path) -> bool:
-    """Whether all of a recording is whole, its end included.
+    """Whether a recording is undamaged, with its end.
 
     Raises:
         RecordingError: The file cannot be read.

@@ -1,7 +1,7 @@
-"""Records what crosses a link, in a thread of its own: the link never waits for it.
+"""Records what crosses a link, in a thread of its own, for which the link never waits.
 
-What was recorded is on the disk after a second. When the disk is full or gone, the recording ends,
-and the robot drives on.
+A record is on the disk after a second. When the disk is full or gone, the recording ends, and the
+robot drives on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PERIOD_S = 0.05
 CHUNK_S = 0.25
 """How often a chunk is closed: the longest that the interpreter is held for one grows with it."""
 SYNC_S = 1.0
-"""How much a power cut takes."""
+"""How much of a recording a power cut destroys, at most."""
 SLICE = 16
 """Records between two pauses, in which the link's threads get the interpreter."""
 PAUSE_S = 0.0002
@@ -52,10 +52,10 @@ class Tapped(Protocol):
 
     @property
     def has_ended(self) -> bool:
-        """Nothing more will come."""
+        """Whether the link has ended, so that no record comes any more."""
 
     def listen_to_tap(self, reader: TapReader) -> None:
-        """Have `reader` get all from now on, and first how the session is."""
+        """Give `reader` all records from now on, beginning with the state of the session."""
 
 
 class Attachment(NamedTuple):
@@ -75,9 +75,9 @@ class Rotation:
 
 
 class _Inlet:
-    """What one listener gets, from its START up to the first record that is missing.
+    """Takes the records from a START up to the first that is missing.
 
-    Behind a gap nothing can be done again.
+    Behind a gap a session cannot be run again.
 
     Attributes:
         has_gap: A record is missing.
@@ -147,9 +147,9 @@ class Recorder:
         self._file = self._next_file()
         self._views = Views(self._offset_ns)
         self._successor: _Inlet | None = None
-        """Takes over in a moment: for the next file, or after a loss."""
+        """The next inlet: for the next file, or after a loss."""
         self._lost_before = 0
-        """By earlier inlets."""
+        """Records that earlier inlets lost."""
         self._attached: list[Attachment] = []
         self._closing = threading.Event()
         self._pid = os.getpid()
@@ -188,7 +188,9 @@ class Recorder:
             except FileExistsError:
                 continue  # another recorder was faster
             except OSError as error:
-                raise RecordingError(f"cannot record to {path}: {error.strerror}") from error
+                raise RecordingError(
+                    f"cannot record to {path}: {error.strerror}; choose another folder"
+                ) from error
             abandon_in_child(file)
             self.files.append(path)
             return file
@@ -224,7 +226,7 @@ class Recorder:
                 self._link.tap.remove(inlet.reader)
 
     def _taken(self) -> list[Record]:
-        """What is to be written to this file. Begins the next file, or anew after a loss."""
+        """The records for this file. Begins the next file, or begins anew after a loss."""
         records = self._inlet.take()
         if self._inlet.has_gap:
             self.lost = self._lost_before + self._inlet.lost

@@ -1,7 +1,7 @@
 """Writes the end of a recording that a crash or a power cut has left without one.
 
-What is whole stays where it is: only what a crash has damaged is cut off, and the index is written
-behind the rest.
+Undamaged records stay where they are. The repair cuts off only what the crash has damaged, and
+writes the index behind the rest.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ class _Found:
     """What a file holds, and where."""
 
     end: int = len(MAGIC)
-    """Of what is whole."""
+    """The end of what is undamaged."""
     is_complete: bool = False
     tail: bytes = b""
-    """What is missing behind `end`: the index of the last chunk."""
+    """The index of the last chunk, if it is missing behind `end`."""
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
@@ -91,7 +91,9 @@ def repair(path: str | Path) -> bool:
                 return False
             _finish(file, found, path)
     except OSError as error:
-        raise RecordingError(f"cannot repair {path}: {error.strerror}") from error
+        raise RecordingError(
+            f"cannot repair {path}: {error.strerror}; check its permissions and the free space"
+        ) from error
     return True
 
 
@@ -113,7 +115,7 @@ def repair_folder(folder: Path) -> None:
 
 
 class _BeingWritten(RecordingError):  # noqa: N818 - it says the state
-    """A program writes the file."""
+    """Another program writes the file."""
 
 
 def _lock(file: BinaryIO, path: str | Path) -> None:

@@ -1,7 +1,7 @@
-"""A link to what was recorded: the same samples, stamps and counters as on that day.
+"""A link to a recording: the same samples, stamps and counters as on its day.
 
-A recording answers nothing that nobody asked then, and nothing that is sent to it has an effect.
-Setpoints are compared with those of the day.
+It answers only what a program asked on that day, and nothing that is sent to it has an effect. It
+compares setpoints with those of the day.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Comparison:
     compared: int = 0
     different: int = 0
     first_difference: tuple[int, Setpoint, Setpoint] | None = None
-    """Its number, from 0; what was recorded; what was asked for in its place."""
+    """Its number, from 0; the recorded setpoint; the one of this run."""
 
 
 class _Comparing:
@@ -116,10 +116,10 @@ class _Comparing:
 
 
 class _Answers:
-    """What the device answered on the day, for whoever asks the same again.
+    """The answers of the device on the day, for a program that asks the same again.
 
-    Known is what was answered up to now; of what was not, the first answer within the minute ahead:
-    a program asks at its beginning what another one had asked a moment later.
+    These are the answers up to now. Of other requests it is the first answer within the minute
+    ahead: a program may ask at its beginning what another one asked a moment later.
     """
 
     def __init__(self, records: Callable[[], Iterable[Record]]) -> None:
@@ -220,9 +220,9 @@ class ReplayLink(RerunLink, InlineLink):
         self._notes: dict[str, Any] = {}
         self._connections = 0
         self._played_us = 0
-        """The recorded clock, up to which everything was done again."""
+        """The recorded clock, up to which the session has run again."""
         self._is_used = False
-        """Something was sent, or is listened for: time passes, even if nobody reads samples."""
+        """Whether the program has sent or listens to something; time then passes unread."""
         self._began: tuple[int, float] | None = None
         """That clock, and this computer's, when time began to pass."""
         self._ending = threading.Event()
@@ -251,7 +251,7 @@ class ReplayLink(RerunLink, InlineLink):
         self.advance(max(STEP_S, ahead_us / 1e6))
 
     def _play_until(self, until_us: int) -> None:
-        """Do again what happened until then."""
+        """Run all records up to then."""
         while self._next is not None and self._next.host_us <= until_us:
             self._play(self._next)
         self._played_us = max(self._played_us, until_us)
@@ -259,7 +259,7 @@ class ReplayLink(RerunLink, InlineLink):
             self._finish(LinkClosed(ENDED))
 
     def _play(self, record: Record) -> None:
-        """Do one record again, and look ahead to the next."""
+        """Run one record, and look ahead to the next."""
         self._fetch()
         self._played_us = max(self._played_us, record.host_us)
         self._connections += record.kind is Kind.CONNECTED
@@ -282,7 +282,9 @@ class ReplayLink(RerunLink, InlineLink):
         self._records = _notes_first(self._open_records())
         self._fetch()
         if self._next is None or self._next.kind is not Kind.START:
-            raise RecordingError(f"{self._name}: it holds nothing of a link: record it again")
+            raise RecordingError(
+                f"{self._name}: it holds nothing of a link; record the robot again"
+            )
         # One that begins in the middle of a session was connected before.
         self._connections = b'"phase": "OPEN"' in self._next.data
         self._played_us = self._next.host_us
@@ -340,7 +342,8 @@ class ReplayLink(RerunLink, InlineLink):
             raise RecordingError(f"{self._name}: {error}") from error
         if not self._is_open:
             raise RecordingError(
-                f"{self._name}: no session was open within {OPEN_S:g} s of its beginning"
+                f"{self._name}: no session was open within {OPEN_S:g} s of its beginning; "
+                "record a robot that answers"
             )
         if self._speed:
             self._thread.start()
@@ -418,7 +421,7 @@ class ReplayLink(RerunLink, InlineLink):
         self._comparing.note_asked(Setpoint(left, right, duty=True))
 
     def post(self, message: RequestMessage, done: Done) -> None:
-        """What the device had answered by then, for `done`.
+        """Call `done` with what the device had answered by then.
 
         An `InvalidCommand` if that is not known, or if the request would change something.
         """
@@ -430,7 +433,7 @@ class ReplayLink(RerunLink, InlineLink):
             done(
                 InvalidCommand(
                     f"{type(message).__name__}: {self._name} is a recording, which answers only "
-                    "what was asked on that day"
+                    "what was asked on that day; ask a robot"
                 )
             )
         else:

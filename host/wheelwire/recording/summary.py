@@ -24,7 +24,7 @@ class Summary:
         frames_sent: Frames that the port took.
         frames_lost: On the way from the robot, by their sequence numbers.
         board_id: Of the robot, as 12 hex digits.
-        complete: It has its end; else what a crash left is what can be read.
+        complete: Whether it has its end; a crash leaves a file without one.
         began: The time of day, in UTC.
         driver: The name of the program's driver.
         version: Of the Wheelwire that recorded it.

@@ -77,7 +77,7 @@ class Trace:
 
     @classmethod
     def of(cls, records: Iterable[Record]) -> Trace:
-        """Do a recording again, and note what it shows.
+        """Run a recording again, and collect what it shows.
 
         Raises:
             ValueError: A record is none of this release.
@@ -125,7 +125,7 @@ class _Tracing:
         asked.right.append(right)
 
     def _end_asked(self, now_s: float) -> None:
-        """What was asked for lasts to its expiry, the next setpoint of either kind, or a stop."""
+        """End a setpoint: at its expiry, the next setpoint of either kind, or a stop."""
         for asked in (self._trace.asked_speed, self._trace.asked_duty):
             if asked.ends_s and asked.ends_s[-1] > now_s:
                 asked.ends_s[-1] = now_s

@@ -1,4 +1,4 @@
-"""What viewers show of a recording: made while it is recorded, and never read back."""
+"""Messages for viewers, written while a robot is recorded, and never read back."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ CHANNELS = (
     Channel(EVENTS, *messages.LOG),
 )
 PERIOD_US = 20_000
-"""Of the motion: more than a screen shows. A message takes ten times a state frame's room."""
+"""Messages of the motion a second, more than a screen shows; each takes ten state frames' room."""
 BATTERY_PERIOD_S = 1.0
 JOINTS = ("left_wheel_joint", "right_wheel_joint")
-"""As the ROS node's parameters have them by default, and the frames below."""
+"""The default of the ROS node's parameters, as are the frames below."""
 ODOM_FRAME, BASE_FRAME = "odom", "base_link"
 
 View = tuple[str, int, bytes]
@@ -38,7 +38,7 @@ View = tuple[str, int, bytes]
 
 
 class Views:
-    """Makes them of a tap's records, by doing its session again.
+    """Makes them of a tap's records, by running its session again.
 
     Args:
         unix_minus_monotonic_ns: What to add to the host's clock for the time of day.

@@ -1,4 +1,4 @@
-"""One MCAP file that is being written: whole up to the last `sync`, whatever happens."""
+"""Writes an MCAP file, which is undamaged up to the last `sync`, whatever happens."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import raw
 from .reader import METADATA, require_mcap
 
 LIBRARY = "wheelwire"
-"""In the file's header: whose file it is."""
+"""The entry in the file's header that marks our files."""
 PROFILE = "ros2"
 # What rosbag2 itself writes of a reliable publisher: without it `ros2 bag play` has to guess.
 _QOS = """- history: 1
@@ -162,16 +162,16 @@ class RecordingFile:
         self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
 
     def flush(self) -> None:
-        """Have all that was added in the file, should this process be killed."""
+        """Write all that was added to the file, in case this process is killed."""
         self._writer.flush()
 
     def sync(self) -> None:
-        """Have all that was added on the disk, should the power fail."""
+        """Write all that was added to the disk, in case the power fails."""
         self._writer.flush()
         os.fdatasync(self._descriptor)
 
     def close(self) -> None:
-        """Write the index, and be done."""
+        """Write the index, and close the file."""
         try:
             self.sync()  # first: a file that has an end is whole
             self._writer.finish()
@@ -181,7 +181,10 @@ class RecordingFile:
             self.abandon()
 
     def abandon(self) -> None:
-        """Be done as it is: what cannot be written any more is left out. Once more: nothing."""
+        """Close the file as it is, without what cannot be written any more.
+
+        A second call does nothing.
+        """
         # Its number is free from now on, and soon another file's: a fork's child, say, must not
         # close that.
         descriptor, self._descriptor = self._descriptor, -1
@@ -190,7 +193,7 @@ class RecordingFile:
 
 
 def _sync_folder(folder: Path) -> None:
-    """A power cut must not take the file's name away."""
+    """Make the file's name survive a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -211,6 +214,10 @@ def free_path(path: Path) -> Path:
 def check_folder(path: Path) -> None:
     """Raise `RecordingError` if no file can be made there."""
     if not path.parent.is_dir():
-        raise RecordingError(f"cannot record to {path}: there is no folder {path.parent}")
+        raise RecordingError(
+            f"cannot record to {path}: there is no folder {path.parent}; make it first"
+        )
     if not os.access(path.parent, os.W_OK):
-        raise RecordingError(f"cannot record to {path}: its folder cannot be written to")
+        raise RecordingError(
+            f"cannot record to {path}: its folder cannot be written to; choose another one"
+        )

@@ -50,7 +50,7 @@ class ViewApp(App[None]):
         source: Fills it.
         controls: Does what the keys ask for.
         seconds: For how long; 0: until a key or a signal ends it.
-        stays: A robot that is gone for good, as at a recording's end, does not end the view.
+        stays: Whether the view goes on when the robot is gone for good, as at a recording's end.
 
     Attributes:
         ended_by: The signal that ended it; None for a key or the time.
@@ -100,7 +100,7 @@ class ViewApp(App[None]):
         self._looks = 0
         self._looked_s = self._fresh_from_s = -math.inf
         self._over = False
-        """The robot is gone for good."""
+        """Whether the robot is gone for good."""
         self._ending = False
 
     def get_default_screen(self) -> Screen[None]:
@@ -122,7 +122,7 @@ class ViewApp(App[None]):
     # --- what is shown ---------------------------------------------------------------------------
 
     def modes(self) -> Iterator[str]:
-        """What the view is doing beside showing the robot."""
+        """What the view does besides showing the robot."""
         controls = self.controls
         if self._ending:
             yield "ending"
@@ -202,7 +202,7 @@ class ViewApp(App[None]):
 
     @property
     def _is_behind(self) -> bool:
-        """Whether this program has not run for a while: its keys may be of before."""
+        """Whether this program has not run for a while, so that its keys may be old ones."""
         now = time.monotonic()
         return now - self._looked_s > STALE_S or now < self._fresh_from_s
 
@@ -235,7 +235,7 @@ class ViewApp(App[None]):
     # --- the end ---------------------------------------------------------------------------------
 
     def _restore_terminal(self) -> None:
-        """The process goes on: take the terminal again, without the keys that waited."""
+        """Take the terminal again when the process goes on, without the keys that waited."""
         with self.suspend():
             pass
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 DOTS_X, DOTS_Y = 2, 4
-"""In a cell."""
+"""Dots in a cell: columns, rows."""
 BLANK = 0x2800
 _BITS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
-"""Of the dot in a row and a column of a cell."""
+"""The bit of the dot in a row and a column of a cell."""
 
 
 class Canvas:

@@ -1,4 +1,4 @@
-"""What the keys ask of the robot, in threads beside the screen, which never waits for it."""
+"""Carries out the keys, in threads beside the screen, which never waits for the robot."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 STOP, ESTOP, OTHER, TUNING = "stop", "e-stop", "other", "tuning"
 """Requests that do not wait for each other; of each kind one at a time is under way."""
 END_S = 8.0
-"""For a request that is under way to end; a call of the link takes 5 s at most."""
+"""How long to wait for the end of a request; a call of the link takes 5 s at most."""
 
 
 class Hand:
@@ -41,7 +41,7 @@ class Hand:
         self._robot = robot
         self._say = say
         self._keys: SimpleQueue[tuple[str, float] | None] = SimpleQueue()
-        """Each with the time of its press; None: the end."""
+        """The keys, each with the time of its press; None ends the thread."""
         self._thread = threading.Thread(target=self._run, name="wheelwire hand", daemon=True)
         self._thread.start()
 
@@ -93,7 +93,7 @@ class Controls:
         check_save: See `Tuning`.
 
     Attributes:
-        said: What came of what was asked for, to be taken by the screen.
+        said: The results of requests, which the screen takes.
         tuning: The parameters.
         hand: Drives; None while nobody does.
     """
@@ -169,7 +169,7 @@ class Controls:
         return "nothing is latched" if ended is None else f"{ended.name} cleared"
 
     def may_drive(self) -> bool:
-        """Whether `drive` would; says why not."""
+        """Whether `drive` would work; if not, report why."""
         if self._cannot_drive and not self.only_looks:
             self.said.put(self._cannot_drive)
             return False
@@ -181,7 +181,7 @@ class Controls:
             self.hand = Hand(self._robot, self.said.put)
 
     def let_go(self) -> None:
-        """Drive no more: the wheels stop."""
+        """Stop the wheels, and drive no more."""
         hand, self.hand = self.hand, None
         if hand is not None:
             hand.let_go()
@@ -212,7 +212,7 @@ class Controls:
         return "" if recorder is None else recorder.file.name
 
     def tune(self, act: Callable[[], str]) -> None:
-        """Have a method of `tuning` carried out."""
+        """Carry out a method of `tuning`."""
         if act == self.tuning.read or self.may_act():
             self._ask(TUNING, act)
 
@@ -245,7 +245,7 @@ class Controls:
             recorder.close()
 
     def may_act(self) -> bool:
-        """Whether this view may do more than look and stop; says why not."""
+        """Whether this view may do more than look and stop; if not, report why."""
         if self.only_looks:
             self.said.put(f"not from this view: {self.only_looks}")
         return not self.only_looks
@@ -256,7 +256,7 @@ class Controls:
             return
         if before is not None and before.is_alive():
             if kind not in (STOP, ESTOP):  # which are repeated by themselves
-                self.said.put("the robot has not answered yet: once more in a moment")
+                self.said.put("the robot has not answered yet: press the key again in a moment")
             return
         thread = threading.Thread(
             target=self._run, args=(act,), name=f"wheelwire view {kind}", daemon=True

@@ -1,4 +1,4 @@
-"""What was seen of a robot of late, as data: the last 20 s, its state, the reason, the events.
+"""What the view has seen of a robot, as data: the last 20 s, its state, the reason, the events.
 
 Knows neither a terminal nor a driver: `source` fills it, `panels` shows it.
 """
@@ -18,7 +18,7 @@ from ..link.info import LinkStatistics
 from ..samples import Setpoint, WheelSample
 
 WINDOW_S = 20.0
-"""That the plots show."""
+"""The time that the plots show."""
 EVENTS = 100
 REPEATED_S = 2.0
 """The same event within this time counts once: a key that is held asks again and again."""
@@ -62,7 +62,7 @@ class Event(NamedTuple):
 
 @dataclass
 class Status:
-    """What is known of the robot beside its samples; whoever looks replaces it.
+    """What is known of the robot besides its samples. `Source` replaces it as a whole.
 
     Attributes:
         statistics: Of the link; None where there is none.
@@ -113,7 +113,7 @@ class Model:
 
     @property
     def is_latched(self) -> bool:
-        """Whether nothing drives before a clear."""
+        """Whether the robot drives only after a clear."""
         return self.state in _LATCHED
 
     def take(self, look: Look) -> None:

@@ -15,11 +15,11 @@ from .canvas import BLANK, Canvas
 from .model import WINDOW_S, Model, Point
 
 LABEL = 6
-"""Cells of a plot's labels."""
+"""Width of a plot's labels in cells."""
 GAP_S = 0.5
 """Over a longer pause no line is drawn."""
 DOTTED = 3
-"""What is asked for has a dot at every third column: it is told from the rest without colour."""
+"""Setpoints have a dot at every third column, so that they can be recognised without colour."""
 _NICE = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
 _NOISE = 0.03
 """Part of the scale by which a value may be below zero without its own half of the plot."""
@@ -75,7 +75,7 @@ RIGHT = Side(
 
 
 def title(model: Model, modes: Iterable[str], width: int) -> Text:
-    """The robot's name, and what this view is doing beside showing it."""
+    """The robot's name, and what this view does besides showing it."""
     right = ", ".join(modes)
     name = model.name
     room = max(8, width - len(right) - 2)
@@ -133,7 +133,7 @@ def link(model: Model, width: int) -> Text:
 
 
 def keys(names: Sequence[tuple[str, str]], width: int) -> Text:
-    """What the keys do."""
+    """The line that explains the keys."""
     return _flowing([f"{key} {meaning}" for key, meaning in names], width)
 
 
@@ -220,7 +220,7 @@ def _number(value: float | None) -> str:
 
 
 def axis(width: int) -> Text:
-    """What is below the wheels: the time, and which line is which."""
+    """The lines below the wheels: the time axis and the legend."""
     text = Text()
     text.append("·····", style=ASKED).append(" asked  ")
     text.append("━━━━━", style=MEASURED).append(" measured, m/s  ")

@@ -56,7 +56,7 @@ TUNING_KEYS = (
 )
 STATE_LINES, MIN_EVENTS = 3, 3
 OTHER_LINES = 8
-"""Of a screen of 80 columns, without the plots and the events."""
+"""Rows of a screen of 80 columns, without the plots and the events."""
 HELP = """\
 space  stop, and e e-stop: on every screen
 c      clear an e-stop or a fault, its cause mended
@@ -168,7 +168,7 @@ class RobotScreen(Screen[None]):
 
 
 class TextScreen(ModalScreen[bool]):
-    """A text before everything else; a key closes it: `y` with True.
+    """A text in front of everything; any key closes it, and `y` returns True.
 
     Args:
         text: To be shown.
@@ -243,7 +243,7 @@ class ParametersScreen(Screen[None]):
 
     @property
     def _selected(self) -> str | None:
-        """Of the line with the cursor."""
+        """The name in the line with the cursor."""
         names = list(self._shown)
         row = self._table.cursor_row
         return names[row] if 0 <= row < len(names) else None
@@ -307,7 +307,7 @@ class ParametersScreen(Screen[None]):
         controls.tune(getattr(controls.tuning, name))
 
     def action_back(self) -> None:
-        """To the value's line, or to the robot."""
+        """Go back to the value's line, or to the robot."""
         if self._input.display:
             self._end_input()
         elif not self._is_closing:

@@ -1,4 +1,4 @@
-"""Looks at a driver, and tells the model. Never waits for the robot."""
+"""Looks at a driver, and fills the model. Never waits for the robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..recording.reader import is_complete, records
 from .model import Look, Model, Status
 
 LOOKS_PER_STATUS = 10
-"""What costs more is looked at less often: quantiles of the link are of 1024 round trips."""
+"""Looks for each status, which costs more: quantiles of the link are of 1024 round trips."""
 SILENT_S = 2.0
 """Without a sample for so long, a robot is called silent; the slowest stream has one a second."""
 
@@ -94,7 +94,7 @@ class Source:
             except WheelwireError as error:
                 return str(error)
         is_silent = age_s is not None and age_s > SILENT_S
-        return "the robot sends nothing" if is_silent else ""
+        return "the robot sends nothing: check its power and the stream rate" if is_silent else ""
 
     def _status(self) -> Status:
         robot, sample = self._robot, self._model.sample

@@ -35,7 +35,7 @@ class Tuning:
         infos: All parameters, as last read.
         values: The active ones.
         changed: By name, the value of before the trial.
-        unsaved: Names of values that are active and were to be saved, but could not.
+        unsaved: Names of active values that could not be saved.
     """
 
     def __init__(self, parameters: Parameters, check_save: Callable[[str], None]) -> None:
@@ -72,7 +72,7 @@ class Tuning:
         return f"{name} = {number_text(self.values[name])} on trial, was {number_text(before)}"
 
     def undo(self) -> str:
-        """Take the newest change back."""
+        """Undo the newest change."""
         if not self._steps:
             raise InvalidCommand("nothing was changed: there is nothing to undo")
         name, before = self._steps[-1]
@@ -91,7 +91,7 @@ class Tuning:
         return "reverted: the values of before the trial are active"
 
     def save(self) -> str:
-        """End the trial with its values, and keep them across resets. Only while it stands."""
+        """Save the values on trial, and end it. Only while the robot stands."""
         names = list(dict.fromkeys([*self.unsaved, *self.changed]))
         if not names:
             raise InvalidCommand("nothing was changed: there is nothing to save")
