@@ -25,7 +25,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 one only reliable publishers. The next command replaces a lost one; DDS sends nothing again late."""
 LOG_PERIOD_S = 5.0
 LOOK_PERIOD_S = 0.2
-"""How often the node looks who publishes. rclpy does not report a new publisher."""
+"""How often the node checks who publishes. rclpy does not report a new publisher."""
 CHANCE_S = 1.0
 """While silent publishers of both types are there, the node listens to each type for this long."""
 PACKAGE = "geometry_msgs/msg/"

@@ -156,7 +156,7 @@ class MotionEstimator:
             return None if self._last is None else self._record("", self._last)
 
     def restore(self, record: PoseRecord) -> None:
-        """Be as at this record, whose sample is the last one."""
+        """Go on from the state in this record, whose sample is the last one."""
         with self._lock:
             self._begin(record)
 
@@ -166,7 +166,7 @@ class MotionEstimator:
             return None if self._last is None else self._record(board_id, self._last)
 
     def record_at(self, first: WheelSample) -> PoseRecord:
-        """As `record`, before the first update: as of the sample that is to be the first."""
+        """As `record`, but before the first update, for the sample that will be the first."""
         with self._lock:
             return self._record("", first)
 

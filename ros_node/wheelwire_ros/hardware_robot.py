@@ -26,7 +26,7 @@ from .parameters import Setting
 from .reader import sampling_rate_hz
 
 CONNECT_TIMEOUT_S = 2.0
-"""Short, because a transition, and the end of the node, may wait for it."""
+"""How long one attempt lasts: short, for a transition, or the node's end, may wait for it."""
 FILE_OPTION = "--params-file"
 NO_PIN = NO_CHIP = -1
 PINS = {

@@ -8,7 +8,7 @@ from typing import Any
 LIBRARY = "wheelwire"
 """The name of the library's logger."""
 LINK = "wheelwire.link"
-"""Of the link's loss and return, which the node reports itself."""
+"""The logger of the link's loss and return, which the node reports itself."""
 
 
 def forward_library_log(logger: Any) -> None:

@@ -29,9 +29,9 @@ from .time_base import Offset, TimeBase
 
 DRIVING = SupervisorState.DRIVING
 OFFSET = "ros_offset_ns"
-"""What a recording says of the node's clock: the newest `Offset`s."""
+"""The note of a recording about the node's clock: the newest `Offset`s."""
 POSE = "pose"
-"""What a recording says of where the node began, or was set to: the newest `PoseRecord`s."""
+"""The note about where the node began, or was set to: the newest `PoseRecord`s."""
 POSES = 8
 """More than are set while a replay takes one sample."""
 LONGEST_TTL_S = 5.0
@@ -222,7 +222,7 @@ class OpenRobot:
         self._note_pose(self.estimator.record_at(first))
 
     def set_pose(self, where: Pose, covariance: Any) -> None:
-        """Have the odometry go on from there."""
+        """Set the odometry to this pose."""
         self._note_pose(self.estimator.set_pose(where, covariance))
 
     def reset_odometry(self) -> None:
@@ -287,7 +287,7 @@ class OpenRobot:
             self._node.update_state()
 
     def _fail(self, error: Exception) -> None:
-        """Without samples the robot must not go on driving."""
+        """Stop the robot: without samples it must not go on driving."""
         if self._closing or not self._node.context.ok():
             return
         self.connection.robot.shutdown()
@@ -295,13 +295,13 @@ class OpenRobot:
 
 
 def note(robot: BaseDriver, name: str, value: Any) -> None:
-    """Have a recording of the robot say this, where its driver can be recorded."""
+    """Add a note to a recording of the robot, if its driver can be recorded."""
     say = getattr(robot, "note", None)
     if say is not None:
         say(name, value)
 
 
 def noted(robot: BaseDriver, name: str) -> Any:
-    """What a recording says by this name; None for a robot that is none."""
+    """The note of this name in a recording; None for a robot that is no recording."""
     ask = getattr(robot, "noted", None)
     return None if ask is None else ask(name)

@@ -27,7 +27,7 @@ from .publishers import PLANAR
 from .threads import NodeThreads
 
 AUTO = "auto"
-"""In place of a path: below ROS's own folder, by the node's name and the board's identity."""
+"""The value that stands for a file in ROS's own folder, by the names of node and board."""
 FORMAT = 1
 PERIOD_S = 1.0
 JOIN_S = 2.0
@@ -35,7 +35,7 @@ MOVED_M, MOVED_RAD = 0.1, 0.2
 """Allowed for a robot that stood while nothing counted: somebody may have pushed it."""
 TOPIC = "~/set_pose"
 LOOSE = 1e-3
-"""What rounding may do to a quaternion that somebody typed."""
+"""The rounding error allowed in a quaternion that somebody typed."""
 
 
 class PoseFileError(Exception):
@@ -124,7 +124,7 @@ class RecordedPoses:
         self._newest = newest
 
     def begin(self, first: WheelSample, estimator: MotionEstimator) -> None:
-        """Begin where that node did, as far as it stood: its first sample may be another one."""
+        """Begin where that node did, if it stood: its first sample may be another one."""
         known = [one for one in self._records() if one.boot_id == first.boot_id]
         before = [one for one in known if one.t_us <= first.t_us]
         for record in before[-1:] or known[:1]:

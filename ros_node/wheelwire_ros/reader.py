@@ -40,7 +40,7 @@ class SampleReader:
         on_failure: Callable[[Exception], None],
     ) -> None:
         self.silence: WheelwireError | None = None
-        """Why no sample has come recently; None while they come."""
+        """Why no sample has come recently; None while samples come."""
         self._robot = robot
         self._samples = robot.samples()
         self._on_sample = on_sample
@@ -80,7 +80,8 @@ class SampleReader:
                 sample = self._next()
             except StopIteration:
                 if not self._closing.is_set():
-                    self._note_silence(LinkClosed("the robot's samples have come to their end"))
+                    ended = "the robot's samples have ended: configure the node again"
+                    self._note_silence(LinkClosed(ended))
                 return
             except LinkClosed:
                 raise  # for good: the node ends, and its supervisor restarts it

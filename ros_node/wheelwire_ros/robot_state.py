@@ -35,7 +35,7 @@ class RobotState(NamedTuple):
     boot_id: int | None = None
     session: int = 0
     reset: str = ""
-    """That the device was reset or replaced, until somebody acknowledges it."""
+    """Text: the device was reset or replaced, until somebody acknowledges it."""
     reset_reason: str = ""
     """Why the device last started, by name, until then."""
     resets: int = 0
@@ -89,7 +89,7 @@ class RobotState(NamedTuple):
 class ResetWatch:
     """Remembers that the device was reset or replaced, until somebody acknowledges it.
 
-    Nothing else shows a chip that crashes and is back within a second to somebody who looks later.
+    Otherwise a person who looks later would miss a chip that crashed for less than a second.
     """
 
     def __init__(self) -> None:
@@ -227,7 +227,7 @@ class StateReporter:
         self._on_change()
 
     def _log(self, state: RobotState, before: RobotState | None) -> None:
-        """One line for what a person should know; driving and standing still are not logged."""
+        """Log one line that a person should know; not that the robot drives or stands still."""
         logger = self._node.get_logger()
         if state.cause == PREPARING or (before is None and state.cause == NOT_CONFIGURED):
             # Every start and every reconnection begins like this: the next change is worth a line.

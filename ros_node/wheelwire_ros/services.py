@@ -13,7 +13,7 @@ from .open_robot import OpenRobot
 from .threads import NodeThreads
 
 SEEN_WHEN_DRIVEN = ("NOT_COUNTING", "REVERSED", "IMPLAUSIBLE")
-"""Ends of the names of faults whose cause shows only while the wheel is driven."""
+"""Ends of fault names whose cause shows only while the wheel is driven."""
 STOPPED_BY_DEADLINE = "the last command ends at its deadline"
 
 

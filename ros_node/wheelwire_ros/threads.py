@@ -187,7 +187,7 @@ class NodeThreads:
         return self._urgent.run(call)
 
     def fail(self, error: Exception) -> None:
-        """Have `spin` raise the error; from any thread."""
+        """Make `spin` raise the error; from any thread."""
 
         def raise_it() -> None:
             raise error

@@ -18,7 +18,7 @@ KEPT = 16
 RATE_WINDOW_NS = 4_000_000_000
 RATE_STEP_NS = 100_000_000
 SLOWEST = 0.01
-"""What /clock is taken to do at least: where it stands still, no command would ever grow old."""
+"""The least rate assumed of /clock: if it stood still, no command would ever expire."""
 WAITING_FOR_CLOCK = (
     "waiting for /clock: use_sim_time is true and nothing publishes it; "
     "commands are obeyed, motion is published once it runs"
