@@ -263,6 +263,12 @@ class OutputFailed(WheelwireError):  # noqa: N818
 
     exit_code = 20
 
+    @classmethod
+    def at(cls, path: object, error: OSError, then: str = "") -> OutputFailed:
+        """The error of a file or folder; `then`: what to do, if not to choose another one."""
+        then = then or "choose a folder that can be written, or free some space"
+        return cls(f"cannot write {path}: {error.strerror or error}; {then}")
+
 
 class RobotNotNamed(WheelwireError):  # noqa: N818
     """No robot was named, and there is not exactly one candidate. Nothing was opened."""

@@ -165,4 +165,4 @@ def test_what_is_no_box_and_what_needs_a_robot_is_said(tmp_path: Path) -> None:
     assert "is no black box" in check_error(run("why", str(file)), RecordingError)
     assert "reads a robot" in run("why", str(file), "--save-boxes", str(tmp_path)).stderr
     result = run("why", "mock", "--save-boxes", str(file))
-    assert "cannot make" in check_error(result, OutputFailed)
+    assert "cannot write" in check_error(result, OutputFailed)

@@ -260,10 +260,10 @@ def confirm(
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Confirm the board that a device believes to be on, and let it drive.
+    """Confirm the board that a device reports, and let it drive.
 
-    A device whose firmware was just installed believes in the board that came with it, and drives
-    nothing until somebody has looked.
+    A device with newly installed firmware assumes the board that came with it, and drives nothing
+    until somebody has confirmed it.
     """
     with resolve(robot, as_json=as_json).open(baud_rate, bare=True) as driver:
         board = _device_board(driver)
@@ -290,7 +290,7 @@ def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> Non
     # The question goes to standard error; standard output may be a file or a pipe.
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise InvalidArgument(
-            f"the device believes to be on {found.name}; compare it with `wheelwire board read`, "
+            f"the device reports the board {found.name}; compare it with `wheelwire board read`, "
             "then confirm with --yes: there is no terminal to ask on"
         )
     if not as_json:
@@ -357,7 +357,9 @@ def init(
     else:
         for problem in problems:
             console.print(f"{file}: {problem}", soft_wrap=True)
-        look = "mend it, then run `wheelwire board check" if problems else "`wheelwire board show"
+        look = "`wheelwire board show"
+        if problems:
+            look = "correct it, then run `wheelwire board check"
         console.print(f"written: {file}; {look} {file}`", soft_wrap=True)
     if problems:
         raise typer.Exit(ConfigurationError.exit_code)

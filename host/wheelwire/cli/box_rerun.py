@@ -55,10 +55,10 @@ def rerun_file(file: Path, place: str | None, *, export: bool, as_json: bool) ->
 
     if is_recording(file.name):
         raise InvalidArgument(
-            f"{file} is a recording: say `wheelwire why {file}`; --rerun takes a black box"
+            f"{file} is a recording: run `wheelwire why {file}`; --rerun takes a black box"
         )
     if place is not None and not export:
-        raise InvalidArgument(f"--rerun does a black box again: it has no use for {place}")
+        raise InvalidArgument(f"--rerun takes a black box and has no use for {place}: leave it out")
     target = _target(file, place) if export else None
     head, found = read_box(file).head, rerun_box(file)
     same = found.outcome is Outcome.SAME
@@ -150,7 +150,7 @@ def _write(target: Path, image: bytes) -> None:
             raise OutputFailed(f"{target} has this box already: run {_command(target)}") from None
         raise OutputFailed(f"{target} exists and is another one: choose another name") from None
     except OSError as error:
-        raise OutputFailed(f"cannot write {target}: {error.strerror or error}") from error
+        raise OutputFailed.at(target, error) from error
 
 
 def _command(target: Path) -> str:

@@ -1,4 +1,4 @@
-"""`wheelwire why` of a device's black boxes: in a file, or as a robot has them stored."""
+"""`wheelwire why` of a device's black boxes: in a file, or stored in a robot."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def check_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputFailed(f"cannot make {folder}: {error.strerror or error}") from error
+        raise OutputFailed.at(folder, error) from error
 
 
 def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
-    """Write each box to a file of its own; one that is there already is the same.
+    """Write each box to a file of its own; a file that exists already holds the same box.
 
     Raises:
         OutputFailed: One cannot be written.
@@ -82,5 +82,5 @@ def _write(file: Path, image: bytes) -> Path:
         fresh.replace(file)
     except OSError as error:
         fresh.unlink(missing_ok=True)
-        raise OutputFailed(f"cannot write {file}: {error.strerror or error}") from error
+        raise OutputFailed.at(file, error) from error
     return file

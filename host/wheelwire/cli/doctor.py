@@ -1,4 +1,4 @@
-"""`wheelwire doctor`: what of this computer, and of a robot, will bite.
+"""`wheelwire doctor`: what on this computer, or on a robot, will cause trouble.
 
 Its checks it imports itself: other commands start without them.
 """
@@ -25,7 +25,7 @@ FOUND = 30
 def doctor(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Say what of this computer will bite, and of ROBOT if one is named; each with its cure.
+    """Report what will cause trouble on this computer, and on ROBOT if one is named; with cures.
 
     Opens no port that is not named. Exit code 30 if anything was found.
     """

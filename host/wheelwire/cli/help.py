@@ -21,7 +21,7 @@ _HEADING = re.compile(r"^(#+) (.+)$", re.MULTILINE)
 _FENCED = re.compile(r"^( *)```.*?^\1```$", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"^ *<!--.*?-->\n+", re.MULTILINE | re.DOTALL)
 _OF_THE_SITE = ("index", "api")
-"""What makes sense in a browser alone."""
+"""Text that makes sense only in a browser."""
 
 PAGE_OF = {
     "BoardMismatch": "boards",
@@ -40,7 +40,7 @@ PAGE_OF = {
     "RobotNotNamed": "command-line/robot",
     "WrongBoard": "boards",
 }
-"""By the class of an error: the page, and section, with more than its line has room for."""
+"""Class of an error -> the page, and section, that explains it at length."""
 PAGE_OF_COMMAND = {
     "board": "boards",
     "clear": "stops",
@@ -64,7 +64,7 @@ PAGE_OF_COMMAND = {
     "tune": "tutorial/7-tune",
     "why": "why",
 }
-"""By the first word of a command: the page that explains it; its help ends with that."""
+"""First word of a command -> the page that explains it; its help ends with that page."""
 
 
 def help_page(

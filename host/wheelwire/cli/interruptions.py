@@ -49,18 +49,18 @@ class _Signal(BaseException):
 
 
 class Ending:
-    """What the command says if a signal ends it."""
+    """The text that the command prints if a signal ends it."""
 
     def __init__(self) -> None:
         self.outcome = "interrupted before anything was done"
 
     @contextmanager
     def stops(self, robot: BaseDriver, then: Callable[[], str] = str) -> Iterator[None]:
-        """Stop `robot` if a signal ends the block, and tell whether it has stopped.
+        """Stop `robot` if a signal ends the block, and report whether it has stopped.
 
         Args:
             robot: The robot that may be driving.
-            then: Says what else there is to know or to do, once the block is left.
+            then: Returns what else to report, once the block is left.
         """
         try:
             yield
@@ -70,7 +70,7 @@ class Ending:
 
 
 def stop(robot: BaseDriver) -> str:
-    """Stop the robot; returns what to tell of it."""
+    """Stop the robot; returns what to report."""
     try:
         robot.stop()
     except WheelwireError as error:
@@ -153,7 +153,7 @@ def watch(
 
 @contextmanager
 def ended_by_a_loss() -> Iterator[None]:
-    """Say of a lost link that it ends the command, and what to do; not that it is waited for."""
+    """Explain that a lost link ends the command, and what to do."""
     try:
         yield
     except LinkLost as error:

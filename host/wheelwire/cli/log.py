@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from wheelwire.recording.trace import Trace
 
 LOOK_S = 0.1
-"""Between two looks at the robot while it is recorded: it is read by the link anyway."""
+"""Between two looks at the robot while it is recorded. The link reads it in any case."""
 _F32 = struct.Struct("f")
 MESSAGES = {codec.type.__name__: codec.type for codec in BY_ID.values()}
 
@@ -220,7 +220,7 @@ def decode(
 ) -> None:
     """Print the messages of both directions as CSV, with the values as on the wire.
 
-    `unix_s` is the time of day, `host_s` the host's monotonic clock, which a sample's stamp is of.
+    `unix_s` is the time of day; `host_s` is the host's monotonic clock, as in a sample's stamp.
     """
     from wheelwire.recording.reader import metadata, offset_us
 
@@ -301,7 +301,7 @@ def _cell(value: Any) -> str:
 
 
 def _shortest(value: float) -> str:
-    """The number with the digits that tell it from others of 32 bits, which all messages have."""
+    """The number with the digits that distinguish it from all others of 32 bits."""
     text = f"{value:.7g}"
     return text if _F32.pack(float(text)) == _F32.pack(value) else f"{value:.9g}"
 
@@ -346,7 +346,7 @@ def draw_recording(
     try:
         draw(trace, title(trace, said), picture, window)
     except OSError as error:
-        raise OutputFailed(f"cannot write {picture}: {error.strerror or error}") from error
+        raise OutputFailed.at(picture, error) from error
 
 
 @app.command("plot")
@@ -378,7 +378,7 @@ def plot(
 def repair_file(file: FileArgument, as_json: JsonFlag = False) -> None:
     """Write the end of a recording that a crash or a power cut has left without one.
 
-    What is whole stays as it is. The next recording in the same folder does it by itself.
+    All complete records stay. The next recording in the same folder does this by itself.
     """
     from wheelwire.recording.repair import repair
 

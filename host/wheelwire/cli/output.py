@@ -86,7 +86,7 @@ def show_help_alone(context: typer.Context) -> None:
 
 
 def print_error(message: str, kind: str, exit_code: int, *, as_json: bool, more: str = "") -> None:
-    """Print one line on stderr: what happened, what to do, and the command that says `more`."""
+    """Print one line on stderr: what happened, what to do, and the command in `more`."""
     error = {"error": kind, "message": message, "exit_code": exit_code}
     if more:
         error["more"] = more
@@ -145,7 +145,7 @@ class TimeLeft:
         self.show(0.0)
 
     def show(self, left_s: float) -> None:
-        """The wheels turn for about this long from now; 0: they stand, and the line goes."""
+        """Show that the wheels turn for about this long; 0: they stand, and the line disappears."""
         now = self._now()
         if left_s <= 0.0:
             self._status.stop()

@@ -203,7 +203,7 @@ def save_values(
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Save parameters: those named, or all, including those only changed for a try.
+    """Save the parameters named, or all, including those that were only tried.
 
     The first argument is taken as ROBOT if it is `mock`, an existing file or contains / : or a
     dot; otherwise it is a parameter's name.
@@ -250,7 +250,7 @@ def reset_all(
 ) -> None:
     """Reset all parameters to their defaults, the saved ones included.
 
-    A copy of the present values is written first; `params import` sets them again. Where the flash
+    A copy of the present values is written first; `params import` sets them again. If the flash
     cannot be opened (STORE_FULL, STORE_UNREADABLE) this erases the board, too: then nothing drives
     until `wheelwire board write`.
     """
@@ -317,7 +317,7 @@ def _write_copy(values: ParameterFile, file: Path | None) -> Path:
         if file is not None and is_ours:
             file.unlink(missing_ok=True)
         where = file or error.filename
-        raise OutputFailed(f"cannot write {where}: {error.strerror}; {reset}") from error
+        raise OutputFailed.at(where, error, reset) from error
     return file
 
 
@@ -492,7 +492,7 @@ def _boards(wanted: ParameterFile, device: DeviceInfo | None) -> dict[str, objec
 
 
 def _notes(wanted: ParameterFile, device: DeviceInfo | None) -> Iterator[str]:
-    """What a person should know of where the values come from."""
+    """Warnings for a person about where the values come from."""
     if device is None or not wanted.board_id or wanted.board_id == device.board_id:
         return
     yield f"the values of {wanted.source} are copied to {_robot(device)}"

@@ -129,7 +129,7 @@ def _warnings(driver: DeviceDriver) -> list[str]:
 
 
 def _state(state: SupervisorState, address: str) -> str:
-    """The state, and for a latched one the command that ends it."""
+    """The state; of a latched one also the command that ends it."""
     text = f"{state.name}: {state.doc}"
     return f"{text} `wheelwire clear {address}` ends it" if state in _LATCHED else text
 
@@ -172,7 +172,7 @@ def drive(
             if error.code == RefusalCode.ESTOPPED:
                 hint += f". {_without_contact(address.text)}"
             elif error.code == RefusalCode.FAULT:
-                hint += " once the cause is mended"
+                hint += " once you have removed its cause"
             else:
                 raise
             raise error.hinted("the setpoint", hint) from error
@@ -309,7 +309,7 @@ def _print_stop(stop: Stop, *, as_json: bool) -> None:
 
 @contextmanager
 def _ended_by_the_recording(address: str) -> Iterator[None]:
-    """A recording that has been shown to its end is no robot that was lost."""
+    """The end of a recording is not the loss of a robot."""
     try:
         yield
     except LinkClosed:
@@ -349,7 +349,7 @@ def estop(
 def stop(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Stop the wheels. The next setpoint drives again: `estop` is what holds."""
+    """Stop the wheels. The next setpoint drives again; `estop` keeps the robot stopped."""
     from wheelwire.drivers.attached import AttachedDriver
 
     address = resolve(robot, as_json=as_json)
@@ -371,7 +371,7 @@ def _stopped(
 ) -> BaseDriver:
     """Stop the robot by `act`; returns the driver that did it, closed."""
     if is_recording(address.text):
-        raise InvalidArgument(f"{address.text} is a recording, which nothing stops: name a robot")
+        raise InvalidArgument(f"{address.text} is a recording, and cannot stop: name a robot")
     try:
         return _stopped_by_anyone(address, baud_rate, act, as_json=as_json)
     except LinkClosed:  # whoever held the port ended just now: it is free, or the next one's

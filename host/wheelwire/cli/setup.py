@@ -43,7 +43,7 @@ WIRING_VARIABLES = (
 """Of the simulated robot."""
 
 UNSAVED = "what was not saved has its previous value again; run the command again to go on"
-"""How a set-up leaves the robot that a signal ends."""
+"""How a set-up that a signal ends leaves the robot."""
 
 SIZES = {
     "counts_per_revolution": "counts_per_revolution",
@@ -118,7 +118,9 @@ def setup(
     from wheelwire.commissioning.setup import Options, Progress
 
     if not simulated and (plant, seed, settings) != (None, None, None):
-        raise InvalidArgument("--plant, --seed and --set are of a simulated robot: add --simulated")
+        raise InvalidArgument(
+            "--plant, --seed and --set are for a simulated robot: add --simulated"
+        )
     # What would fail at the end fails here: the measurements take minutes.
     check_writable(keep)
     check_writable(plot)
@@ -173,7 +175,7 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
         remain = "1 problem remains" if count == 1 else f"{count} problems remain"
         console.print(f"{remain}, see above")
     elif not findings.is_complete:
-        console.print("the set-up cannot go on: mend it, then run the command again")
+        console.print("the set-up cannot go on: remove the cause, then run the command again")
     if not findings.is_complete:
         raise typer.Exit(CommissioningFailed.exit_code)
 
@@ -197,14 +199,14 @@ def _say(text: str, *, as_json: bool) -> None:
 
 
 class _Shown:
-    """Shows the questions and answers of one who is not asked at a terminal."""
+    """Shows the questions and answers of a person who is simulated, or whose answers are a file."""
 
     def __init__(self, person: Person, say: Callable[[str], None]) -> None:
         self._person = person
         self._say = say
 
     def answer(self, question: Question) -> str:
-        """As the other one does."""
+        """As the person behind it answers."""
         answer = self._person.answer(question)
         # A terminal has shown both while it asked.
         if not isinstance(self._person, _Terminal):
@@ -245,7 +247,7 @@ def _check_lasting(address: Address, keep: Path | None) -> None:
 def _simulated_robot(
     plant: str | None, seed: int | None, settings: Sequence[str], *, on_the_floor: bool
 ) -> MockDriver:
-    """Raised and wired at random, or on the floor and set up but for its gains."""
+    """A robot raised and wired at random; or on the floor, set up except for its gains."""
     from wheelwire.drivers.mock import MockDriver
     from wheelwire.files.plant import load_plant
     from wheelwire.simulation.libfwsim import FwSimError

@@ -33,16 +33,16 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _BARE = "wheelwire.sim.bare"
 """Key of the arguments behind `--`, in Click's context."""
 _PATIENCE_S = 1.5
-"""Of a hand at a wheel that does not give way."""
+"""How long a hand pushes a wheel that does not give way."""
 _LOOK_S = 0.1
 _MOST_TURNS = 1000.0
 
 
 class _SimGroup(typer.core.TyperGroup):
-    """What stands behind `--` is for `wheelwire-fwsim`, and is no subcommand."""
+    """A group whose arguments behind `--` are for `wheelwire-fwsim`, and no subcommand."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take it out first, unless a subcommand stands before it."""
+        """Remove the arguments behind `--` first, unless a subcommand stands before them."""
         if "--" in args:
             split = args.index("--")
             if not self.make_parser(ctx).parse_args(args=args[:split])[1]:
@@ -76,7 +76,7 @@ def sim(
 
     It says what a person beside the robot would see, so that you can answer setup's questions.
     Lines that you type are commands, such as `set left.blocked 1`. With --json, or with arguments
-    for wheelwire-fwsim behind `--` (`wheelwire sim -- --help`), it says nothing of the kind.
+    for wheelwire-fwsim behind `--` (`wheelwire sim -- --help`), it prints none of this.
     """
     if context.invoked_subcommand is not None:
         return
@@ -176,7 +176,7 @@ def _run_told(link: Path, faults: str | None, values: dict[str, float]) -> None:
 
 
 def _seen(simulator: Simulator) -> str:
-    """What a person sees and measures of the robot, for setup's other questions."""
+    """What a person would see and measure at the robot, for setup's other questions."""
     names = ("wheels_free", "wheel_radius_m", "wheel_separation_m")
     free, radius_m, separation_m = map(simulator.get, names)
     stands = (
@@ -191,7 +191,7 @@ def _seen(simulator: Simulator) -> str:
 
 
 def _obey_lines(simulator: Simulator) -> None:
-    """The commands that are typed."""
+    """Carries out the commands that the user types."""
     for line in sys.stdin:
         if not line.strip():
             continue

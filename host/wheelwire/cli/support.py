@@ -57,7 +57,7 @@ def support(
 ) -> None:
     """Pack what a bug report needs: versions, the robot's state and values, a recording.
 
-    Nothing is sent anywhere. A robot that cannot be reached is packed as the error that says so.
+    The command sends nothing anywhere. For a robot out of reach it packs the error that says so.
     """
     address = resolve(robot, as_json=as_json)
     now = datetime.now(timezone.utc)
@@ -113,7 +113,7 @@ def _packages() -> Iterator[tuple[str, str]]:
 
 
 def _of_robot(driver: BaseDriver) -> Iterator[_Part]:
-    """What the robot says; a question that it does not answer is packed as its error."""
+    """What the robot reports; for a question that it does not answer, the error."""
     yield _Part("sample.json", _json(driver.read()), "the newest sample")
     yield _Part("link.json", _json(driver.statistics), "what this end of the link has counted")
     if not isinstance(driver, DeviceDriver):
@@ -176,7 +176,7 @@ def _written(target: Path) -> Iterator[zipfile.ZipFile]:
     except BaseException as error:
         target.unlink(missing_ok=True)
         if isinstance(error, OSError) and not isinstance(error, WheelwireError):
-            raise OutputFailed(f"cannot write {target}: {error.strerror}") from error
+            raise OutputFailed.at(target, error) from error
         raise
 
 

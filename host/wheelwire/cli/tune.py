@@ -95,9 +95,9 @@ def tune(
 ) -> None:
     """Drive a step, a ramp or a sine with the robot's gains and with others; keep them, or undo.
 
-    It asks before anything moves, unless you give --yes: raise the robot, or leave it room. What is
-    tried is on trial: the robot has its previous values again unless you keep or save the new ones,
-    also after Ctrl-C, a fault or a lost link. Without a gain there is one drive.
+    It asks before anything moves, unless you give --yes: raise the robot, or leave it room. The new
+    values are on trial: the robot has its previous values again unless you keep or save the new
+    ones, also after Ctrl-C, a fault or a lost link. Without a gain there is one drive.
     """
     gains = {
         "proportional_gain": proportional_gain,
@@ -141,7 +141,7 @@ def tune(
 
 @dataclass(frozen=True)
 class _Wish:
-    """What was asked for."""
+    """The options of the command."""
 
     drive: Drive
     tried: Mapping[str, float]
@@ -205,7 +205,7 @@ def _checked(shape: str, wheel: str, speed: float, seconds: float, distance: flo
 
 
 def _check_plot(plot: Path | None) -> None:
-    """What would fail at the end fails before anything moves."""
+    """Raise before anything moves what would otherwise be raised at the end."""
     if plot is None:
         return
     check_writable(plot)
@@ -228,7 +228,7 @@ def _question(wish: _Wish, course: Course) -> str:
 
 
 def _outcome(found: Comparison, wish: _Wish) -> Outcome:
-    """What is to become of the values that were tried."""
+    """What to do with the values that were tried."""
     if wish.save:
         return UNDO if found.is_worse else SAVE
     if found.faults[-1] or not _can_ask():
@@ -296,7 +296,7 @@ def _draw(found: Comparison, plot: Path, *, as_json: bool) -> None:
     try:
         draw(plot, tuple(zip(titles, found.traces, strict=True)))
     except OSError as error:
-        raise OutputFailed(f"cannot write {plot}: {error.strerror}; {_REVERTED}") from error
+        raise OutputFailed.at(plot, error, _REVERTED) from error
     (error_console if as_json else console).print(f"drawn in {plot}", soft_wrap=True)
 
 

@@ -15,7 +15,7 @@ from .output import print_note
 
 
 def can_show() -> bool:
-    """Whether the whole screen can be taken; says what to install, if that is all that is missing.
+    """Whether to use the whole screen; prints what to install, if only that is missing.
 
     A picture needs a terminal that moves its cursor, and has more than ASCII.
     """
@@ -54,7 +54,7 @@ def show(address: Address, seconds: float, baud_rate: int | None) -> None:
 
 
 def _cannot_drive(address: str) -> str:
-    """Why the robot of a file that sets things is not driven: a look opens it without them."""
+    """Why this does not drive a robot whose file sets values: a look opens it without them."""
     if not is_robot_file(address):
         return ""
     robot = load_config(address)

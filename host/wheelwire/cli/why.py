@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from wheelwire.diagnosis import Stop
 
 BEFORE_S, AFTER_S = 4.0, 1.0
-"""Of the newest stop's picture."""
+"""The time around the newest stop that the picture shows."""
 
 
 def why(
@@ -50,11 +50,11 @@ def why(
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Say why the robot stopped: of a recording FILE.mcap, a black box FILE.box, or of a ROBOT.
+    """Explain why the robot stopped, from a recording FILE.mcap, a black box FILE.box, or a ROBOT.
 
-    Of a ROBOT: the stops that it has recorded by itself, and what holds it now. Names a cause, what
-    shows it, and what to look at first. Where the data cannot decide, it names the causes that are
-    left. With --rerun it does what a black box holds again.
+    From a ROBOT it reads the stops that the robot has recorded by itself, and what holds it now. It
+    names a cause, what shows it, and what to look at first; where the data cannot decide, the
+    causes that are left. With --rerun it runs the inputs in a black box again.
     """
     if rerun is not None:
         if plot is not None:
@@ -100,7 +100,7 @@ def _of_recording(file: Path, plot: Path | None) -> list[dict[str, Any]]:
 def _of_robot(
     address: Address, baud_rate: int | None, folder: Path | None, *, as_json: bool
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """What stopped the robot, and what else is worth a line."""
+    """What stopped the robot, and other facts that are worth a line."""
     from wheelwire.diagnosis.device import ledger_facts, stops_of_device
 
     with address.open_to_look(baud_rate, as_json=as_json) as driver:

@@ -102,7 +102,7 @@ class Progress:
             new.write_text(json.dumps(found), "utf-8")
             new.replace(self._file)
         except OSError as error:
-            raise OutputFailed(f"cannot write {self._file}: {error.strerror}") from error
+            raise OutputFailed.at(self._file, error) from error
 
     def forget(self) -> None:
         """It is finished."""
@@ -458,7 +458,7 @@ def _write(path: Path, file: ParameterFile) -> None:
     try:
         path.write_text(file.text(), "utf-8")
     except OSError as error:
-        raise OutputFailed(f"cannot write {path}: {error.strerror}") from error
+        raise OutputFailed.at(path, error) from error
 
 
 def _is_valid(content: object) -> bool:

@@ -110,7 +110,7 @@ def test_a_missing_resistor_is_told_and_the_answers_are_kept(tmp_path: Path) -> 
     result = ask("init", str(file), "--like", "l298n", answers=answers)
     assert result.returncode == errors.ConfigurationError.exit_code, result.stderr
     assert result.stdout.count("fit some 10 kOhm to ground") == 2
-    assert f"mend it, then run `wheelwire board check {file}`" in result.stdout
+    assert f"correct it, then run `wheelwire board check {file}`" in result.stdout
     assert load_board(file).left == load_board("l298n").left
 
 
