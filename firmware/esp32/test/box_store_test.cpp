@@ -98,6 +98,21 @@ struct Recorded {
 
 }  // namespace
 
+namespace {
+
+uint32_t deadlines(const Ledger& ledger) {
+  return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
+}
+
+/// What a ledger knows that starts now.
+LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) {
+  Ledger ledger(flash, BoxStore::kSize, memory);
+  ledger.start(reason);
+  return ledger.counts(0);
+}
+
+}  // namespace
+
 TEST(a_box_is_found_again_with_its_head) {
   CutFlash flash(BoxStore::kSize);
   BoxStore first(flash);
@@ -140,37 +155,114 @@ TEST(the_only_box_of_a_cause_outlasts_many_of_another) {
   CHECK(boxes.head(6)->number == 23);
 }
 
+namespace {
+
+/// The boxes are the old ones, of which the next one may have taken one's place, and perhaps that
+/// next one, and each of them is whole.
+void check_old_or_new(const Images& old, BoxStore& boxes, uint32_t number, uint32_t faults) {
+  const Images found = images(boxes);
+  CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
+  for (const auto& [found_number, image] : found) {
+    const auto same = old.find(found_number);
+    if (same != old.end()) {
+      CHECK(same->second == image);
+    } else {
+      CHECK(found_number == number && boxes.head(0)->faults == faults);
+    }
+  }
+  // None of the old ones went for a new one that is not there.
+  const bool has_new = found.contains(number);
+  for (const auto& [old_number, image] : old) CHECK(has_new || found.contains(old_number));
+}
+
+constexpr CutFlash::Cut kCuts[] = {CutFlash::Cut::kBefore, CutFlash::Cut::kInside,
+                                   CutFlash::Cut::kAfter};
+
+}  // namespace
+
 TEST(a_cut_at_any_operation_leaves_the_old_boxes_or_these_and_the_new_one) {
   for (const uint32_t stored : {0u, 3u, 8u, 12u}) {
-    for (size_t cut = 0;; ++cut) {
-      CutFlash flash(BoxStore::kSize);
+    CutFlash base(BoxStore::kSize);
+    BoxStore filled(base);
+    filled.start();
+    for (uint32_t i = 0; i < stored; ++i) store(filled, base, i);
+    const Images old = images(filled);
+    for (size_t cut = 0; cut < 200; ++cut) {
+      CutFlash flash = base;
       BoxStore before(flash);
       before.start();
-      for (uint32_t i = 0; i < stored; ++i) store(before, flash, i);
-      const Images old = images(before);
-      flash.cut_after(cut);
+      flash.cut_after(cut / 3, kCuts[cut % 3]);
       const bool is_done = store(before, flash, 99);
       flash.power_on();
       BoxStore after(flash);
       after.start();
-      const Images found = images(after);
-      CHECK(found.size() + 1 >= old.size() && found.size() <= old.size() + 1);
-      for (const auto& [number, image] : found) {
-        const auto same = old.find(number);
-        if (same != old.end()) {
-          CHECK(same->second == image);
-        } else {
-          CHECK(number == stored + 1 && after.head(0)->faults == 99);
-        }
-      }
-      // None of the old ones went for a new one that is not there.
-      const bool has_new = found.contains(stored + 1);
-      for (const auto& [number, image] : old) CHECK(has_new || found.contains(number));
+      check_old_or_new(old, after, stored + 1, 99);
       CHECK(store(after, flash, 100) && after.head(0)->faults == 100);
       CHECK(images(after).size() == after.count());
       if (is_done) break;
     }
   }
+}
+
+TEST(a_second_cut_while_the_first_one_is_mended_loses_no_box_either) {
+  std::mt19937 random(1);
+  for (const uint32_t stored : {0u, 3u, 8u, 12u}) {
+    CutFlash base(BoxStore::kSize);
+    BoxStore filled(base);
+    filled.start();
+    for (uint32_t i = 0; i < stored; ++i) store(filled, base, i);
+    for (int run = 0; run < 40; ++run) {
+      CutFlash flash = base;
+      Images old;
+      // Each start is cut in the middle of its store, or of what the one before has left.
+      for (uint32_t start = 0; start < 3; ++start) {
+        BoxStore boxes(flash);
+        boxes.start();
+        if (start == 0) old = images(boxes);
+        const uint32_t number = old.empty() ? 1 : old.rbegin()->first + 1;
+        flash.cut_after(random() % 60, kCuts[random() % 3]);
+        store(boxes, flash, 1000 + start);
+        flash.power_on();
+        BoxStore after(flash);
+        after.start();
+        check_old_or_new(old, after, number, 1000 + start);
+        old = images(after);
+      }
+      BoxStore last(flash);
+      last.start();
+      CHECK(store(last, flash, 2000) && last.head(0)->faults == 2000);
+      CHECK(images(last).size() == last.count());
+    }
+  }
+}
+
+TEST(a_cut_while_a_robot_stores_a_box_leaves_its_parameters_and_its_counts) {
+  size_t operations = SIZE_MAX;
+  for (size_t cut = 0; cut <= operations; ++cut) {
+    for (const CutFlash::Cut how : kCuts) {
+      Recorded robot;
+      robot.start();
+      CHECK(robot.bench.set(ParameterId::kMaxDuty, 0.5f) == RefusalCode::kNone);
+      CHECK(robot.bench.refusal(ParameterSave{}) == RefusalCode::kNone);
+      robot.run(3000);
+      const std::vector<uint8_t> saved = robot.bench.store.block;
+      CHECK(!saved.empty());
+      const size_t before = robot.flash.operations;
+      if (operations != SIZE_MAX) robot.flash.cut_after(cut, how);
+      robot.bench.send(Estop{});
+      robot.run(300);
+      if (operations == SIZE_MAX) operations = robot.flash.operations - before;
+      CHECK(robot.bench.store.block == saved);
+      robot.flash.power_on();
+      BoxStore boxes(robot.flash);
+      boxes.start();
+      CHECK(images(boxes).size() <= 1);
+      uint8_t memory[Ledger::kMemorySize]{};
+      const LedgerCounts counts = counts_after(ResetReason::kPowerOn, robot.flash, memory);
+      CHECK(counts.resets[static_cast<size_t>(ResetReason::kPowerOn)] == 2);
+    }
+  }
+  CHECK(operations >= 33);
 }
 
 TEST(a_flash_that_takes_nothing_is_left_alone_until_the_next_start) {
@@ -269,21 +361,6 @@ TEST(a_panic_leaves_a_box_and_a_power_cut_none) {
     CHECK(!second.keeper->black_box().is_closed());
   }
 }
-
-namespace {
-
-uint32_t deadlines(const Ledger& ledger) {
-  return ledger.counts(0).stops[static_cast<size_t>(SupervisorEvent::kDeadline)];
-}
-
-/// What a ledger knows that starts now.
-LedgerCounts counts_after(ResetReason reason, CutFlash& flash, uint8_t* memory) {
-  Ledger ledger(flash, BoxStore::kSize, memory);
-  ledger.start(reason);
-  return ledger.counts(0);
-}
-
-}  // namespace
 
 TEST(the_ledger_counts_across_resets) {
   CutFlash flash(RecorderKeeper::kFlashSize);
