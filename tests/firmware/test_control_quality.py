@@ -8,6 +8,7 @@ import pytest
 
 from support import control_quality as quality
 from support.virtual import VirtualRobot
+from wheelwire_protocol.codes import SupervisorState
 
 
 def test_a_step_settles_right_after_the_slew_limit_with_little_overshoot() -> None:
@@ -88,6 +89,17 @@ def test_no_wheel_catches_up_beyond_max_velocity() -> None:
     robot = VirtualRobot().open()
     robot.set_parameter("max_velocity_mps", 0.2)
     assert quality.catching_up(robot, 0.2) < 0.2 * 1.005
+
+
+def test_a_limit_that_is_lowered_while_driving_slows_both_wheels_by_one_factor() -> None:
+    robot = VirtualRobot().open()
+    robot.drive(0.4, 0.2, 1.0)
+    robot.set_velocity(0.4, 0.2)
+    robot.set_parameter("max_velocity_mps", 0.2)
+    robot.run(0.25)  # within the life of that setpoint
+    assert robot.state() is SupervisorState.DRIVING
+    speeds = robot.sim.get("true.left_mps"), robot.sim.get("true.right_mps")
+    assert speeds == pytest.approx((0.2, 0.1), abs=0.02)
 
 
 @pytest.mark.parametrize("limit_m", [0.001, 0.05])

@@ -222,6 +222,18 @@ TEST(a_limit_that_changes_while_driving_holds_from_the_next_step_on) {
   CHECK(bench.left.duty() == 20'000);
 }
 
+TEST(a_limit_that_is_lowered_while_driving_keeps_the_ratio_of_the_wheels) {
+  RobotBench bench;
+  bench.open();
+  bench.send(bench.duty(20'000, -10'000));
+  bench.run(100);
+  CHECK(bench.left.duty() == 20'000 && bench.right.duty() == -10'000);
+  CHECK(bench.set(kMaxDuty, 0.5f) == RefusalCode::kNone);
+  bench.run(40);
+  // 0.5 of 32767, and half of it.
+  CHECK(bench.left.duty() == 16'384 && magnitude(bench.right.duty() + 8192) <= 1);
+}
+
 TEST(a_limit_that_is_read_in_a_control_step_holds_from_the_next_one_on) {
   RobotBench bench;
   bench.open();
