@@ -204,14 +204,19 @@ def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other() -> N
     assert statistics.setpoints_expired == 1
 
 
-def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one() -> None:
+@pytest.mark.parametrize(
+    "code", [RefusalCode.UNARMED, RefusalCode.CONTRADICTION, RefusalCode.BOARD_UNCONFIRMED]
+)
+def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one(
+    code: RefusalCode,
+) -> None:
     line = VirtualLine().open()
     ids = line.device.session_id, message_id(SetWheelVelocity)
-    line.device.send(Refuse(*ids, RefusalCode.UNARMED, 1))
+    line.device.send(Refuse(*ids, code, 1))
     line.run(0.05)
     with pytest.raises(DeviceRefused) as told:
         line.drive()
-    assert told.value.code == RefusalCode.UNARMED
+    assert told.value.code == code
     line.drive()
     assert line.session.statistics(line.now_us).setpoints_expired == 0
 
