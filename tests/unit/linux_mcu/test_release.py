@@ -11,8 +11,8 @@ import pytest
 
 from wheelwire.board import BoardDescription, WheelPins
 from wheelwire.files.board import load_board, shipped_boards
-from wheelwire.linux_mcu.gpio import pigpiod
-from wheelwire.linux_mcu.gpio.base import HIGH_Q15, Gpio, release_pins
+from wheelwire.linux_mcu.gpio import library, pigpiod
+from wheelwire.linux_mcu.gpio.base import HIGH_Q15, Gpio, pwm_pins, release_pins
 from wheelwire.linux_mcu.gpio.pigpiod import PigpiodGpio
 from wheelwire.linux_mcu.settings import McuSettings
 from wheelwire_protocol.board import OUTPUTS, Stage
@@ -210,3 +210,57 @@ def test_at_the_end_both_wheels_are_low_before_the_watchdog_goes(
     lows = {call[1] for call in before if call[0] != "script_status" and call[-1] == 0}
     assert lows == released(stage)
     assert len(daemon.find("delete_script")) == 1
+
+
+class HeldPins:
+    """A pin factory whose pins are another process's for some attempts."""
+
+    def __init__(self, held: dict[int, int]) -> None:
+        self._held = held
+        self.low: list[int] = []
+
+    def pin(self, gpio: int) -> SimpleNamespace:
+        self._held[gpio] = self._held.get(gpio, 0) - 1
+        if self._held[gpio] >= 0:
+            raise OSError(f"GPIO{gpio}: GPIO busy")
+        return SimpleNamespace(output_with_state=lambda level: self.low.append(gpio * (1 - level)))
+
+
+FOR_EVER = 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("held", "low"),
+    [
+        ({18: 3, 19: 5}, [18, 19]),  # the dead core's, for a moment
+        ({18: FOR_EVER}, [19]),
+        ({19: FOR_EVER}, [18]),
+    ],
+)
+def test_the_guard_pulls_each_pin_low_that_it_can_have(
+    monkeypatch: pytest.MonkeyPatch, held: dict[int, int], low: list[int]
+) -> None:
+    factory = HeldPins(dict(held))
+    monkeypatch.setattr(library, "pin_factory", lambda: factory)
+    monkeypatch.setattr(library, "kernel_channels", lambda _: None)
+    library.EnableLow(McuSettings("l298n", PI))()
+    assert factory.low == low
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_the_guard_releases_both_wheels_with_and_without_the_kernels_pwm(
+    monkeypatch: pytest.MonkeyPatch, stage: Stage
+) -> None:
+    board = board_of(stage, STANDBY)
+    for by_kernel in (False, True):
+        factory, off = HeldPins({}), list[int]()
+        monkeypatch.setattr(library, "pin_factory", lambda: factory)  # noqa: B023
+        channels = [
+            SimpleNamespace(switch_off=lambda gpio=gpio: off.append(gpio))  # noqa: B023
+            for gpio in pwm_pins(board)
+        ]
+        monkeypatch.setattr(library, "kernel_channels", lambda _: channels if by_kernel else None)  # noqa: B023
+        library.EnableLow(McuSettings("l298n", board))()
+        assert set(off) == (set(pwm_pins(board)) if by_kernel else set())
+        assert set(off) | set(factory.low) >= released(stage) | {STANDBY}
+        assert not set(off) & set(factory.low)
