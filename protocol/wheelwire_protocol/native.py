@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -370,10 +370,10 @@ def load() -> ctypes.PyDLL:
     except AttributeError:
         # A library without these functions is of another release as well.
         release = (0, 0)
-    # Before `_declare`, which would fail on a function that the other release does not have.
+    # Before `declare`, which would fail on a function that the other release does not have.
     if release != (ABI, SCHEMA_HASH):
         raise NativeMissingError(f"{path} is of another release; {_remedy()}")
-    _declare(library)
+    declare(library, _SIGNATURES)
     return library
 
 
@@ -382,12 +382,16 @@ def load_unlocked() -> ctypes.CDLL:
     """As `load`, but other threads run during its calls."""
     # The same file once more: the handle's class decides whether a call keeps the lock.
     library = ctypes.CDLL(load()._name)
-    _declare(library)
+    declare(library, _SIGNATURES)
     return library
 
 
-def _declare(library: ctypes.CDLL) -> None:
-    for name, (result, arguments) in _SIGNATURES.items():
+def declare(library: ctypes.CDLL, signatures: Mapping[str, tuple[Any, tuple[Any, ...]]]) -> None:
+    """Declare functions: by name, the types of the result and of the arguments.
+
+    ctypes treats as an int what is not declared; a pointer would lose its upper half.
+    """
+    for name, (result, arguments) in signatures.items():
         function = getattr(library, name)
         function.restype = result
         function.argtypes = arguments

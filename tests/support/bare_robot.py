@@ -6,6 +6,7 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ from wheelwire.board import BoardDescription
 from wheelwire.linux_mcu.gpio.base import HIGH_Q15
 from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.board import OUTPUTS
+from wheelwire_protocol.native import declare
 
 LEVELS = ((0, 0), (1, 0), (1, 1), (0, 1))
 """Of A and B, a tick apart: forward, A leads B."""
@@ -21,6 +23,22 @@ EDGE = np.dtype([("t_ns", "<u8"), ("gpio", "<u4"), ("level", "<u4")])
 CATCH_UP_US = 100_000
 """After a longer gap, such as a stopped process, the robot's time continues from now."""
 GPIOS = 28
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "fwsim_robot_create": (
+        ctypes.c_void_p,
+        (ctypes.c_char_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int64),
+    ),
+    "fwsim_robot_set_pins": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.POINTER(ctypes.c_uint16), ctypes.c_size_t),
+    ),
+    "fwsim_robot_advance": (
+        ctypes.c_int,
+        (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p),
+    ),
+    "fwsim_robot_ticks": (ctypes.c_int64, (ctypes.c_void_p, ctypes.c_int)),
+    "fwsim_robot_kill_encoder": (None, (ctypes.c_void_p, ctypes.c_int)),
+}
 
 
 def clock_us() -> int:
@@ -44,12 +62,10 @@ class BareRobot:
         # It holds the interpreter's lock: a call takes microseconds, and to have the lock back
         # takes milliseconds while other threads are busy.
         self._library = library = ctypes.PyDLL(str(library_path()))
-        library.fwsim_robot_create.restype = ctypes.c_void_p
-        library.fwsim_robot_ticks.restype = ctypes.c_int64
-        packed, now_ns = board.packed(), ctypes.c_int64(time.monotonic_ns())
-        created = library.fwsim_robot_create(packed, len(packed), counts_per_revolution, now_ns)
-        assert created, "the board is damaged"
-        self._robot = ctypes.c_void_p(created)
+        declare(library, _SIGNATURES)
+        packed, now_ns = board.packed(), time.monotonic_ns()
+        self._robot = library.fwsim_robot_create(packed, len(packed), counts_per_revolution, now_ns)
+        assert self._robot, "the board is damaged"
         self._edges, self._count = ctypes.c_void_p(), ctypes.c_size_t()
         self._lock = threading.Lock()
         stage = [getattr(wheel, n) for wheel in (board.left, board.right) for n in OUTPUTS]
@@ -74,14 +90,9 @@ class BareRobot:
 
     def advance(self) -> npt.NDArray[np.void]:
         """Let time pass until now; the edges of EDGE that came meanwhile, in their order."""
+        edges, count = ctypes.byref(self._edges), ctypes.byref(self._count)
         now_ns, longest_ns = time.monotonic_ns(), CATCH_UP_US * 1000
-        self._library.fwsim_robot_advance(
-            self._robot,
-            ctypes.c_int64(now_ns),
-            ctypes.c_int64(longest_ns),
-            ctypes.byref(self._edges),
-            ctypes.byref(self._count),
-        )
+        self._library.fwsim_robot_advance(self._robot, now_ns, longest_ns, edges, count)
         size = self._count.value * EDGE.itemsize
         return np.frombuffer(ctypes.string_at(self._edges, size) if size else b"", EDGE)
 

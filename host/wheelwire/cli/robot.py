@@ -40,7 +40,8 @@ COMMAND_PERIOD_S = 0.05
 TTL_S = 0.3
 PRINT_PERIOD_S = 1.0
 CLEAR_TIMEOUT_S = 1.0
-"""For a state frame that shows the result of a request; they come at 10 Hz or faster."""
+"""How long a state frame may take to show the result of a request; they come at 10 Hz or faster."""
+STANDSTILL_S = 3.0
 
 _CORE_DUMP = "of a crash, in flash; docs/hardware-test.md says how to read it"
 _LATCHED = (SupervisorState.ESTOPPED, SupervisorState.FAULT)
@@ -251,9 +252,9 @@ def _without_contact(address: str) -> str:
     )
 
 
-def _standstill(robot: BaseDriver, timeout_s: float = 3.0) -> WheelSample:
-    """The first sample of wheels at rest, or the newest after `timeout_s`."""
-    end = time.monotonic() + timeout_s
+def _standstill(robot: BaseDriver) -> WheelSample:
+    """The first sample of wheels at rest, or the newest after a while."""
+    end = time.monotonic() + STANDSTILL_S
     sample = robot.read()
     while (sample.left_mps or sample.right_mps) and time.monotonic() < end:
         sample = robot.read()

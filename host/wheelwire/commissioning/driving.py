@@ -137,7 +137,7 @@ class Record:
         return last.faults if last.state is SupervisorState.FAULT else Fault(0)
 
     def times_s(self) -> list[float]:
-        """Of each sample, from the first one."""
+        """The time of each sample, from the first one."""
         return [sample.since(self.samples[0]).dt_s for sample in self.samples]
 
     def travel(self, wheel: int) -> list[int]:
@@ -146,23 +146,18 @@ class Record:
         return [(travel.left, travel.right)[wheel] for travel in travels]
 
 
-def hold_duty(
-    robot: BaseDriver,
-    duty: Pair,
-    seconds: float,
-    until: Callable[[Record], bool] = lambda _: False,
-) -> Record:
-    """Drive at a duty for some time on the robot's clock, or until something is reached."""
-    return follow_duty(robot, lambda _: duty, lambda record: record.seconds >= seconds, until)
+def hold_duty(robot: BaseDriver, duty: Pair, seconds: float) -> Record:
+    """Drive at a duty for some time on the robot's clock."""
+    return follow_duty(robot, lambda _: duty, lambda record: record.seconds >= seconds)
 
 
 def meaning_of(faults: Fault) -> str:
-    """Of each of these faults, in sentences."""
+    """What each of these faults means, in sentences."""
     return " ".join(fault.doc for fault in Fault if fault in faults)
 
 
 def duty_of(sample: WheelSample, wheel: int) -> float:
-    """Of one wheel."""
+    """The duty of one wheel."""
     return (sample.left_duty, sample.right_duty)[wheel]
 
 
@@ -185,7 +180,7 @@ def follow_duty(
 
 
 def arm(robot: BaseDriver) -> None:
-    """After a clear, which restarts nothing: ask for standstill until the robot has obeyed.
+    """Ask for standstill until the robot has obeyed, after a clear, which restarts nothing.
 
     Raises:
         DeviceRefused: An e-stop or a fault is latched.

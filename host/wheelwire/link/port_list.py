@@ -96,11 +96,12 @@ def is_in_use(device: str, proc: Path = Path("/proc")) -> bool | None:
     return None if None in answers else False
 
 
-def lock_holder(device: str, proc: Path = Path("/proc")) -> str | None:
+def lock_holder(device: str) -> str | None:
     """Name and process id of the program that has locked a port as pyserial does; None: not known.
 
     This reads one small file, where `is_in_use` looks into every process.
     """
+    proc = Path("/proc")
     with suppress(OSError):
         status = Path(device).stat()
         major, minor = os.major(status.st_dev), os.minor(status.st_dev)

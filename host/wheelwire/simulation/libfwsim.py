@@ -100,11 +100,7 @@ def _load() -> ctypes.CDLL:
     if not path.exists():
         raise SimulatorNotFound(f"the library {path} does not exist: {native.remedy()}")
     library = ctypes.CDLL(str(path))
-    # What is not declared, ctypes takes for an int: a handle would lose its upper half.
-    for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(library, name)
-        function.restype = result
-        function.argtypes = arguments
+    native.declare(library, _SIGNATURES)
     return library
 
 

@@ -11,7 +11,6 @@ from queue import Empty, SimpleQueue
 from ..diagnosis import Diagnosis, Stop
 from ..diagnosis.standing import standing_stops
 from ..drivers.base import BaseDriver
-from ..drivers.linked import LinkedRobot
 from ..drivers.transport_driver import DeviceDriver
 from ..errors import InvalidCommand, LinkClosed, RecordingError, RequestTimeout, WheelwireError
 from ..link.clock import host_clock_us
@@ -57,7 +56,7 @@ class Source:
             trouble = self._trouble(None if latest is None else latest.age_s)
         except (LinkClosed, RecordingError) as error:
             ended = error  # once what came before it was taken
-        if isinstance(robot, LinkedRobot):
+        if isinstance(robot, DeviceDriver):
             with suppress(WheelwireError):
                 asked = robot.asked
         now_s = time.monotonic() if latest is None else latest.sample.stamp + latest.age_s
@@ -98,7 +97,7 @@ class Source:
 
     def _status(self) -> Status:
         robot, sample = self._robot, self._model.sample
-        if not isinstance(robot, LinkedRobot):
+        if not isinstance(robot, DeviceDriver):
             return Status(robot.statistics)
         try:
             device, warnings = robot.info.device, robot.warnings
