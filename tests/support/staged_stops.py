@@ -19,6 +19,7 @@ from wheelwire_protocol.framing import encode_frame
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
+    ClearFault,
     Estop,
     Hello,
     ParameterTrial,
@@ -269,6 +270,59 @@ def _too_late(robot: StagedRobot) -> None:
     robot.drive(0.2, 0.2, 1.0, ttl_s=0.1)
 
 
+def _reverts(robot: StagedRobot) -> None:
+    """The program leaves its lost trial, and drives on."""
+    with suppress(WheelwireError):
+        robot.request(ParameterTrial(0, 0, TrialAction.REVERT, 0.0))
+    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
+
+
+def _clears(robot: StagedRobot) -> None:
+    """And arms the robot, so that it drives next."""
+    robot.request(ClearEstop(0, 0))
+    robot.drive(0.0, 0.0, 0.04)
+
+
+def _fault_lasts(robot: StagedRobot) -> None:
+    robot.sim.set("driver_failed", 1)
+    robot.run(0.2)
+    with suppress(WheelwireError):
+        robot.request(ClearFault(0, 0))
+
+
+def _driving(seconds: float) -> Callable[[StagedRobot], None]:
+    return lambda robot: robot.drive(0.2, 0.2, seconds)
+
+
+def _waiting(seconds: float) -> Callable[[StagedRobot], None]:
+    return lambda robot: robot.run(seconds)
+
+
+def _resets(reason: ResetReason) -> Callable[[StagedRobot], None]:
+    return lambda robot: robot.sim.reset(reason)
+
+
+def _open_contact(robot: StagedRobot) -> None:
+    robot.sim.set("estop_open", 1)
+    robot.run(0.3)
+
+
+def _stranger_stops(robot: StagedRobot) -> None:
+    robot.stranger(StopRequest(0x1234, 5, 1, StopMode.COAST))
+    robot.run(0.02)
+
+
+def _stranger_estops(robot: StagedRobot) -> None:
+    robot.stranger(Estop(0x1234, 5))
+    robot.run(0.05)
+
+
+def _stranger_opens(robot: StagedRobot) -> None:
+    robot.stranger(Hello(77, *_VERSION))
+    robot.run(0.5)
+    robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
+
+
 _LOW = {"supply_v": 5.9, "battery_v": 5.9}
 _VERSION = PROTOCOL_VERSION, schema_hash()
 
@@ -383,6 +437,72 @@ STAGED: dict[str, Staged] = {
     ),
     "estop before reset": Staged(
         ("estop_by_session", "panic", "estop_before_reset"), _latched_before("estop")
+    ),
+    "reset that cannot say why": Staged(("reset_unknown",), _reset(ResetReason.UNKNOWN)),
+    # --- two within a second: what explains the first does not explain the second
+    "own stop, then the contact": Staged(
+        ("stop_by_session", "contact_open or estop_by_stranger"),
+        _one_by_one(StagedRobot.stop, _driving(0.3), _open_contact),
+    ),
+    "own stop, then another program's": Staged(
+        ("stop_by_session", "stop_by_stranger"),
+        _one_by_one(StagedRobot.stop, _driving(0.3), _stranger_stops),
+    ),
+    "another program's stop, then an own one": Staged(
+        ("stop_by_stranger", "stop_by_session"),
+        _one_by_one(_stranger_stops, _driving(0.3), StagedRobot.stop),
+    ),
+    "own e-stop, then the contact": Staged(
+        ("estop_by_session", "contact_open or estop_by_stranger"),
+        _one_by_one(StagedRobot.estop, _clears, _driving(0.2), _open_contact),
+    ),
+    "another program's e-stop, then the contact": Staged(
+        ("estop_by_stranger", "contact_open or estop_by_stranger"),
+        _one_by_one(_stranger_estops, _clears, _driving(0.2), _open_contact),
+    ),
+    "own stop, twice": Staged(
+        ("stop_by_session", "stop_by_session"),
+        _one_by_one(StagedRobot.stop, _driving(0.1), StagedRobot.stop),
+    ),
+    "trial, then an own stop": Staged(
+        ("trial_expired", "stop_by_session"),
+        _one_by_one(
+            lambda robot: robot.request(ParameterTrial(0, 0, TrialAction.BEGIN, 0.2)),
+            lambda robot: robot.session.release_trial(),
+            _driving(0.35),
+            _reverts,
+            _driving(0.1),
+            StagedRobot.stop,
+        ),
+    ),
+    "fault, then an e-stop": Staged(
+        ("encoder_dead", "estop_by_session"),
+        _one_by_one(_set("left.encoder_dead"), StagedRobot.estop),
+        SUPPLY,
+    ),
+    "fault that lasts, then another program's e-stop": Staged(
+        ("driver_failed", "estop_by_stranger"), _one_by_one(_fault_lasts, _stranger_estops)
+    ),
+    "pause, then frozen": Staged(
+        ("program_paused", "host_frozen"),
+        _one_by_one(_waiting(0.5), _driving(0.2), lambda robot: robot.freeze(1.0), _waiting(0.2)),
+    ),
+    "another session, then an own stop": Staged(
+        ("new_session", "stop_by_session"),
+        _one_by_one(_stranger_opens, _driving(0.3), StagedRobot.stop),
+    ),
+    "own stop, then a panic": Staged(
+        ("stop_by_session", "panic"),
+        _one_by_one(StagedRobot.stop, _waiting(0.1), _resets(ResetReason.PANIC), _waiting(2.0)),
+    ),
+    "panic, then a brown-out": Staged(
+        ("panic", "brownout"),
+        _one_by_one(
+            _resets(ResetReason.PANIC),
+            _driving(1.0),
+            _resets(ResetReason.BROWNOUT),
+            _driving(2.0),
+        ),
     ),
 }
 

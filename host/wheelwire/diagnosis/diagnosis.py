@@ -429,8 +429,9 @@ class Diagnosis:
         return self._stop(at_us, causes, (*evidence, *supply_fall(samples)), side)
 
     def _estopped(self, at_us: int, first: bool) -> Stop:
-        if self._history.was_sent(Estop, at_us - ANSWER_US):
-            return self._stop(at_us, ("estop_by_session",), self._who_asked(at_us, Estop))
+        asked = self._who_asked(at_us, Estop)
+        if asked:
+            return self._stop(at_us, ("estop_by_session",), asked)
         if first:
             return self._stop(
                 at_us, ("estop_before_reset",), ("ESTOPPED from the start of the session",)
@@ -447,23 +448,35 @@ class Diagnosis:
 
     def _asked_to_stop(self, at_us: int) -> Stop:
         if abs(self._trial_us - at_us) < ANSWER_US:
+            self._trial_us = -ANSWER_US  # it explains no later stop
             return self._stop(at_us, ("trial_expired",), ("the device reported it",))
-        if self._history.was_sent(StopRequest, at_us - ANSWER_US):
-            return self._stop(at_us, ("stop_by_session",), self._who_asked(at_us, StopRequest))
+        asked = self._who_asked(at_us, StopRequest)
+        if asked:
+            return self._stop(at_us, ("stop_by_session",), asked)
         evidence = ["no Stop was sent over this link"]
         if self._is_answered(StopRequest, at_us):
             evidence.append("the device acknowledged one of another program")
         return self._stop(at_us, ("stop_by_stranger",), evidence)
 
-    def _who_asked(self, at_us: int, kind: type[AnyMessage]) -> tuple[str, str]:
-        by = self._history.who_asked(kind, at_us - ANSWER_US)
+    def _who_asked(self, at_us: int, kind: type[AnyMessage]) -> tuple[str, ...]:
+        """Evidence that this link asked for the stop; empty if it did not."""
+        sent = self._history.stops_by(kind, at_us, ANSWER_US)
+        if not sent:
+            return ()
+        self._history.note_explained(kind.__name__, at_us)
+        by = self._history.who_asked(sent)
         return f"the message {kind.__name__} was sent just before", by
 
     def _is_answered(self, kind: type[AnyMessage], at_us: int) -> bool:
-        return any(
-            answered == message_id(kind) and abs(when - at_us) < ANSWER_US
+        asked = message_id(kind)
+        before_us = self._history.explained_us(asked, at_us) + DECIDE_US
+        is_answered = any(
+            answered == asked and abs(when - at_us) < ANSWER_US and when > before_us
             for when, answered in self._strangers
         )
+        if is_answered:
+            self._history.note_explained(asked, at_us)
+        return is_answered
 
     def _new_session(self, at_us: int) -> Stop:
         if self._history.was_sent(Hello, at_us - ANSWER_US):

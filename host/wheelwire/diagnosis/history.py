@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeVar
 
 from wheelwire_protocol.types import AnyMessage, Refuse
@@ -57,6 +57,8 @@ class History:
         self.supply: deque[tuple[int, float, bool]] = deque(maxlen=SUPPLY_POINTS)
         self.stop_us = -SPAN_US
         self._stop_asked = -SPAN_US, ""
+        self._explained: dict[str | int, set[int]] = {}
+        """When stops were that were explained by the same."""
         self._newest_us: int | None = None
 
     def note(self, record: Record) -> None:
@@ -108,17 +110,44 @@ class History:
         """Whether this host sent such a message since then."""
         return any(isinstance(message, kind) and at >= since_us for at, message in self.sent)
 
-    def who_asked(self, kind: type[AnyMessage], since_us: int) -> str:
-        """Who asked this link for the stop or e-stop that it sent last since then."""
+    def stops_by(self, kind: type[AnyMessage], at_us: int, span_us: int) -> list[int]:
+        """When such messages were sent that may have stopped the robot then.
+
+        One that stopped it before does not count, nor its repeats.
+
+        Args:
+            kind: Of the messages.
+            at_us: When it stopped.
+            span_us: How long before it they may have been sent.
+        """
+        sent = [one for one in self.sent if isinstance(one[1], kind)]
+        before_us = self.explained_us(kind.__name__, at_us) + COPIES_US
+        # What was not answered in time is repeated under its number.
+        used = {getattr(message, "request_id", None) for at, message in sent if at <= before_us}
+        return [
+            at
+            for at, message in sent
+            if at >= max(at_us - span_us, before_us + 1)
+            and getattr(message, "request_id", ...) not in used
+        ]
+
+    def note_explained(self, by: str | int, at_us: int) -> None:
+        """What stopped the robot then, a message's name or number, explains no later stop."""
+        known = self._explained.setdefault(by, set())
+        known.add(at_us)
+        known -= {one for one in known if one < at_us - SPAN_US}
+
+    def explained_us(self, by: str | int, at_us: int) -> int:
+        """When the stop before this one was that was explained by the same."""
+        known = self._explained.get(by, set())
+        return max((one for one in known if one < at_us), default=-SPAN_US)
+
+    def who_asked(self, sent: Sequence[int]) -> str:
+        """Who asked this link for the stop or e-stop that it sent at these times."""
         asked_us, by = self._stop_asked
-        sent = [one for one in self.sent if isinstance(one[1], kind) and one[0] >= since_us]
-        nearest = min(sent, key=lambda one: abs(one[0] - asked_us), default=None)
+        nearest = min(sent, key=lambda at: abs(at - asked_us))
         # Another stop may have followed soon. One is sent twice: a copy goes out at once.
-        if (
-            nearest is not None
-            and abs(nearest[0] - asked_us) < NOTED_US
-            and sent[-1][0] - nearest[0] < COPIES_US
-        ):
+        if abs(nearest - asked_us) < NOTED_US and sent[-1] - nearest < COPIES_US:
             return f"{by}, asked beside this program"
         return "this program asked"
 

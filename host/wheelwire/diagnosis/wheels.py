@@ -40,6 +40,10 @@ OSCILLATION = 6
 """So many changes of a count that lead nowhere are the sign of one dead channel."""
 NOISE_V = 0.006
 """A smaller sag shows nothing."""
+DRIVEN_DUTY = 0.05
+"""With less a wheel may stand."""
+OTHER_TICKS = 2
+"""A wheel that stands may rattle by so many."""
 STALL_RATIO = 3.0
 """A stalled motor makes the supply sag this many times as much as one that turns on, or more."""
 NO_CURRENT_RATIO = 0.15
@@ -59,8 +63,9 @@ class _Point(NamedTuple):
     t_s: float
     ticks: int
     duty: float
-    other_duty: float
+    other_ticks: int
     """Of the other wheel."""
+    other_duty: float
     volts: float | None
 
 
@@ -95,9 +100,21 @@ def examine(samples: Sequence[Measurement], side: str, *, counting: bool) -> Fin
     if counting:
         return _implausible(points, changes, by_supply, evidence)
     evidence[0] = f"{duty}; the last tick came {(points[-1].t_s - last_s) * 1000:.0f} ms before"
+    evidence += _other_wheel(points, last_s, "right" if side == "left" else "left")
     if by_supply is not None:
         return Finding((by_supply,), tuple(evidence))
     return _by_speed(points, changes, evidence)
+
+
+def _other_wheel(points: Sequence[_Point], last_s: float, name: str) -> tuple[str, ...]:
+    """Whether the other wheel went on, if it was driven since this one's last tick."""
+    since = [one for one in points if one.t_s >= last_s]
+    if _median_other(since) < DRIVEN_DUTY:
+        return ()
+    turned = abs(tick_difference(since[-1].other_ticks, since[0].other_ticks))
+    if turned > OTHER_TICKS:
+        return (f"the {name} wheel went on",)
+    return (f"the {name} wheel stopped counting, too: what do both share?",)
 
 
 def _implausible(
@@ -161,8 +178,8 @@ def _point(measurement: Measurement, side: str) -> _Point:
     state = measurement.state
     left = state.left_ticks, state.left_duty_q15 / DUTY_SCALE
     right = state.right_ticks, state.right_duty_q15 / DUTY_SCALE
-    (ticks, duty), (_, other) = (left, right) if side == "left" else (right, left)
-    return _Point(measurement.t_us / 1e6, ticks, duty, other, battery_v(measurement))
+    own, other = (left, right) if side == "left" else (right, left)
+    return _Point(measurement.t_us / 1e6, *own, *other, battery_v(measurement))
 
 
 def _oscillates(changes: Sequence[tuple[float, int]]) -> bool:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from support.staged_stops import STAGED, diagnosed
+from support.staged_stops import STAGED, SUPPLY, Staged, StagedRobot, diagnosed
+from wheelwire.diagnosis import Diagnosis, Stop
 from wheelwire.diagnosis.causes import (
     CAUSES,
     HELD,
@@ -18,6 +19,7 @@ from wheelwire.diagnosis.causes import (
     WHEEL_FAULTS,
 )
 from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
+from wheelwire_protocol.types import ClearEstop
 
 PAGE = Path(__file__).parents[3] / "docs" / "causes.md"
 
@@ -37,6 +39,46 @@ def test_a_staged_stop_is_named(name: str) -> None:
 @pytest.mark.parametrize("name", ["encoder dead", "wheel blocked", "motor's wire off"])
 def test_what_looks_alike_is_told_apart_by_any_seed(name: str, seed: int) -> None:
     assert [stop.cause for stop in diagnosed(STAGED[name], seed)] == list(STAGED[name].stops)
+
+
+def test_every_reset_reason_is_staged() -> None:
+    staged = {
+        cause for one in STAGED.values() for stop in one.stops for cause in stop.split(" or ")
+    }
+    assert set(RESETS.values()) <= staged
+
+
+def test_what_the_other_wheel_did_is_evidence() -> None:
+    (alone,) = diagnosed(STAGED["encoder dead"])
+    assert "the right wheel went on" in alone.evidence
+
+    def both(robot: StagedRobot) -> None:
+        robot.sim.set("right.encoder_dead", 1)
+        robot.sim.set("left.encoder_dead", 1)
+        robot.until(lambda: bool(robot.sample.faults))
+
+    (stop,) = diagnosed(Staged(("encoder_dead",), both, SUPPLY))
+    assert any("wheel stopped counting, too" in text for text in stop.evidence)
+
+
+def test_a_latched_stop_is_judged_alike_however_often_it_is_asked_for() -> None:
+    robot = StagedRobot(1)
+    robot.open()
+    robot.drive(0.2, 0.2, 0.5)
+    diagnosis = Diagnosis()
+    found: list[Stop] = []
+    for again in (False, True):
+        if again:
+            robot.request(ClearEstop(0, 0))
+            robot.drive(0.0, 0.0, 0.04)
+            robot.drive(0.2, 0.2, 0.2)
+        robot.estop()
+        found += diagnosis.feed_all(robot.reader.take())
+        latched = [diagnosis.latched() for _ in range(3)]
+        robot.run(0.1)
+        found += diagnosis.feed_all(robot.reader.take())
+        assert latched == [found[-1]] * 3
+    assert [stop.cause for stop in found] == ["estop_by_session"] * 2
 
 
 def test_a_wheel_is_named_by_its_side() -> None:
