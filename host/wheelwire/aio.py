@@ -447,7 +447,7 @@ def open_driver(
         WheelwireError: What the driver itself raises.
     """
     # Here: they can read boards.
-    from .drivers.recorded import record_opened, wanted_recording
+    from .drivers.recording import record_opened, wanted_recording
     from .drivers.transport_driver import DeviceDriver, opened_later
 
     driver = driver_class(name)

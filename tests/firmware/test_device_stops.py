@@ -10,7 +10,7 @@ import pytest
 from wheelwire.diagnosis.device import DatedStop, ledger_facts, stops_of_device
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused
-from wheelwire.link.recorded import Recorded
+from wheelwire.link.stored_boxes import Recorded
 from wheelwire_protocol.codes import Group, ResetReason, SupervisorState
 from wheelwire_protocol.types import GROUP_HASHES
 

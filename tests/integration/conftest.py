@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from support.lines import LINES
+from support.simulator_on_line import LINES
 from support.stalls import again_after_a_stall
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import is_open
 from wheelwire import aio, errors
 from wheelwire.samples import WheelSample

@@ -16,8 +16,8 @@ import pytest
 from support.attached import wait_for_holder
 from support.command import PROGRAM, TIMEOUT_S, check_error, run
 from support.gpio_chip_process import GpioChip
-from support.lines import GOOD, simulator_on
 from support.pigpio_process import PigpioProcess
+from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.factory import open_driver

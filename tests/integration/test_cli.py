@@ -19,8 +19,8 @@ from pathlib import Path
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
-from support.lines import GOOD, simulator_on
 from support.processes import interruptible
+from support.simulator_on_line import GOOD, simulator_on
 from support.usb_ports import fake_usb_ports
 from wheelwire import errors
 from wheelwire.simulation.simulator import Simulator

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from support.device_contract import Bench, DeviceContract
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 
 
 class TestSimulatedDevice(DeviceContract):

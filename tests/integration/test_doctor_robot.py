@@ -10,7 +10,7 @@ import pytest
 
 from support.attached import wait_for_holder
 from support.command import run
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 from wheelwire.cli.address import Address
 from wheelwire.cli.doctor import _of_robot
 from wheelwire.doctor import Finding, examine_robot, robot

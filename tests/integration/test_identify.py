@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from support.lines import simulator_on
 from support.pty_device import PtyDevice
 from support.reconnect import is_lost
+from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import PortUnavailable

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import wheelwire
-from support.lines import GOOD, LINES, simulator_on
+from support.simulator_on_line import GOOD, LINES, simulator_on
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import (

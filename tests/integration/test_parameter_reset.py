@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.command import check_error, output, run, run_json
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver

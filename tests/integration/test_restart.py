@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.lines import simulator_on
+from support.simulator_on_line import simulator_on
 from support.stop_host import (
     FAILURES,
     HANG,

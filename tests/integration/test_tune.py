@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
-from support.lines import GOOD, simulator_on
+from support.simulator_on_line import GOOD, simulator_on
 from support.typing_terminal import TypingTerminal
 from support.waiting import wait_until
 from wheelwire import errors

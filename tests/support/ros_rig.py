@@ -12,9 +12,9 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 
 from support import stop_host
-from support.lines import GOOD, simulator_on
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
 from support.ros_process import RobotNode
+from support.simulator_on_line import GOOD, simulator_on
 from wheelwire.simulation.simulator import Simulator, TrueState
 from wheelwire_protocol.codes import SupervisorState
 

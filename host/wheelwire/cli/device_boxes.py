@@ -12,7 +12,7 @@ from wheelwire_protocol.black_box import BoxError
 
 if TYPE_CHECKING:
     from wheelwire.diagnosis import Stop
-    from wheelwire.link.recorded import Recorded, StoredBox
+    from wheelwire.link.stored_boxes import Recorded, StoredBox
 
 SUFFIX = ".box"
 

@@ -9,7 +9,7 @@ from wheelwire_protocol.black_box import Box, BoxError
 from wheelwire_protocol.codes import ResetReason, SupervisorEvent
 
 from ..link.info import DeviceInfo
-from ..link.recorded import Ledger, Recorded
+from ..link.stored_boxes import Ledger, Recorded
 from ..samples import WheelSample
 from .boxes import stop_of_box, stop_of_damaged_box
 from .diagnosis import Stop

@@ -19,7 +19,7 @@ from wheelwire_protocol.codes import (
 from wheelwire_protocol.types import BoxGet, BoxPart, BoxRead, BoxValue, LedgerGet, LedgerValue
 
 from ..errors import DeviceRefused, GroupUnavailable, InvalidCommand, RecordingError
-from ..link.recorded import Ledger, Recorded, StoredBox
+from ..link.stored_boxes import Ledger, Recorded, StoredBox
 from .requests import Requests, blocking
 
 _MOST_BOXES = 255

@@ -82,7 +82,7 @@ def open_driver(
     if record is None and RECORD_VARIABLE not in os.environ:
         driver: BaseDriver = make(*args, **options)
         return driver
-    from .recorded import record_opened, wanted_recording  # here, for most record nothing
+    from .recording import record_opened, wanted_recording  # here, for most record nothing
 
     recording = wanted_recording(record)  # first: a robot that moves is not opened for nothing
     driver = make(*args, **options)

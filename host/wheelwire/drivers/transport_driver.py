@@ -112,7 +112,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
             InvalidCommand: The robot is in virtual time, or is a recording.
             RecordingError: The file cannot be made, or the package `mcap` is not installed.
         """
-        from .recorded import start  # here, for most programs record nothing
+        from .recording import start  # here, for most programs record nothing
 
         recorder = start(self._link, path, driver or type(self).__name__)
         self._recorders.append(recorder)
