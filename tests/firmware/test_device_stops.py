@@ -80,18 +80,132 @@ def test_a_stop_behind_the_newest_box_is_not_taken_for_it(robot: VirtualMockDriv
     ]
 
 
-@pytest.mark.parametrize("reason", [ResetReason.PANIC, ResetReason.TASK_WATCHDOG])
-def test_a_reset_is_told_by_its_box(robot: VirtualMockDriver, reason: ResetReason) -> None:
+RESET_CAUSES: dict[ResetReason, list[str]] = {
+    ResetReason.UNKNOWN: ["reset_unknown"],
+    ResetReason.POWER_ON: [],  # as robots start
+    ResetReason.EXTERNAL: [],
+    ResetReason.SOFTWARE: ["restart_requested or restarted_itself"],
+    ResetReason.PANIC: ["panic"],
+    ResetReason.TASK_WATCHDOG: ["task_watchdog"],
+    ResetReason.INTERRUPT_WATCHDOG: ["interrupt_watchdog"],
+    ResetReason.BROWNOUT: ["brownout"],
+}
+LEAVE_A_BOX = ResetReason.PANIC, ResetReason.TASK_WATCHDOG, ResetReason.INTERRUPT_WATCHDOG
+
+
+@pytest.mark.parametrize("drives", [True, False])
+@pytest.mark.parametrize("reason", ResetReason)
+def test_a_reset_of_each_kind_is_told(
+    robot: VirtualMockDriver, reason: ResetReason, *, drives: bool
+) -> None:
     drive(robot, 1.0)
+    if not drives:
+        robot.stop()
+        robot.advance(2.0)
     robot.simulator.reset(reason)
     robot.advance(2.0)
-    assert causes(robot) == [reason.name.lower()]
+    assert causes(robot) == RESET_CAUSES[reason]
+    robot.advance(STORED_S)
+    found = stops(robot)
+    assert [one.stop.cause for one in found] == RESET_CAUSES[reason]
+    # Its clock was the one before the reset, which nobody knows.
+    assert not any(one.is_dated for one in found)
+    evidence = " ".join(text for one in found for text in one.stop.evidence)
+    assert ("before the reset" in evidence) == (reason in LEAVE_A_BOX)
+
+
+def test_a_supply_that_dips_is_a_brown_out(robot: VirtualMockDriver) -> None:
+    robot.simulator.set("supply_ohm", 2.0)
+    robot.simulator.set("brownout_v", 6.0)
+    drive(robot, 1.0)
+    robot.simulator.set("left.blocked", 1)
+    boot_id = robot.info.device.boot_id
+    for _ in range(400):
+        drive(robot, 0.05)
+        if robot.info.device.boot_id != boot_id:
+            break
+    robot.simulator.set("left.blocked", 0)
+    robot.stop()
+    robot.advance(1.0)
+    assert causes(robot) == ["brownout"]
+
+
+# --- second days ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("reason", LEAVE_A_BOX)
+def test_a_reset_before_a_fault_s_box_is_stored_costs_neither(
+    robot: VirtualMockDriver, reason: ResetReason
+) -> None:
+    block(robot)
+    robot.simulator.reset(reason)
+    robot.simulator.set("left.blocked", 0)
+    robot.advance(STORED_S)
+    found = stops(robot)
+    assert [one.stop.cause for one in found] == ["wheel_blocked", reason.name.lower()]
+    assert not any("its last control step" in text for text in found[1].stop.evidence)
+
+
+def test_a_reset_while_an_estop_s_box_is_written_costs_neither(robot: VirtualMockDriver) -> None:
+    robot.advance(STORED_S)
+    drive(robot, 1.0)
+    robot.estop()
+    robot.advance(2.02)  # it rests, and the write has begun
+    assert robot.recorder.boxes() == []
+    robot.simulator.reset(ResetReason.TASK_WATCHDOG)
+    robot.advance(STORED_S)
+    assert causes(robot) == ["estop_by_session", "task_watchdog"]
+
+
+@pytest.mark.parametrize("latch", ["fault", "estop"])
+def test_what_a_box_of_an_earlier_boot_tells_is_not_guessed_anew(
+    robot: VirtualMockDriver, latch: str
+) -> None:
+    if latch == "fault":
+        block(robot)
+    else:
+        drive(robot, 1.0)
+        robot.estop()
+    robot.advance(STORED_S)
+    robot.simulator.set("left.blocked", 0)
+    robot.simulator.reset(ResetReason.PANIC)
+    robot.advance(25.0)
+    stopped = "wheel_blocked" if latch == "fault" else "estop_by_session"
+    found = stops(robot)
+    assert [one.stop.cause for one in found] == [stopped, "panic", f"{latch}_before_reset"]
+    assert "black box 1, of an earlier boot" in found[-1].stop.evidence[-1]
+    # What latches anew has a box of its own.
+    (robot.clear_fault if latch == "fault" else robot.clear_estop)()
+    robot.estop()
+    robot.advance(STORED_S)
+    assert causes(robot) == [stopped, "panic", "estop_by_session"]
+
+
+def test_an_estop_while_another_one_s_box_is_written(robot: VirtualMockDriver) -> None:
+    robot.advance(STORED_S)
+    drive(robot, 0.5)
+    robot.estop()
+    robot.advance(2.05)
+    robot.clear_estop()
+    for speed in (0.0, 0.2):
+        robot.set_velocity(speed, speed)
+        robot.advance(0.05)
+    robot.simulator.set("estop_open", 1)
+    robot.advance(STORED_S)
+    assert causes(robot) == ["estop_by_session", "contact_open"]
+
+
+def test_a_crash_that_follows_a_crash_before_a_box_is_stored(robot: VirtualMockDriver) -> None:
+    drive(robot, 1.0)
+    robot.simulator.reset(ResetReason.PANIC)
+    robot.advance(2.0)
+    drive(robot, 1.0)
+    robot.simulator.reset(ResetReason.TASK_WATCHDOG)
     robot.advance(STORED_S)
     (found,) = stops(robot)
-    assert found.stop.cause == reason.name.lower()
-    # Its clock was the one before the reset, which nobody knows.
-    assert not found.is_dated
-    assert "before the reset" in " ".join(found.stop.evidence)
+    assert found.stop.cause == "task_watchdog"
+    ledger = robot.recorder.ledger()
+    assert ledger.resets[ResetReason.PANIC] == ledger.resets[ResetReason.TASK_WATCHDOG] == 1
 
 
 Damage = Callable[[bytes], bytes]

@@ -2,8 +2,6 @@
 
 #include <string.h>
 
-#include <atomic>
-
 #include "crc32.hpp"
 #include "wire.hpp"
 
@@ -79,7 +77,7 @@ void Ledger::keep(uint64_t now_us) {
   for (size_t i = 0; i < kMemorySize; i += sizeof bytes) {
     memcpy(memory_ + i, bytes, sizeof bytes);
     // The compiler must not write both at once.
-    std::atomic_signal_fence(std::memory_order_seq_cst);
+    __atomic_signal_fence(__ATOMIC_SEQ_CST);
   }
 }
 

@@ -33,19 +33,18 @@ def is_box(address: str) -> bool:
 
 
 def stops_of_file(file: Path) -> list[Stop]:
-    """The stop that a box ends with, if any.
+    """The stops that a box is of.
 
     Raises:
         RecordingError: It cannot be read, or is no black box.
     """
-    from wheelwire.diagnosis.boxes import stop_of_box
+    from wheelwire.diagnosis.boxes import stops_of_box
     from wheelwire.recording.black_box import read_box
 
     try:
-        stop = stop_of_box(read_box(file))
+        return stops_of_box(read_box(file))
     except BoxError as error:
         raise RecordingError(f"{file} is {error}: use the library of that release") from error
-    return [] if stop is None else [stop]
 
 
 def check_folder(folder: Path) -> None:

@@ -77,23 +77,34 @@ _SILENT = ("host_killed", "host_frozen", "cable_pulled", "line_corrupt")
 _OF_A_SESSION = (SetWheelVelocity, SetDuty, Ping)
 
 
-def stop_of_box(box: Box, added_us: int = 0) -> Stop | None:
-    """The stop that a black box ends with; None if nothing in it stopped the robot.
+def stops_of_box(box: Box, added_us: int = 0) -> list[Stop]:
+    """The stops that a black box is of; none if nothing in it stopped the robot.
+
+    Two where a fault or an e-stop had ended it, and a reset came before it was stored.
 
     Args:
         box: Of any device.
         added_us: From the device's clock in the boot that it was recorded in to the host's, if a
             host knows it. Else the stop's time is on the device's clock.
+
+    Raises:
+        BoxError: A record has a code of a later release.
     """
     story = _Story.of(box)
-    if box.head.cause is BoxCause.RESET:
-        return _reset(story, added_us)
-    stop = story.stop
-    if stop is None:
-        return None
+    is_reset = box.head.cause is BoxCause.RESET
+    stops = []
+    if story.stop is not None and (story.is_ended or not is_reset):
+        stops.append(_stop_in(story, story.stop, added_us))
+    if is_reset:
+        stops.append(_reset(story, added_us))
+    return stops
+
+
+def _stop_in(story: _Story, stop: Transition, added_us: int) -> Stop:
     causes, evidence, side = _JUDGES[stop.event](story, stop)
-    when = f"{stop.t_us / 1e6:.2f} s after the start of boot {box.head.boot_id:08x}"
-    shown = (f"black box {box.head.number}: {when}", *_missing(box), *evidence)
+    head = story.box.head
+    when = f"{stop.t_us / 1e6:.2f} s after the start of boot {head.boot_id:08x}"
+    shown = (f"black box {head.number}: {when}", *_missing(story.box), *evidence)
     return stop_of(stop.t_us + added_us, causes, shown, side)
 
 
@@ -103,7 +114,7 @@ def stop_of_damaged_box(head: BoxHead, error: BoxError, added_us: int = 0) -> St
     Args:
         head: Of the box.
         error: Why it cannot be read.
-        added_us: As of `stop_of_box`. The stop came some time before what was stored.
+        added_us: As of `stops_of_box`. The stop came some time before what was stored.
     """
     evidence = [
         f"black box {head.number} of boot {head.boot_id:08x} cannot be read: {error}",
@@ -145,6 +156,8 @@ class _Story:
     received: list[Received] = field(default_factory=list)
     refusals: list[Refusal] = field(default_factory=list)
     others: list[Contact | HangUp | Stored] = field(default_factory=list)
+    is_ended: bool = False
+    """A fault or an e-stop has ended it: what came later is not in it."""
     session_id: int | None = None
     """That was open at the end, as far as the box tells."""
 
@@ -169,7 +182,7 @@ class _Story:
                 case Contact() | HangUp() | Stored():
                     story.others.append(entry)
                 case End():
-                    pass
+                    story.is_ended = True
         return story
 
     def _enter(self, message: AnyMessage) -> None:
@@ -373,6 +386,11 @@ def _reset(story: _Story, added_us: int) -> Stop:
         *_missing(story.box),
     ]
     end_us = head.stored_us
+    if story.is_ended and story.stop is not None:
+        evidence.append(
+            "a fault or an e-stop had ended the box before: how long before is not in it"
+        )
+        return stop_of(story.stop.t_us + added_us, (RESETS[reason],), evidence)
     if story.steps:
         last = story.steps[-1]
         end_us = last.t_us

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from wheelwire_protocol.black_box import Box, BoxError
-from wheelwire_protocol.codes import ResetReason, SupervisorEvent
+from wheelwire_protocol.black_box import Box, BoxError, BoxHead
+from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 
 from ..link.info import DeviceInfo
 from ..link.stored_boxes import Ledger, Recorded
 from ..samples import WheelSample
-from .boxes import stop_of_box, stop_of_damaged_box
+from .boxes import stop_of_damaged_box, stops_of_box
 from .diagnosis import Stop
-from .standing import standing_stops
+from .standing import NOTHING_TOLD, Told, standing_stops
 
 FAILURES = (
     ResetReason.BROWNOUT,
@@ -22,6 +22,9 @@ FAILURES = (
     ResetReason.INTERRUPT_WATCHDOG,
 )
 """Resets that nobody wants."""
+STORED_US = 20_000_000
+"""In a boot that is this old a latch has its box seconds later, unless many came at once."""
+_LATCHES = (BoxCause.FAULT, BoxCause.ESTOP)
 _NAMES = {
     SupervisorEvent.SESSION: "ended by another session",
     SupervisorEvent.STOP: "ended by a stop",
@@ -51,21 +54,53 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
     """
     now_us = round(sample.stamp * 1e6)
     found: list[DatedStop] = []
-    current = []
+    told = NOTHING_TOLD
     for stored, image in recorded.boxes:
         is_dated = stored.head.boot_id == device.boot_id
         added_us = now_us - sample.t_us if is_dated else 0
-        stop: Stop | None
         try:
-            stop = stop_of_box(Box(image), added_us)
+            stops = stops_of_box(Box(image), added_us)
         except BoxError as error:
-            stop = stop_of_damaged_box(stored.head, error, added_us)
-        if stop is not None:
-            found.append(DatedStop(stop, is_dated))
-            if stored.is_current:
-                current.append(stored.head)
-    standing = standing_stops(device, sample.state, sample.faults, now_us, current)
+            stops = [stop_of_damaged_box(stored.head, error, added_us)]
+        found += [DatedStop(stop, is_dated) for stop in stops]
+        if stored.is_current:
+            told = _with(told, stored.head, is_ended=len(stops) > 1)
+    if sample.t_us >= STORED_US:
+        told = told._replace(before_reset=_of_earlier_boot(device, sample, recorded, told))
+    standing = standing_stops(device, sample.state, sample.faults, now_us, told)
     return [*found, *(DatedStop(stop, is_dated=False) for stop in standing)]
+
+
+def _with(told: Told, head: BoxHead, *, is_ended: bool) -> Told:
+    """With a box of how the robot stands now. `is_ended`: by the latch, before a reset."""
+    if head.cause is BoxCause.RESET:
+        told = told._replace(reset=True)
+    if head.cause is BoxCause.ESTOP or is_ended:
+        told = told._replace(estop=True)
+    if head.cause is BoxCause.FAULT or is_ended:
+        told = told._replace(faults=told.faults | head.faults)
+    return told
+
+
+def _of_earlier_boot(
+    device: DeviceInfo, sample: WheelSample, recorded: Recorded, told: Told
+) -> int | None:
+    """The number of the newest box of a latch, if it was latched like now, and in another boot.
+
+    What was latched in this boot has a box of its own, but for the last seconds.
+    """
+    if told.estop or told.faults:
+        return None
+    latched = {
+        SupervisorState.FAULT: BoxCause.FAULT,
+        SupervisorState.ESTOPPED: BoxCause.ESTOP,
+    }.get(sample.state)
+    heads = [stored.head for stored, _ in recorded.boxes if stored.head.cause in _LATCHES]
+    if not heads or heads[-1].cause is not latched or heads[-1].boot_id == device.boot_id:
+        return None
+    head = heads[-1]
+    is_same = latched is BoxCause.ESTOP or head.faults == sample.faults
+    return head.number if is_same else None
 
 
 def ledger_counts(ledger: Ledger) -> dict[str, Any]:

@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import NamedTuple
 
-from wheelwire_protocol.black_box import BoxHead
-from wheelwire_protocol.codes import BoxCause, Capability, Fault, ResetReason, SupervisorState
+from wheelwire_protocol.codes import Capability, Fault, ResetReason, SupervisorState
 
 from ..link.info import DeviceInfo
 from .causes import ESTOPPED, RESETS, latched_causes
 from .diagnosis import Stop, stop_of
 
 NO_HISTORY = "what came before was not recorded: record the robot's day to see more next time"
-_STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL, ResetReason.UNKNOWN)
+_STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL)
 """As robots start: of itself no stop."""
+_BEFORE_RESET = {
+    SupervisorState.FAULT: "fault_before_reset",
+    SupervisorState.ESTOPPED: "estop_before_reset",
+}
+
+
+class Told(NamedTuple):
+    """Which of how a robot stands now its black boxes tell.
+
+    Attributes:
+        reset: The reset that began this boot.
+        estop: The e-stop that is latched.
+        faults: Those that are.
+        before_reset: Number of the box of an earlier boot that tells of the same latch.
+    """
+
+    reset: bool = False
+    estop: bool = False
+    faults: Fault = Fault(0)
+    before_reset: int | None = None
+
+
+NOTHING_TOLD = Told()
 
 
 def standing_stops(
@@ -21,7 +43,7 @@ def standing_stops(
     state: SupervisorState,
     faults: Fault,
     host_us: int,
-    current: Sequence[BoxHead] = (),
+    told: Told = NOTHING_TOLD,
 ) -> list[Stop]:
     """Why a robot stands now, as far as its state, flags and last reset tell.
 
@@ -30,24 +52,23 @@ def standing_stops(
         state: Of the supervisor.
         faults: Latched.
         host_us: The host's clock.
-        current: Black boxes of how it stands now: what they are of is left out.
+        told: By its black boxes: it is left out.
     """
     stops = []
-    told = {head.cause for head in current}
     reset = device.reset_reason
-    if reset not in _STARTED and BoxCause.RESET not in told:
+    if reset not in _STARTED and not told.reset:
         evidence = (f"its last start: {reset.name}. {reset.doc}", NO_HISTORY)
         # A restart that was asked for has the same reason as one by the firmware itself.
         asked = ("restart_requested",) if reset is ResetReason.SOFTWARE else ()
         stops.append(stop_of(host_us, (*asked, RESETS[reset]), evidence))
-    if state is SupervisorState.FAULT:
-        for head in current:
-            if head.cause is BoxCause.FAULT:
-                faults &= ~head.faults
-        for fault, causes, side in latched_causes(faults):
+    if told.before_reset is not None and state in _BEFORE_RESET:
+        text = f"black box {told.before_reset}, of an earlier boot, is of the same"
+        stops.append(stop_of(host_us, (_BEFORE_RESET[state],), (f"{state.name} now", text)))
+    elif state is SupervisorState.FAULT:
+        for fault, causes, side in latched_causes(faults & ~told.faults):
             evidence = (f"{fault.name}: {fault.doc}", NO_HISTORY)
             stops.append(stop_of(host_us, causes, evidence, side))
-    elif state is SupervisorState.ESTOPPED and BoxCause.ESTOP not in told:
+    elif state is SupervisorState.ESTOPPED and not told.estop:
         has_contact = Capability.ESTOP_INPUT in device.capabilities
         causes = ESTOPPED if has_contact else ESTOPPED[1:]
         stops.append(stop_of(host_us, causes, ("ESTOPPED now", NO_HISTORY)))

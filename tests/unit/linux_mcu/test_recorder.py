@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from wheelwire.diagnosis.boxes import stop_of_box
+from wheelwire.diagnosis.boxes import stops_of_box
 from wheelwire.errors import WheelwireError
 from wheelwire.files.pins import Pins
 from wheelwire.link.session import Phase, Session
@@ -100,8 +100,7 @@ def test_a_fault_leaves_a_box_that_re_runs_and_says_why(tmp_path: Path) -> None:
     rerun = box.rerun()
     assert rerun.outcome is Outcome.SAME
     assert rerun.last_us - rerun.first_us > 1_000_000
-    stop = stop_of_box(box, 0)
-    assert stop is not None
+    (stop,) = stops_of_box(box)
     assert stop.sentence.startswith("Left wheel")
 
 
