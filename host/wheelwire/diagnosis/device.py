@@ -13,7 +13,7 @@ from ..link.stored_boxes import Ledger, Recorded
 from ..samples import WheelSample
 from .boxes import stop_of_damaged_box, stops_of_box
 from .diagnosis import Stop
-from .standing import NOTHING_TOLD, Told, standing_stops
+from .standing import NOTHING_KNOWN, KnownByBoxes, standing_stops
 
 FAILURES = (
     ResetReason.BROWNOUT,
@@ -54,7 +54,7 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
     """
     now_us = round(sample.stamp * 1e6)
     found: list[DatedStop] = []
-    told = NOTHING_TOLD
+    known = NOTHING_KNOWN
     for stored, image in recorded.boxes:
         is_dated = stored.head.boot_id == device.boot_id
         added_us = now_us - sample.t_us if is_dated else 0
@@ -64,32 +64,32 @@ def stops_of_device(device: DeviceInfo, sample: WheelSample, recorded: Recorded)
             stops = [stop_of_damaged_box(stored.head, error, added_us)]
         found += [DatedStop(stop, is_dated) for stop in stops]
         if stored.is_current:
-            told = _with(told, stored.head, is_ended=len(stops) > 1)
+            known = _with(known, stored.head, is_ended=len(stops) > 1)
     if sample.t_us >= STORED_US:
-        told = told._replace(before_reset=_of_earlier_boot(device, sample, recorded, told))
-    standing = standing_stops(device, sample.state, sample.faults, now_us, told)
+        known = known._replace(before_reset=_of_earlier_boot(device, sample, recorded, known))
+    standing = standing_stops(device, sample.state, sample.faults, now_us, known)
     return [*found, *(DatedStop(stop, is_dated=False) for stop in standing)]
 
 
-def _with(told: Told, head: BoxHead, *, is_ended: bool) -> Told:
+def _with(known: KnownByBoxes, head: BoxHead, *, is_ended: bool) -> KnownByBoxes:
     """With a box of how the robot stands now. `is_ended`: by the latch, before a reset."""
     if head.cause is BoxCause.RESET:
-        told = told._replace(reset=True)
+        known = known._replace(reset=True)
     if head.cause is BoxCause.ESTOP or is_ended:
-        told = told._replace(estop=True)
+        known = known._replace(estop=True)
     if head.cause is BoxCause.FAULT or is_ended:
-        told = told._replace(faults=told.faults | head.faults)
-    return told
+        known = known._replace(faults=known.faults | head.faults)
+    return known
 
 
 def _of_earlier_boot(
-    device: DeviceInfo, sample: WheelSample, recorded: Recorded, told: Told
+    device: DeviceInfo, sample: WheelSample, recorded: Recorded, known: KnownByBoxes
 ) -> int | None:
     """The number of the newest box of a latch, if it was latched like now, and in another boot.
 
     What was latched in this boot has a box of its own, but for the last seconds.
     """
-    if told.estop or told.faults:
+    if known.estop or known.faults:
         return None
     latched = {
         SupervisorState.FAULT: BoxCause.FAULT,

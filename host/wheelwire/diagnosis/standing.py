@@ -19,8 +19,8 @@ _BEFORE_RESET = {
 }
 
 
-class Told(NamedTuple):
-    """Which of how a robot stands now its black boxes tell.
+class KnownByBoxes(NamedTuple):
+    """What black boxes say of how a robot stands now.
 
     Attributes:
         reset: The reset that began this boot.
@@ -35,7 +35,7 @@ class Told(NamedTuple):
     before_reset: int | None = None
 
 
-NOTHING_TOLD = Told()
+NOTHING_KNOWN = KnownByBoxes()
 
 
 def standing_stops(
@@ -43,7 +43,7 @@ def standing_stops(
     state: SupervisorState,
     faults: Fault,
     host_us: int,
-    told: Told = NOTHING_TOLD,
+    known: KnownByBoxes = NOTHING_KNOWN,
 ) -> list[Stop]:
     """Why a robot stands now, as far as its state, flags and last reset tell.
 
@@ -52,23 +52,23 @@ def standing_stops(
         state: Of the supervisor.
         faults: Latched.
         host_us: The host's clock.
-        told: By its black boxes: it is left out.
+        known: What its black boxes say of that: it is left out.
     """
     stops = []
     reset = device.reset_reason
-    if reset not in _STARTED and not told.reset:
+    if reset not in _STARTED and not known.reset:
         evidence = (f"its last start: {reset.name}. {reset.doc}", NO_HISTORY)
         # A restart that was asked for has the same reason as one by the firmware itself.
         asked = ("restart_requested",) if reset is ResetReason.SOFTWARE else ()
         stops.append(stop_of(host_us, (*asked, RESETS[reset]), evidence))
-    if told.before_reset is not None and state in _BEFORE_RESET:
-        text = f"black box {told.before_reset}, of an earlier boot, is of the same"
+    if known.before_reset is not None and state in _BEFORE_RESET:
+        text = f"black box {known.before_reset}, of an earlier boot, is of the same"
         stops.append(stop_of(host_us, (_BEFORE_RESET[state],), (f"{state.name} now", text)))
     elif state is SupervisorState.FAULT:
-        for fault, causes, side in latched_causes(faults & ~told.faults):
+        for fault, causes, side in latched_causes(faults & ~known.faults):
             evidence = (f"{fault.name}: {fault.doc}", NO_HISTORY)
             stops.append(stop_of(host_us, causes, evidence, side))
-    elif state is SupervisorState.ESTOPPED and not told.estop:
+    elif state is SupervisorState.ESTOPPED and not known.estop:
         has_contact = Capability.ESTOP_INPUT in device.capabilities
         causes = ESTOPPED if has_contact else ESTOPPED[1:]
         stops.append(stop_of(host_us, causes, ("ESTOPPED now", NO_HISTORY)))
