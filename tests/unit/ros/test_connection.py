@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -20,6 +22,7 @@ from wheelwire import (
     Twist,
 )
 from wheelwire_protocol.codes import RefusalCode
+from wheelwire_ros import connection as connection_module
 from wheelwire_ros.connection import CommandIgnored, Ignored, RobotConnection, Tuning
 from wheelwire_ros.speed_limiter import FIRST_STEP_S, AxisLimits, Limits
 
@@ -37,6 +40,7 @@ class RecordingRobot:
         self.ttl_max_s: float | None = None
         self.error: Exception | None = None
         self.parameters = self
+        self.info: Any = None
 
     def __getitem__(self, name: str) -> float:
         if self.error is not None:
@@ -423,3 +427,86 @@ def test_a_command_whose_life_ends_while_it_is_handed_over_is_stale(
     assert ignored(connection, now_s) is Ignored.STALE
     assert robot.told == []
     assert connection.obeyed == 0
+
+
+class Clock:
+    """The monotonic clock of the node."""
+
+    def __init__(self) -> None:
+        self.now_s = time.monotonic()
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(connection_module, "time", clock)
+    return clock
+
+
+def test_another_device_is_not_driven_by_who_goes_on_commanding(
+    clock: Clock, connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
+
+    def another(board_id: str) -> None:
+        robot.info = SimpleNamespace(device=SimpleNamespace(board_id=board_id))
+        robot.sessions += 1
+        connection.follow()
+        robot.told.clear()
+
+    another("01")
+    connection.connected_s = 0.0
+    for ends in ("zero", "gap"):
+        clears = connection.clears
+        another(f"02 {ends}")
+        assert connection.clears == clears + 1
+        for _ in range(20):
+            clock.now_s += 0.1
+            assert ignored(connection, clock.now_s) is Ignored.UNARMED
+        assert robot.told == []
+        if ends == "zero":
+            connection.command(Twist(0.0, 0.0), clock.now_s)
+        else:
+            clock.now_s += 0.6
+        connection.command(Twist(0.2, 0.0), clock.now_s)
+        assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+
+
+def test_the_same_device_is_driven_on_in_its_next_session(
+    connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    connection.tuning = replace(connection.tuning, rearm_gap_s=0.5)
+    robot.sessions += 1
+    connection.follow()
+    connection.command(Twist(0.2, 0.0), time.monotonic())
+    assert robot.told[-1][:3] == ("drive", 0.2, 0.2)
+
+
+SLOW = Limits(linear=AxisLimits(max_acceleration=1.0))
+"""A tenth of a metre per second more in each tenth of a second."""
+
+
+def test_the_next_command_starts_from_what_the_wheels_could_do(
+    clock: Clock, connection: RobotConnection, robot: RecordingRobot
+) -> None:
+    robot.geometry = replace(robot.geometry, max_velocity_mps=0.1)
+    connection.command(Twist(0.4, 0.0), clock.now_s)  # without limits of the node's own
+    connection.tuning = replace(connection.tuning, limits=SLOW)
+    robot.geometry = replace(robot.geometry, max_velocity_mps=1.0)
+    clock.now_s += 0.1
+    assert connection.command(Twist(0.4, 0.0), clock.now_s).linear_mps == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("age_s", "goes_on"), [(0.0, True), (0.45, False)])
+def test_a_command_counts_until_the_end_of_its_life(
+    clock: Clock, connection: RobotConnection, age_s: float, goes_on: bool
+) -> None:
+    connection.connected_s = 0.0
+    connection.command(Twist(0.4, 0.0), clock.now_s - age_s)
+    connection.tuning = replace(connection.tuning, limits=SLOW)
+    clock.now_s += 0.1  # the older one ended meanwhile, and with it the drive
+    obeyed = connection.command(Twist(0.5, 0.0), clock.now_s)
+    assert obeyed.linear_mps == pytest.approx(0.5 if goes_on else FIRST_STEP_S)

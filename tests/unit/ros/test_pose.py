@@ -10,6 +10,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from geometry_msgs.msg import Point, Pose, Quaternion
+
 from support.host_samples import sample
 from wheelwire import DifferentialDrive
 from wheelwire_ros import pose
@@ -124,3 +126,32 @@ def test_the_ticks_of_another_board_are_not_saved_as_this_ones(tmp_path: Path) -
     memory.close()
     found = pose.read(path)
     assert found is None or found.boot_id == 1
+
+
+@pytest.mark.parametrize(
+    ("is_final", "age_s", "off_m", "turn_rad"),
+    [
+        (True, 0.0, MOVED_M, MOVED_RAD),
+        # By hand: 0.4 m/s for the time, and the wheels 0.2 m apart against each other.
+        (False, 0.3, 0.12, 1.2),
+        (False, 0.5, 0.2, 2.0),
+        (False, 100.0, 0.8, math.pi),  # a second until the next record, and one of driving
+    ],
+)
+def test_how_far_a_robot_may_have_turned_is_twice_the_way_over_the_separation(
+    monkeypatch: pytest.MonkeyPatch, is_final: bool, age_s: float, off_m: float, turn_rad: float
+) -> None:
+    monkeypatch.setattr("time.time", lambda: RECORD.saved_s + age_s)
+    found = how_far_off(replace(RECORD, is_final=is_final), DRIVE, 1.0)
+    assert found == pytest.approx((off_m, turn_rad), rel=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 90, 179, -90, -179])
+def test_a_heading_is_the_turn_of_its_quaternion(degrees: float) -> None:
+    half = math.radians(degrees) / 2
+    message = Pose(
+        position=Point(x=1.0, y=-2.0),
+        orientation=Quaternion(z=math.sin(half), w=math.cos(half)),
+    )
+    place = pose.planar_pose(message)
+    assert place == pytest.approx((1.0, -2.0, math.radians(degrees)))

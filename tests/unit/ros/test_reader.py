@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import queue
+import threading
+import time
 from typing import Any, cast
 
 import pytest
@@ -94,6 +96,39 @@ def test_a_link_that_is_down_for_good_is_no_silence() -> None:
 def test_what_fails_is_handed_over() -> None:
     error = RuntimeError("a defect")
     assert events(sample(), error, count=3)[-1] is error
+
+
+class WaitingRobot(ScriptedRobot):
+    """A sample comes only once the reader is to end."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_waited_for = threading.Event()
+        self.comes = threading.Event()
+
+    def read(self, timeout: float) -> WheelSample:
+        assert timeout > 0
+        self.is_waited_for.set()
+        assert self.comes.wait(TIMEOUT_S)
+        self._came.append(sample())
+        return sample()
+
+
+def test_no_sample_is_handed_over_after_the_end() -> None:
+    seen: list[Any] = []
+    robot = WaitingRobot()
+    reader = SampleReader(cast("BaseDriver", robot), seen.append, lambda: None, seen.append)
+    reader.begin()
+    assert robot.is_waited_for.wait(TIMEOUT_S)
+    closing = threading.Thread(target=reader.close)
+    closing.start()
+    while not reader._closing.is_set():
+        time.sleep(0.001)
+    robot.comes.set()
+    closing.join(TIMEOUT_S)
+    assert not closing.is_alive()
+    assert not reader._thread.is_alive()
+    assert seen == []
 
 
 def published(pacer: Pacer, times_us: list[int], boot_id: int = 1) -> list[int]:
