@@ -22,6 +22,7 @@ from support.gpio_chip.factory import GATE
 from support.gpio_chip_process import GpioChip
 from support.mcu_process import McuProcess, now_us
 from support.pigpio_process import PigpioProcess
+from support.plant.bridge import Wiring
 from support.stand_in import StandIn
 from support.waiting import wait_until
 from wheelwire.files.pins import Pins
@@ -227,13 +228,20 @@ def test_nobody_hears_of_a_start_before_the_guard_is_ready(
         mcu.open()
 
 
-@pytest.fixture
-def behind_pigpiod() -> Iterator[Scene]:
-    with PigpioProcess() as daemon:
+ENABLES = {"hardware": (18, 19), "software": (12, 18)}
+"""GPIOs of both wheels' EN: with a channel of the PWM hardware each, and with one for both."""
+
+
+@pytest.fixture(params=ENABLES)
+def behind_pigpiod(request: pytest.FixtureRequest) -> Iterator[Scene]:
+    left, right = ENABLES[request.param]
+    wiring = Wiring()
+    wiring.left["enable"], wiring.right["enable"] = left, right
+    with PigpioProcess("--wiring", wiring.to_json()) as daemon:
         daemon.set_realtime()
         settings = McuSettings(
             "pigpio",
-            Pins(),
+            Pins(left_pwm=left, right_pwm=right),
             parameters=PARAMETERS,
             host="127.0.0.1",
             port=daemon.port,
