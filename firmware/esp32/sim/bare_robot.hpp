@@ -1,5 +1,5 @@
-// The robot without its device: levels of GPIOs in, edges of its encoders out. What stands in for a
-// computer's own pins has it behind them.
+// The robot without its device: levels of GPIOs in, edges of its encoders out. Programs that stand
+// in for a computer's own pins put it behind them.
 #pragma once
 
 #include <algorithm>

@@ -58,22 +58,22 @@ from .causes import (
 from .diagnosis import Stop, stop_of, supply_fall
 
 SPACING_US = 10_000
-"""Between the samples that are made of steps: as a host gets them, for which `wheels` is made."""
+"""Spacing of the samples that are made of steps: as of a host's, for which `wheels` is made."""
 SAME_STEP_US = 2_000
-"""What came this shortly before a change of state is why."""
+"""A message that came this shortly before a change of state is its cause."""
 COUNTER_LIMIT = 32_767
-"""The counters return to 0 there."""
+"""At this count the counters return to 0."""
 STILL_US = 300_000
-"""A wheel that does not count has stood still for so long."""
+"""A wheel that does not count has stood still for this long."""
 STILL_TICKS, TURNED_TICKS = 2, 5
-"""In that time."""
+"""Ticks of a wheel that stands, and of one that turns, within `STILL_US`."""
 MISSED = 2
-"""A program that asks for nothing any more has missed so many of its setpoints."""
+"""A program that sends no more setpoints has missed this many."""
 LATE = 1.5
-"""Of the usual time between two steps: a late one."""
+"""A step is late when it takes this many times the usual time."""
 
 _SILENT = ("host_killed", "host_frozen", "cable_pulled", "line_corrupt")
-"""In a box all of them are silence."""
+"""Causes that look the same in a box: as silence."""
 _OF_A_SESSION = (SetWheelVelocity, SetDuty, Ping)
 
 
@@ -148,7 +148,7 @@ def _missing(box: Box) -> tuple[str, ...]:
 
 @dataclass
 class _Story:
-    """What a box holds, by kinds."""
+    """The records of a box, by kinds."""
 
     box: Box
     steps: list[Step] = field(default_factory=list)
@@ -229,7 +229,7 @@ class _Story:
         return found[-1] if found else None
 
     def just_before(self, kind: type[AnyMessage], t_us: int) -> Received | None:
-        """A message of this kind that may be why."""
+        """A message of this kind that may be the cause."""
         found = self.last(kind, t_us)
         return found if found is not None and found.t_us >= t_us - SAME_STEP_US else None
 
@@ -319,7 +319,7 @@ def _stop(story: _Story, stop: Transition) -> _Judged:
 
 
 def _asked(story: _Story, stop: Transition, kind: type[Estop | StopRequest], what: str) -> _Judged:
-    """By the session that was open, or by another program."""
+    """Whether the open session asked, or another program."""
     session, stranger = f"{what}_by_session", f"{what}_by_stranger"
     read = story.just_before(kind, stop.t_us)
     if read is None:

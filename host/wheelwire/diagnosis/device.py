@@ -21,7 +21,7 @@ FAILURES = (
     ResetReason.TASK_WATCHDOG,
     ResetReason.INTERRUPT_WATCHDOG,
 )
-"""Resets that nobody wants."""
+"""Resets that are faults."""
 STORED_US = 20_000_000
 """In a boot that is this old a latch has its box seconds later, unless many came at once."""
 _LATCHES = (BoxCause.FAULT, BoxCause.ESTOP)
@@ -124,5 +124,5 @@ def ledger_facts(ledger: Ledger) -> dict[str, str]:
 
 
 def counts_text(counts: Mapping[str, int]) -> str:
-    """Those that are not 0."""
+    """The counts that are not 0."""
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count) or "none"

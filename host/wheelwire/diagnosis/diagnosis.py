@@ -59,11 +59,11 @@ from .causes import (
 from .history import Asked, History, battery_v, drives
 
 DECIDE_US = 60_000
-"""A stop is judged this long after it: what explains it may come behind it."""
+"""A stop is judged this long after it, for later records may explain it."""
 ANSWER_US = 500_000
-"""A message that was sent this long ago may be why."""
+"""A message that was sent this long ago may be the cause."""
 RESTART_US = 5_000_000
-"""A Restart that was sent this long before a start may be why."""
+"""A Restart that was sent this long before a start may be its cause."""
 EXPIRY_US = 30_000
 """A setpoint that ends this near to a deadline is the one that ran out."""
 MOVING_MPS = 0.02
@@ -71,14 +71,14 @@ STANDING_MPS = 0.005
 LASTING = (
     Fault.DRIVER_FAILED | Fault.STORE_FULL | Fault.STORE_NEWER | Fault.STORE_UNREADABLE
 ) | Fault.NO_BOARD
-"""Faults that a start finds anew."""
+"""Faults that each start finds anew."""
 SAG_V = 0.3
 EMPTY_V = 0.3
 EMPTY_S = 60.0
 LOW_PART = 0.87
-"""Of nominal_supply_v: 6.4 V of 7.4 V. A battery that has less at rest is low."""
+"""A battery with less than this part of nominal_supply_v at rest is low: 6.4 V of 7.4 V."""
 SAGS_PART = 0.1
-"""Of the voltage at rest. A supply that falls by more under load is too weak for it."""
+"""A supply that loses more than this part of its voltage under load is too weak."""
 
 _NOMINAL_SUPPLY = PARAMETER_BY_NAME["nominal_supply_v"].id
 _DRIVING = SupervisorState.DRIVING
@@ -119,7 +119,7 @@ class _Loss(NamedTuple):
 
 
 class Diagnosis:
-    """Does a session again, and reports its stops.
+    """Runs a session again, and reports its stops.
 
     Live, a stop is reported some 60 ms after it, with the records that come then.
     """
@@ -129,7 +129,7 @@ class Diagnosis:
         self._frames = FrameReader()
         self._history = History()
         self._undecided: list[tuple[int, Callable[[], Stop | None]]] = []
-        """Of each stop: when to judge it, and how; in order."""
+        """When to judge each stop, and how; in order."""
         self._latch: Callable[[], Stop | None] | None = None
         """Judges the stop that latches the robot now; once reported, it is that."""
         self._state: SupervisorState | None = None
@@ -238,7 +238,7 @@ class Diagnosis:
                 self._boot_id = session.device.boot_id
 
     def _follow(self, session: Session, phase: Phase, record: Record) -> None:
-        """What the session has come to by one record."""
+        """Take the changes that one record made to the session."""
         if phase is Phase.OPEN and session.phase is not Phase.OPEN:
             text = str(session.error)
             closed = record.kind is Kind.DISCONNECTED and record.data == CLOSED.encode()
@@ -610,7 +610,7 @@ def _same(stop: Stop | None) -> Stop | None:
 
 
 def stop_of(host_us: int, causes: tuple[str, ...], evidence: Iterable[str], side: str = "") -> Stop:
-    """A stop by its causes' names."""
+    """A stop with the causes of these names."""
     sentence = sentence_of(causes, side)
     return Stop(host_us, " or ".join(causes), sentence, tuple(evidence), look_at_of(causes))
 

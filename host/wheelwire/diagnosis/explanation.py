@@ -1,4 +1,4 @@
-"""What an error of the library says of the stop that is behind it."""
+"""What an error of the library says about the stop that caused it."""
 
 from __future__ import annotations
 

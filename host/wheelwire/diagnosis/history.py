@@ -1,4 +1,4 @@
-"""What was seen of a link of late: the evidence for the next stop."""
+"""The last seconds of a link: the evidence for the next stop."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class History:
             self.supply.append((now_us, volts, drives(measurement)))
 
     def begin_boot(self) -> None:
-        """The device was reset: what was before says nothing of what comes."""
+        """Forget what was before a reset of the device."""
         self.samples.clear()
         self.refusals.clear()
         self.sent.clear()

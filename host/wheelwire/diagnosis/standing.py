@@ -12,7 +12,7 @@ from .diagnosis import Stop, stop_of
 
 NO_HISTORY = "what came before was not recorded: record the robot's day to see more next time"
 _STARTED = (ResetReason.POWER_ON, ResetReason.EXTERNAL)
-"""As robots start: of itself no stop."""
+"""The usual starts of a robot, which are no stops."""
 _BEFORE_RESET = {
     SupervisorState.FAULT: "fault_before_reset",
     SupervisorState.ESTOPPED: "estop_before_reset",

@@ -49,7 +49,7 @@ class StopWatch:
             self._lock.release()
 
     def close(self) -> None:
-        """Watch no more. Safe to call more than once."""
+        """Stop watching. Safe to call more than once."""
         self._closing.set()
         if threading.current_thread() is not self._thread:
             self._thread.join()
