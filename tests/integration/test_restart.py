@@ -78,7 +78,7 @@ def test_a_device_that_is_unplugged_meanwhile_does_not_come_back() -> None:
             said = command.communicate(timeout=TIMEOUT_S)[1]
     assert command.returncode == errors.LinkLost.exit_code, said
     assert "did not come back within 8 s of its restart" in said
-    assert "take its power away" in said
+    assert "switch its power off" in said
 
 
 def test_two_at_once_are_told_apart_by_the_port(simulator: Simulator) -> None:

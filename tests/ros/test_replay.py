@@ -117,5 +117,5 @@ def replayed(file: Path, speed: float) -> dict[tuple[str, int], bytes]:
         wait(lambda: heard.messages, "messages")
         heard.wait_for_the_end()
         # It stays, and says why nothing comes any more.
-        assert "come to their end" in graph.first(DiagnosticArray, "/diagnostics").status[0].message
+        assert "ended" in graph.first(DiagnosticArray, "/diagnostics").status[0].message
         return heard.messages

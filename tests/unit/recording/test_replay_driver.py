@@ -126,4 +126,4 @@ def test_the_command_line_shows_it(day: tuple[Path, list[WheelSample]]) -> None:
     assert shown.returncode == 0, shown.stderr
     assert "DRIVING" in shown.stdout
     assert run_json("params", "get", str(path), "max_duty") == {"max_duty": 1.0}
-    assert "nothing stops" in check_error(run("estop", str(path)), errors.InvalidArgument)
+    assert "cannot stop" in check_error(run("estop", str(path)), errors.InvalidArgument)
