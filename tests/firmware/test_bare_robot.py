@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import numpy.typing as npt
 
@@ -48,6 +50,19 @@ def test_a_decoder_counts_each_wheels_edges_in_the_direction_of_its_stage() -> N
     assert counted(edges, encoder_pins(BOARD.left)) == (left, 0)
     assert counted(edges, encoder_pins(BOARD.right)) == (right, 0)
     assert np.all(np.diff(edges["t_ns"].astype(np.int64)) >= 0)
+
+
+def test_both_wheels_spin_at_a_rate_whatever_the_motors_do() -> None:
+    robot = BareRobot(BOARD)
+    robot.advance()
+    robot.spin(100_000)
+    time.sleep(0.02)
+    edges = robot.advance()
+    left, right = robot.ticks
+    assert left == right > 1000
+    assert counted(edges, encoder_pins(BOARD.left)) == (left, 0)
+    apart_ns = np.diff(edges["t_ns"][edges["gpio"] == BOARD.left.encoder_a].astype(np.int64))
+    assert np.all(abs(apart_ns - 20_000) < 5000)
 
 
 def test_a_dead_encoder_shows_no_edge_of_a_wheel_that_turns() -> None:

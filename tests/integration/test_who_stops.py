@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from support.plant.bridge import Wiring
 
 from support.gpio_chip.factory import GATE
 from support.gpio_chip_process import GpioChip
 from support.mcu_process import McuProcess, now_us
 from support.pigpio_process import PigpioProcess
-from support.plant.bridge import Wiring
 from support.stand_in import StandIn
 from support.waiting import wait_until
 from wheelwire.files.pins import Pins

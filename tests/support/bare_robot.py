@@ -17,12 +17,11 @@ from wheelwire.simulation.libfwsim import library_path
 from wheelwire_protocol.board import OUTPUTS
 from wheelwire_protocol.native import declare
 
-LEVELS = ((0, 0), (1, 0), (1, 1), (0, 1))
-"""Of A and B, a tick apart: forward, A leads B."""
 EDGE = np.dtype([("t_ns", "<u8"), ("gpio", "<u4"), ("level", "<u4")])
 CATCH_UP_US = 100_000
 """After a longer gap, such as a stopped process, the robot's time continues from now."""
 GPIOS = 28
+COUNTS_PER_REVOLUTION = 360
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fwsim_robot_create": (
         ctypes.c_void_p,
@@ -36,6 +35,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         ctypes.c_int,
         (ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p),
     ),
+    "fwsim_robot_spin": (None, (ctypes.c_void_p, ctypes.c_double)),
     "fwsim_robot_ticks": (ctypes.c_int64, (ctypes.c_void_p, ctypes.c_int)),
     "fwsim_robot_kill_encoder": (None, (ctypes.c_void_p, ctypes.c_int)),
 }
@@ -50,7 +50,6 @@ class BareRobot:
 
     Args:
         board: What leads to which GPIO.
-        counts_per_revolution: Of both encoders, x4.
 
     Attributes:
         driven: Whether a motor is driven; braking is not driving.
@@ -58,13 +57,13 @@ class BareRobot:
         changes: Time, whether a motor is driven, whether one is braked, and who wrote a pin last.
     """
 
-    def __init__(self, board: BoardDescription, counts_per_revolution: int = 360) -> None:
+    def __init__(self, board: BoardDescription) -> None:
         # It holds the interpreter's lock: a call takes microseconds, and to have the lock back
         # takes milliseconds while other threads are busy.
         self._library = library = ctypes.PyDLL(str(library_path()))
         declare(library, _SIGNATURES)
         packed, now_ns = board.packed(), time.monotonic_ns()
-        self._robot = library.fwsim_robot_create(packed, len(packed), counts_per_revolution, now_ns)
+        self._robot = library.fwsim_robot_create(packed, len(packed), COUNTS_PER_REVOLUTION, now_ns)
         assert self._robot, "the board is damaged"
         self._edges, self._count = ctypes.c_void_p(), ctypes.c_size_t()
         self._lock = threading.Lock()
@@ -101,6 +100,10 @@ class BareRobot:
         """What perfect encoders would have counted since the start: left, right."""
         left, right = (self._library.fwsim_robot_ticks(self._robot, side) for side in (0, 1))
         return left, right
+
+    def spin(self, ticks_per_s: float) -> None:
+        """Turn both wheels at this rate from now on, whatever the motors do."""
+        self._library.fwsim_robot_spin(self._robot, ticks_per_s)
 
     def kill_left_encoder(self) -> None:
         """Its levels are stuck from now on."""

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "chip_pins.hpp"
@@ -31,11 +32,14 @@ class BareRobot {
   /// Passes over the time up to `now`: nothing moves in it.
   void skip_to(Nanoseconds now) { now_ = std::max(now_, now); }
 
+  /// Both wheels turn at this rate from now on, whatever the motors do.
+  void spin(double ticks_per_s) { spin_tps_ = ticks_per_s; }
+
   Quadrature& encoder(Side side) { return encoders_[side]; }
 
  private:
   void step(Nanoseconds duration);
-  void turn_encoder(Side side, Nanoseconds duration);
+  void turn_encoder(Side side, double angle_rad, Nanoseconds duration);
 
   BoardDescription board_;
   WiredBoard wired_{board_};
@@ -45,6 +49,7 @@ class BareRobot {
   std::vector<fwsim_edge> edges_;
   Nanoseconds now_;
   int counts_per_revolution_;
+  std::optional<double> spin_tps_;
 };
 
 }  // namespace wheelwire::sim

@@ -182,6 +182,10 @@ int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
   });
 }
 
+void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s) {
+  if (robot != nullptr) robot->robot.spin(ticks_per_s);
+}
+
 int64_t fwsim_robot_ticks(fwsim_robot* robot, int side) {
   if (robot == nullptr || side < 0 || side > 1) return 0;
   return robot->robot.encoder(static_cast<wheelwire::sim::Side>(side)).ticks();

@@ -95,6 +95,9 @@ FWSIM_EXPORT int fwsim_robot_set_pins(fwsim_robot* robot, const uint16_t* duty_q
 FWSIM_EXPORT int fwsim_robot_advance(fwsim_robot* robot, int64_t end_ns, int64_t longest_ns,
                                      const fwsim_edge** edges, size_t* count);
 
+/* Both wheels turn at this rate [1/s] from now on, whatever the motors do. */
+FWSIM_EXPORT void fwsim_robot_spin(fwsim_robot* robot, double ticks_per_s);
+
 /* What a perfect encoder would have counted since the start; `side` is 0 for the left wheel, and 1
  * for the right one. */
 FWSIM_EXPORT int64_t fwsim_robot_ticks(fwsim_robot* robot, int side);

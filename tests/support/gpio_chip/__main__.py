@@ -26,14 +26,14 @@ def answer(world: World, line: str) -> dict[str, object]:
     elif command == "pwm_back" and world.pwm:
         world.pwm.restore()
     elif command == "spin":
-        world.spin_tps = float(arguments[0])
+        world.robot.spin(float(arguments[0]))
     elif command == "dead_left_encoder":
         world.robot.kill_left_encoder()
     elif command == "level":
         world.chip.lines[int(arguments[0])].level = float(arguments[1])
         world.chip.send(EVENT.pack(0, int(arguments[0]), int(arguments[1])))
     return {
-        "ticks": world.true_ticks,
+        "ticks": world.robot.ticks,
         "driven": world.robot.driven,
         "driven_changed_us": world.robot.driven_changed_us,
         "changes": world.robot.changes[-SHOWN:],

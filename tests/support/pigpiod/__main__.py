@@ -28,12 +28,12 @@ def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
     elif command == "accept":
         daemon.listen(port)
     elif command == "spin":
-        world.spin(float(arguments[0]))
+        world.robot.spin(float(arguments[0]))
     elif command == "dead_left_encoder":
         world.robot.kill_left_encoder()
     return {
         "port": port,
-        "ticks": world.true_ticks,
+        "ticks": world.robot.ticks,
         "driven": world.driven,
         "driven_changed_us": world.robot.driven_changed_us,
         "changes": world.robot.changes[-SHOWN:],
@@ -49,13 +49,12 @@ def say(line: dict[str, object]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, default=0)
-    parser.add_argument("--counts", type=int, default=360)
     parser.add_argument("--board", default=Pins().packed().hex())
     parser.add_argument("-t", choices=["0", "1"], default="1")
     arguments = parser.parse_args()
     bank = PinBank(pwm_is_clock=arguments.t == "0")
     board = unpacked(bytes.fromhex(arguments.board))
-    daemon = Daemon(bank, World(bank, arguments.counts, board))
+    daemon = Daemon(bank, World(bank, board))
     port = daemon.listen(arguments.port)
     threading.Thread(target=daemon.world.run, daemon=True).start()
     say({"port": port})

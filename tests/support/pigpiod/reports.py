@@ -59,18 +59,16 @@ class Sampler:
 
     def __init__(self, levels: int) -> None:
         self.levels = levels
-        self._sampled = levels
 
     def sample(self, edges: npt.NDArray[np.void]) -> Samples:
         """Take edges in their order; returns the samples that show a change."""
-        seen: dict[int, int] = {}
-        for t_ns, gpio, level in edges.tolist():
-            bit = 1 << gpio
-            self.levels = self.levels | bit if level else self.levels & ~bit
-            seen[t_ns // 1000 // SAMPLE_US * SAMPLE_US] = self.levels
-        changed = []
-        for t_us, levels in seen.items():
-            if levels != self._sampled:
-                changed.append((t_us, levels))
-            self._sampled = levels
-        return make_samples([t for t, _ in changed], [levels for _, levels in changed])
+        if not edges.size:
+            return make_samples([], [])
+        # Each edge is a change of its level.
+        levels = np.bitwise_xor.accumulate(1 << edges["gpio"].astype(np.int64)) ^ self.levels
+        t_us = edges["t_ns"].astype(np.int64) // 1000 // SAMPLE_US * SAMPLE_US
+        last = np.append(t_us[1:] != t_us[:-1], True)
+        t_us, levels = t_us[last], levels[last]
+        changed = levels != np.append(self.levels, levels[:-1])
+        self.levels = int(levels[-1])
+        return make_samples(t_us[changed], levels[changed])

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.bare_robot import LEVELS
 from wheelwire.linux_mcu.encoder import ILLEGAL, STEPS, A, B, QuadratureDecoder
 
+LEVELS = ((0, 0), (1, 0), (1, 1), (0, 1))
+"""Of A and B, a tick apart: forward, A leads B."""
 Edge = tuple[int, int]
 """Channel and its new level."""
 
