@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.plant.bridge import Wiring
 
 from support.gpio_chip.factory import GATE
 from support.gpio_chip_process import GpioChip
@@ -235,13 +234,12 @@ ENABLES = {"hardware": (18, 19), "software": (12, 18)}
 @pytest.fixture(params=ENABLES)
 def behind_pigpiod(request: pytest.FixtureRequest) -> Iterator[Scene]:
     left, right = ENABLES[request.param]
-    wiring = Wiring()
-    wiring.left["enable"], wiring.right["enable"] = left, right
-    with PigpioProcess("--wiring", wiring.to_json()) as daemon:
+    board = Pins(left_pwm=left, right_pwm=right)
+    with PigpioProcess("--board", board.packed().hex()) as daemon:
         daemon.set_realtime()
         settings = McuSettings(
             "pigpio",
-            Pins(left_pwm=left, right_pwm=right),
+            board,
             parameters=PARAMETERS,
             host="127.0.0.1",
             port=daemon.port,
