@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from wheelwire.drivers.device_recorder import AwaitableRecorder
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
+from wheelwire.link.recorded import StoredBox
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
@@ -143,6 +145,45 @@ def test_what_comes_in_the_middle_of_reading_costs_that_call_alone(
     robot.plug()
     robot.advance(3.0)
     assert robot.recorder.read_box(stored) == whole
+
+
+def test_a_box_that_is_stored_while_others_are_read_is_read_too(
+    robot: VirtualMockDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estop(robot)
+    read_box = AwaitableRecorder.read_box
+    asked: list[int] = []
+
+    async def and_then(recorder: AwaitableRecorder, box: StoredBox) -> bytes:
+        asked.append(box.head.number)
+        if len(asked) == 1:
+            estop(robot)
+            raise RecordingError("it is no longer there")
+        return await read_box(recorder, box)
+
+    monkeypatch.setattr(AwaitableRecorder, "read_box", and_then)
+    boxes = robot.recorder.read().boxes
+    assert [stored.head.number for stored, _ in boxes] == [1, 2]
+    assert all(Box(image).head == stored.head for stored, image in boxes)
+    assert sorted(asked) == [1, 1, 2]  # none is read in vain
+
+
+def test_a_box_that_flash_does_not_give_is_empty_and_costs_no_other(
+    robot: VirtualMockDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estop(robot)
+    estop(robot)
+    read_box = AwaitableRecorder.read_box
+
+    async def fail(recorder: AwaitableRecorder, box: StoredBox) -> bytes:
+        if box.head.number == 1:
+            raise RecordingError("flash does not answer")
+        return await read_box(recorder, box)
+
+    monkeypatch.setattr(AwaitableRecorder, "read_box", fail)
+    (_, first), (_, second) = robot.recorder.read().boxes
+    assert first == b""
+    assert len(second) == BOX_SIZE
 
 
 def test_boxes_and_ledger_outlive_the_simulator(tmp_path: Path) -> None:

@@ -60,12 +60,12 @@ def check_folder(folder: Path) -> None:
 
 
 def write_boxes(recorded: Recorded, board_id: str, folder: Path) -> list[Path]:
-    """Write each box to a file of its own; a file that exists already holds the same box.
+    """Write each box that was read to a file of its own; a file that exists holds the same box.
 
     Raises:
         OutputFailed: One cannot be written.
     """
-    return [_write(folder / _name(box, board_id), image) for box, image in recorded.boxes]
+    return [_write(folder / _name(box, board_id), image) for box, image in recorded.boxes if image]
 
 
 def _name(box: StoredBox, board_id: str) -> str:

@@ -5,6 +5,7 @@ Each operation is written once, for asyncio and for threads.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import cast
 
 from wheelwire_protocol.black_box import BoxHead, release_text
@@ -23,6 +24,8 @@ from ..link.stored_boxes import Ledger, Recorded, StoredBox
 from .requests import Requests, blocking
 
 _MOST_BOXES = 255
+_ROUNDS = 3
+"""So often boxes are listed, for those that are stored while others are read."""
 _STOPS = (
     SupervisorEvent.SESSION,
     SupervisorEvent.STOP,
@@ -105,17 +108,18 @@ class AwaitableRecorder:
     async def read(self, *, boxes: bool = True) -> Recorded:
         """Read all of it. If the robot drives or the device has no recorder, `why_none` says so.
 
+        A box that is stored meanwhile is read, too. One that cannot be read is empty.
+
         Args:
             boxes: False: the ledger alone.
 
         Raises:
-            RecordingError: A box was overwritten while it was read.
+            RecordingError: A box is of a later release than this library.
             LinkLost, RequestTimeout: The device was not reached.
         """
         try:
             ledger = await self.ledger()
-            stored = (await self.boxes())[::-1] if boxes else []
-            return Recorded([(box, await self.read_box(box)) for box in stored], ledger)
+            return Recorded(await self._read_boxes() if boxes else [], ledger)
         except DeviceRefused as error:
             if error.code != RefusalCode.NOT_STOPPED:
                 raise
@@ -123,6 +127,19 @@ class AwaitableRecorder:
         # A recording, and a program of an older release that holds the port, do not know of it.
         except (GroupUnavailable, InvalidCommand) as error:
             return Recorded(why_none=str(error))
+
+    async def _read_boxes(self) -> list[tuple[StoredBox, bytes]]:
+        """The oldest first."""
+        images: dict[int, bytes] = {}
+        for _ in range(_ROUNDS):
+            stored = await self.boxes()
+            unread = [box for box in stored if box.head.number not in images]
+            if not unread:
+                break
+            for box in unread:
+                with suppress(RecordingError):  # a newer one may have taken its place
+                    images[box.head.number] = await self.read_box(box)
+        return [(box, images.get(box.head.number, b"")) for box in reversed(stored)]
 
     async def _check_group(self) -> None:
         await self._requests.check_group(Group.RECORDER)

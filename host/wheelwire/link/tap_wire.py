@@ -97,7 +97,7 @@ def decoded_records(data: bytes) -> Iterator[Record]:
 def encoded_error(error: errors.WheelwireError) -> bytes:
     """The data of FAILURE, without its tag."""
     plain = {k: int(v) if isinstance(v, int) else v for k, v in error.__dict__.items()}
-    state = {key: value for key, value in plain.items() if isinstance(value, (int, str))}
+    state = {key: value for key, value in plain.items() if isinstance(value, (int, str, tuple))}
     return json.dumps({"error": type(error).__name__, "says": str(error), "state": state}).encode()
 
 
@@ -111,7 +111,11 @@ def decoded_error(data: bytes) -> errors.WheelwireError:
     kind = getattr(errors, str(known.get("error")), None)
     if not (isinstance(kind, type) and issubclass(kind, errors.WheelwireError)):
         kind = errors.WheelwireError  # of another release
-    state = dict(known.get("state", {}))
+    # JSON has no tuples.
+    state: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in dict(known.get("state", {})).items()
+    }
     if "faults" in state:
         state["faults"] = Fault(state["faults"])
     return errors.rebuilt(kind, (str(known.get("says")),), state)

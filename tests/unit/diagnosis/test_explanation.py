@@ -27,6 +27,7 @@ from wheelwire.errors import (
     RequestTimeout,
     WheelwireError,
 )
+from wheelwire.link.tap_wire import decoded_error, encoded_error
 from wheelwire_protocol.codes import Fault, RefusalCode, SupervisorState
 
 pytestmark = pytest.mark.timeout(60)
@@ -167,6 +168,14 @@ def test_a_hello_of_another_release_is_named() -> None:
     error = ProtocolMismatch(Release(1, 2, "0.1.0"), Release(3, 4, "0.2.0"))
     assert explained(error).why == "Host and firmware are of different releases."
     assert error.evidence == (str(error),)
+
+
+def test_what_is_behind_a_lost_link_reaches_a_program_that_is_attached() -> None:
+    error = LinkLost("gone", causes=("cable_pulled", "power_lost"))
+    received = decoded_error(encoded_error(error))
+    assert isinstance(received, LinkLost)
+    assert received.causes == error.causes
+    assert explained(received).why == explained(error).why != ""
 
 
 # --- requests and callbacks --------------------------------------------------------------------
