@@ -14,7 +14,7 @@ from support.fake_device import FakeDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.port_loop import OUTPUT_LIMIT, PortLoop
+from wheelwire.link.port_loop import MAX_FRAME, OUTPUT_LIMIT, PortLoop
 from wheelwire.link.port_policy import FIRST_PAUSE_S
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
@@ -106,6 +106,13 @@ def test_what_a_port_does_not_take_is_dropped_not_piled_up() -> None:
     rig = Rig(port)
     rig.loop.run()
     assert 0 < max(len(data) for data in port.written) <= OUTPUT_LIMIT
+    # Whole frames alone: the part of one would damage the frame behind it.
+    decoder = Decoder()
+    messages = decoder.feed(b"".join(port.written))
+    assert any(isinstance(message, Estop) for message in messages)
+    counters = decoder.counters
+    assert (counters.bad_crc, counters.bad_cobs, counters.wrong_length) == (0, 0, 0)
+    assert OUTPUT_LIMIT - max(len(data) for data in port.written) < MAX_FRAME
 
 
 def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> None:
