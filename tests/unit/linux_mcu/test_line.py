@@ -181,3 +181,34 @@ def test_a_host_that_hangs_up_is_no_end_of_the_service(service: tuple[ListeningL
         line.receive(line.wait_set()[0])
         assert line.hung_up
         assert line.next_host()
+
+
+class Narrow:
+    """A socket that takes so many bytes of each send; none: it is full."""
+
+    def __init__(self, *takes: int) -> None:
+        self._takes = list(takes)
+        self.taken = b""
+
+    def send(self, data: bytes) -> int:
+        size = self._takes.pop(0) if self._takes else len(data)
+        if not size:
+            raise BlockingIOError
+        self.taken += data[:size]
+        return min(size, len(data))
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize("takes", [(1, 0), (99, 0), (100, 0), (50, 50, 7, 0), (0, 0, 33, 0)])
+def test_a_frame_that_was_taken_in_part_goes_on_where_it_was_left(
+    ends: tuple[ConnectedLine, socket.socket], takes: tuple[int, ...]
+) -> None:
+    line, _ = ends
+    line.close()
+    narrow = Narrow(*takes)
+    line._host = cast("socket.socket", narrow)
+    frames = Frames(5)
+    for _ in range(4):
+        line.send(core(frames))
+    assert narrow.taken == frames.whole
