@@ -321,7 +321,9 @@ def read(
 
 def _device_board(driver: BaseDriver) -> DeviceBoard:
     if not isinstance(driver, DeviceDriver):
-        raise InvalidArgument("this robot's driver has no device that could store a board")
+        raise InvalidArgument(
+            "this robot's driver has no device that could store a board: name a robot that has one"
+        )
     return driver.board
 
 

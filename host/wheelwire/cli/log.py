@@ -116,7 +116,8 @@ def record(
         with ended_by_signals(), address.open(baud_rate, bare=True) as driver:
             if not isinstance(driver, DeviceDriver):
                 raise DriverUnavailable(
-                    f"the driver of {address.text} has no link that could be recorded"
+                    f"the driver of {address.text} has no link that could be recorded: "
+                    "name another robot"
                 )
             name, _ = driver_at(address.text, baud_rate=baud_rate, bare=True)
             recorder = driver.record(file, name)

@@ -441,7 +441,9 @@ def restart(
     # Bare: a robot's file would set its values again, and they are not what the device has saved.
     with address.open(baud_rate, bare=True) as driver:
         if not isinstance(driver, DeviceDriver):
-            raise DriverUnavailable(f"the driver of {address.text} has no device to restart")
+            raise DriverUnavailable(
+                f"the driver of {address.text} has no device to restart: name another robot"
+            )
         before = driver.info.device.boot_id
         try:
             driver.board.restart()

@@ -58,7 +58,7 @@ def why(
     """
     if rerun is not None:
         if plot is not None:
-            raise InvalidArgument("--plot draws a recording, not a black box")
+            raise InvalidArgument("--plot draws a recording, not a black box: leave it out")
         rerun_file(rerun, robot, export=export_test, as_json=as_json)
         return
     if export_test:
@@ -105,7 +105,9 @@ def _of_robot(
 
     with address.open_to_look(baud_rate, as_json=as_json) as driver:
         if not isinstance(driver, DeviceDriver):
-            raise DriverUnavailable(f"the driver of {address.text} says nothing of its stops")
+            raise DriverUnavailable(
+                f"the driver of {address.text} reports no stops: name another robot"
+            )
         recorded = driver.recorder.read()
         sample, device = driver.read(), driver.info.device
     found = stops_of_device(device, sample, recorded)

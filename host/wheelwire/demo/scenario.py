@@ -144,7 +144,8 @@ class _Demonstration:
         while not (self._true and self._true[-1].stands_still and not self._true[-1].drive_on):
             if time.monotonic() > end:
                 raise WheelwireError(
-                    f"the robot still moves {STANDSTILL_TIMEOUT_S:g} s after the last command"
+                    f"the robot still moves {STANDSTILL_TIMEOUT_S:g} s after the "
+                    "last command: report it"
                 )
             self._watch("hanging")
 

@@ -136,7 +136,7 @@ class Section:
     def get(self, name: str, default: object = MISSING) -> Any:
         """The value, of any type; without a default it has to be there."""
         if name not in self.values and default is MISSING:
-            raise ConfigurationError(f"{self._prefix}{name} is missing")
+            raise ConfigurationError(f"{self._prefix}{name} is missing: add it")
         return self.values.get(name, default)
 
     def code(self, name: str, codes: Mapping[str, _Code], default: object = MISSING) -> _Code:

@@ -148,7 +148,9 @@ class SerialTransport(Transport):
             self._fd = self._serial.fileno()
         except (OSError, AttributeError) as error:
             self._serial.close()
-            raise PortUnavailable(port, "this kind of URL has no file descriptor") from error
+            raise PortUnavailable(
+                port, "this kind of URL has no file descriptor: use a port, or socket://HOST:PORT"
+            ) from error
         abandon_in_child(self)
         self.baud_rate = baud_rate
         self.low_latency = self._ask_low_latency()

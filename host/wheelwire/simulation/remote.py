@@ -124,9 +124,11 @@ class RemoteSimulator:
         except ConnectionError:
             answer = ""
         except OSError as error:
-            raise WheelwireError(f"the simulator does not answer: {error}") from error
+            raise WheelwireError(
+                f"the simulator does not answer ({error}): start it again"
+            ) from error
         if not answer:
-            raise WheelwireError("the simulator has ended")
+            raise WheelwireError("the simulator has ended: start it again")
         said: dict[str, Any] = json.loads(answer)
         if not said["ok"]:
             raise WheelwireError(str(said["error"]))

@@ -53,7 +53,9 @@ class VirtualLink(InlineLink):
         """Plug the cable in for the first time, and open a session."""
         self.plug()
         if not self.wait_for(lambda: self._session.phase is Phase.OPEN, OPEN_S):
-            raise RequestTimeout("the simulated robot does not answer")
+            raise RequestTimeout(
+                "the simulated robot does not answer: install one release of all parts"
+            )
         self._check_alive()
 
     # --- time and the cable --------------------------------------------------------------------

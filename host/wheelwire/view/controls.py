@@ -197,7 +197,9 @@ class Controls:
             recorder.close()
             return f"recorded: {recorder.file}"
         if not isinstance(self._robot, DeviceDriver):
-            raise InvalidCommand("this robot's driver has no link that could be recorded")
+            raise InvalidCommand(
+                "this robot's driver has no link that could be recorded: use another one"
+            )
         self._recorder = self._robot.record(".")
         return f"recording to {self._recorder.file}"
 
