@@ -323,6 +323,28 @@ def _stranger_opens(robot: StagedRobot) -> None:
     robot.until(lambda: robot.session.phase is Phase.OPEN, driving=None)
 
 
+def _out_of_reach(happens: Callable[[StagedRobot], object]) -> Callable[[StagedRobot], None]:
+    """The cable is off while something happens, and on again."""
+
+    def play(robot: StagedRobot) -> None:
+        robot.cable = False
+        _driving(0.1)(robot)
+        happens(robot)
+        _driving(1.5)(robot)
+        robot.sim.read()
+        robot.cable = True
+        robot.run(2.0)
+
+    return play
+
+
+def _late_for_a_while(robot: StagedRobot) -> None:
+    robot.delay_us = 120_000
+    robot.drive(0.2, 0.2, 0.6, ttl_s=0.1)
+    robot.delay_us = 0
+    robot.drive(0.2, 0.2, 0.3)
+
+
 _LOW = {"supply_v": 5.9, "battery_v": 5.9}
 _VERSION = PROTOCOL_VERSION, schema_hash()
 
@@ -490,6 +512,35 @@ STAGED: dict[str, Staged] = {
     "another session, then an own stop": Staged(
         ("new_session", "stop_by_session"),
         _one_by_one(_stranger_opens, _driving(0.3), StagedRobot.stop),
+    ),
+    "another program's stop, twice": Staged(
+        ("stop_by_stranger", "stop_by_stranger"),
+        _one_by_one(_stranger_stops, _driving(0.2), _stranger_stops),
+    ),
+    "zero, then a pause": Staged(
+        ("zero_setpoint", "program_paused"),
+        _one_by_one(lambda robot: robot.drive(0.0, 0.0, 0.6), _waiting(1.0)),
+    ),
+    "too late, then a pause": Staged(
+        ("setpoints_expired", "program_paused"), _one_by_one(_late_for_a_while, _waiting(0.8))
+    ),
+    "cable off, and the contact meanwhile": Staged(
+        ("contact_open or estop_by_stranger",),
+        _out_of_reach(lambda robot: robot.sim.set("estop_open", 1)),
+    ),
+    "cable off, and a panic meanwhile": Staged(
+        ("panic",), _out_of_reach(_resets(ResetReason.PANIC))
+    ),
+    "restart asked for, then one by itself": Staged(
+        ("restart_requested", "restarted_itself"),
+        _one_by_one(
+            _waiting(0.5),
+            lambda robot: robot.request(Restart(0, 0)),
+            _waiting(1.0),
+            _resets(ResetReason.SOFTWARE),
+            _waiting(1.5),
+        ),
+        driving=False,
     ),
     "own stop, then a panic": Staged(
         ("stop_by_session", "panic"),
