@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from wheelwire.link.recorded import StoredBox
 
 from wheelwire.drivers.device_recorder import AwaitableRecorder
 from wheelwire.drivers.mock import VirtualMockDriver
 from wheelwire.errors import DeviceRefused, LinkLost, RecordingError, RequestTimeout
 from wheelwire.link.requests import Answer, RequestMessage
+from wheelwire.link.stored_boxes import StoredBox
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
 from wheelwire_protocol.codes import BoxCause, ResetReason, SupervisorEvent, SupervisorState
 
