@@ -104,12 +104,16 @@ def test_who_asked_for_an_estop_is_named(tmp_path: Path) -> None:
             robot.estop()
             wait_until(lambda: len(stops) == number)  # noqa: B023 - before the next
             time.sleep(0.6)  # the next one is no copy of the first
-    assert [stop.cause for stop in stops] == ["estop_by_session"] * 3
-    by_another, by_this, later = (" ".join(stop.evidence) for stop in stops)
+        robot.clear_estop()
+        run("estop", simulator.port)
+        wait_until(lambda: len(stops) == 4)
+    assert [stop.cause for stop in stops] == ["estop_by_session"] * 4
+    by_another, by_this, later, again = (" ".join(stop.evidence) for stop in stops)
     assert "asked beside this program" in by_another
     assert "process" in by_another
     assert "this program asked" in by_this
     assert "this program asked" in later
+    assert "asked beside this program" in again
 
 
 def beside(*arguments: str) -> subprocess.Popen[str]:

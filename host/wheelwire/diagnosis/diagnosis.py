@@ -464,7 +464,7 @@ class Diagnosis:
         if not sent:
             return ()
         self._history.note_explained(kind.__name__, at_us)
-        by = self._history.who_asked(sent)
+        by = self._history.who_asked(kind, sent)
         return f"the message {kind.__name__} was sent just before", by
 
     def _is_answered(self, kind: type[AnyMessage], at_us: int) -> bool:

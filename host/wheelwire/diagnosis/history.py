@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 
 from wheelwire_protocol.types import AnyMessage, Refuse
 
+from ..link.requests import COPY_ID
 from ..link.setpoints import ASKED
 from ..link.state_stream import Measurement
 from ..link.tap import STOP_ASKED, Kind, Record
@@ -122,8 +123,9 @@ class History:
         """
         sent = [one for one in self.sent if isinstance(one[1], kind)]
         before_us = self.explained_us(kind.__name__, at_us) + COPIES_US
-        # What was not answered in time is repeated under its number.
+        # What was not answered in time is repeated under its number; copies all have the same.
         used = {getattr(message, "request_id", None) for at, message in sent if at <= before_us}
+        used.discard(COPY_ID)
         return [
             at
             for at, message in sent
@@ -142,10 +144,13 @@ class History:
         known = self._explained.get(by, set())
         return max((one for one in known if one < at_us), default=-SPAN_US)
 
-    def who_asked(self, sent: Sequence[int]) -> str:
+    def who_asked(self, kind: type[AnyMessage], sent: Sequence[int]) -> str:
         """Who asked this link for the stop or e-stop that it sent at these times."""
         asked_us, by = self._stop_asked
-        nearest = min(sent, key=lambda at: abs(at - asked_us))
+        every = [at for at, message in self.sent if isinstance(message, kind)]
+        nearest = min(every, key=lambda at: abs(at - asked_us))
+        if nearest not in sent:  # it asked for one before
+            return "this program asked"
         # Another stop may have followed soon. One is sent twice: a copy goes out at once.
         if abs(nearest - asked_us) < NOTED_US and sent[-1] - nearest < COPIES_US:
             return f"{by}, asked beside this program"
