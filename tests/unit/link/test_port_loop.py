@@ -19,8 +19,9 @@ from wheelwire.link.port_policy import FIRST_PAUSE_S
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.transports import Transport
 from wheelwire.link.waiting import Notifier
+from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.decoder import Decoder
-from wheelwire_protocol.types import AnyMessage, Estop, Hello, SetDuty, Stop
+from wheelwire_protocol.types import AnyMessage, Estop, Hello, Refuse, SetDuty, Stop
 
 pytestmark = pytest.mark.timeout(20)
 
@@ -203,6 +204,41 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
 
     port._accepts = unplug_once_open
     rig = Rig(port, look)
+    rig.loop.run()
+    assert [type(outcome) for outcome in found] == [RequestTimeout]
+
+
+def test_while_a_session_is_lost_no_sample_is_current_though_the_port_is_there() -> None:
+    device = FakeDevice()
+    found: list[object] = []
+    lost = 0
+    port = Port(device)
+    rig: Rig
+
+    def forget_the_session_once_open() -> bool:
+        nonlocal lost
+        if rig.session.phase is Phase.OPEN and not lost:
+            lost = 1
+            device.mute = True
+            device.send(device.state(host_clock_us()))
+            device.send(Refuse(device.session_id, 0x06, RefusalCode.NO_SESSION, 1))
+            port.theirs.sendall(device.take_output())
+        elif lost:
+            lost += 1
+            # At the second hello: the first one is written as the loss is found.
+            if lost == 3:
+                look()
+                rig.loop.finish()
+        return True
+
+    def look() -> None:
+        try:
+            found.append(rig.latest_sample.ticks(0))
+        except RequestTimeout as error:
+            found.append(error)
+
+    port._accepts = forget_the_session_once_open
+    rig = Rig(port)
     rig.loop.run()
     assert [type(outcome) for outcome in found] == [RequestTimeout]
 
