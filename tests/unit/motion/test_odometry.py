@@ -107,3 +107,17 @@ def test_a_larger_right_wheel_travels_further_by_the_same_ticks() -> None:
     travel_m = 1000 * FINE.metres_per_tick
     assert update.distance_m == pytest.approx(1.025 * travel_m)
     assert update.turn_rad == pytest.approx(0.05 * travel_m / FINE.wheel_separation)
+
+
+def test_across_a_reset_each_wheel_may_have_gone_on_at_its_own_speed() -> None:
+    odometry = Odometry(DifferentialDrive(0.2, 0.033, 360))
+    odometry.update(sample(boot_id=1, left_mps=0.3, right_mps=-0.1, stamp=10.0))
+    # By hand: 2 s at each of the speeds; and no more than 5 s, however long it was.
+    for stamp, expected in ((12.0, (0.6, -0.2)), (100.0, (1.5, -0.5))):
+        again = Odometry(odometry.drive)
+        again.update(sample(boot_id=1, left_mps=0.3, right_mps=-0.1, stamp=10.0))
+        update = again.update(sample(boot_id=2, left_mps=0.7, right_mps=0.7, stamp=stamp))
+        assert update.rebased
+        assert (update.unseen_left_m, update.unseen_right_m) == pytest.approx(expected)
+    same_boot = odometry.update(sample(boot_id=1, stamp=12.0))
+    assert (same_boot.unseen_left_m, same_boot.unseen_right_m) == (0.0, 0.0)
