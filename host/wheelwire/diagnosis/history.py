@@ -21,6 +21,8 @@ GAP_US = 100_000
 """A link's thread wakes up more often than this, if only for its pings."""
 COPIES_US = 30_000
 """Within this time the copies of one stop are sent."""
+CLOCK_US = 2_000
+"""A stop's time, by the device's clock, may be this much too early."""
 NOTED_US = 200_000
 """Who asked for a stop is recorded this near to it, on a busy computer."""
 SUPPLY_PERIOD_US = 1_000_000
@@ -121,16 +123,19 @@ class History:
             at_us: When it stopped.
             span_us: How long before it they may have been sent.
         """
-        sent = [one for one in self.sent if isinstance(one[1], kind)]
-        before_us = self.explained_us(kind.__name__, at_us) + COPIES_US
+        sent = [
+            (at, getattr(message, "request_id", COPY_ID))
+            for at, message in self.sent
+            if isinstance(message, kind)
+        ]
+        before_us = self.explained_us(kind.__name__, at_us)
         # What was not answered in time is repeated under its number; copies all have the same.
-        used = {getattr(message, "request_id", None) for at, message in sent if at <= before_us}
-        used.discard(COPY_ID)
+        used = {number for at, number in sent if at <= before_us + CLOCK_US}
         return [
             at
-            for at, message in sent
-            if at >= max(at_us - span_us, before_us + 1)
-            and getattr(message, "request_id", ...) not in used
+            for at, number in sent
+            if at >= at_us - span_us
+            and (at > before_us + COPIES_US if number == COPY_ID else number not in used)
         ]
 
     def note_explained(self, by: str | int, at_us: int) -> None:
