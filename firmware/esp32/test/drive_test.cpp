@@ -89,7 +89,6 @@ TEST(a_supply_that_is_set_counts_from_the_next_step_on) {
     CHECK(bench.drive.left().saturated() && before_q15 > 8000);
     bench.config = at_nominal(3.7f);
     bench.drive.note_parameters(bench.config);
-    bench.drive.note_battery(battery_mv, bench.config);
     bench.follow(100'000, 0);
     CHECK(magnitude(bench.left.duty - before_q15 / 2) < 100);
     CHECK(bench.left.duty == bench.right.duty);
