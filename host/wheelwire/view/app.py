@@ -36,6 +36,8 @@ from .screens import (
 from .source import Source
 
 LOOK_S = 0.05
+RESUMED_S = 0.5
+"""For so long after a suspension no key drives: longer than old ones wait in Textual's queues."""
 LOOKS_PER_PICTURE = 5
 """Four pictures a second: more costs the processor, and shows nobody more."""
 _HAND_KEYS = (*DIRECTIONS, *"0123456789+-=_")
@@ -145,8 +147,8 @@ class ViewApp(App[None]):
 
     def _look(self) -> None:
         now = time.monotonic()
-        if now - self._looked_s > STALE_S:
-            self._fresh_from_s = now + 2 * LOOK_S  # for the keys that come behind this look
+        if now - self._looked_s > STALE_S:  # for the keys that come behind this look
+            self._fresh_from_s = max(self._fresh_from_s, now + 2 * LOOK_S)
         self._looked_s = now
         if not self._over:
             try:
@@ -235,9 +237,15 @@ class ViewApp(App[None]):
     # --- the end ---------------------------------------------------------------------------------
 
     def _restore_terminal(self) -> None:
-        """Take the terminal again when the process goes on, without the keys that waited."""
+        """The process goes on: take the terminal again, without the keys that waited."""
+        self._fresh_from_s = math.inf  # some may have been read already: they are old
         with self.suspend():
             pass
+        self.call_later(self._take_keys)
+
+    def _take_keys(self) -> None:
+        """Keys from now on are new ones, but for those that another queue still has."""
+        self._fresh_from_s = time.monotonic() + RESUMED_S
 
     def _end(self, number: signal.Signals | None) -> None:
         if not self._ending:
