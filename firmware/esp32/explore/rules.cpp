@@ -592,8 +592,12 @@ void Judge::follow_motion() {
     const sim::Quadrature& encoder = simulator_.board.encoders[wheel];
     const int64_t moved = std::abs(encoder.shown_ticks() - memory_.seen_ticks[wheel]);
     memory_.seen_ticks[wheel] = encoder.shown_ticks();
-    if (encoder.model.stuck != 0) memory_.hides_tick[wheel] = true;
-    if (moved == 0 || encoder.model.stuck != 0) continue;
+    const bool is_stuck = encoder.model.stuck != 0;
+    const bool was_stuck = memory_.was_stuck[wheel];
+    memory_.was_stuck[wheel] = is_stuck;
+    if (is_stuck) memory_.hides_tick[wheel] = true;
+    // In the step in which a level comes back the wheel may have moved before that alone.
+    if (moved == 0 || is_stuck || was_stuck) continue;
     // The first edge after a level was stuck changes both at once, which a counter takes for none.
     const bool is_counted = !memory_.hides_tick[wheel] || moved > 1;
     memory_.hides_tick[wheel] = false;

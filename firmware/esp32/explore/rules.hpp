@@ -57,6 +57,7 @@ struct Memory {
   // S27. When a level of the encoder last changed, and when a winding was last driven, or the chip
   // started: it may roll.
   std::array<int64_t, 2> seen_ticks{};
+  std::array<bool, 2> was_stuck{};   ///< A level was, at the end of the last step.
   std::array<bool, 2> hides_tick{};  ///< A level was stuck, and is behind the other one.
   uint64_t turned_us = 0;
   uint64_t drove_us = 0;
