@@ -92,13 +92,12 @@ def _contradictions(driver: DeviceDriver, _address: str) -> Iterator[Finding]:
 
 def _unsaved(driver: DeviceDriver, address: str, given: Collection[str]) -> Iterator[Finding]:
     try:
-        names = [name for name in driver.unsaved_parameters() if name not in given]
-    except DeviceRefused:
-        return  # it drives
-    except (GroupUnavailable, InvalidCommand):
-        return  # its firmware, or the program that holds the port, is of an older release
-    # `_contact` reports it, and saving that the contact is off would be no cure.
-    names = [name for name in names if name != "estop_input_enabled"]
+        unsaved = driver.unsaved_parameters()
+    # It drives; or its firmware, or the program that holds the port, is of an older release.
+    except (DeviceRefused, GroupUnavailable, InvalidCommand):
+        return
+    # `_contact` reports the e-stop's input, and saving that it is off would be no cure.
+    names = [name for name in unsaved if name not in (*given, "estop_input_enabled")]
     if names:
         yield Finding(
             "unsaved",
