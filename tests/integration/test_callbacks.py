@@ -206,6 +206,78 @@ def test_what_is_so_already_when_a_callback_is_assigned_is_told() -> None:
         assert again.names == ["lost", "fault"]
 
 
+def test_what_happens_while_a_callback_is_assigned_is_told_once() -> None:
+    """In a callback, so that the news waits: both are so still when that returns."""
+    with MockDriver(realtime=False) as robot:
+        heard = Heard(robot)
+
+        def assign(_: object) -> None:
+            robot.simulator.set("left.encoder_dead", 1)
+            drive_until(robot, lambda: robot.health.faults)
+            robot.unplug()
+            robot.on_lost = lambda error: heard.calls.append(("lost", error))
+            robot.on_fault = lambda faults: heard.calls.append(("fault", faults))
+
+        robot.on_opened = assign
+        robot.unplug()
+        robot.plug()
+        robot.advance(1.0)
+        assert heard.names == ["lost", "fault", "lost"]
+        robot.on_opened = None
+        robot.plug()
+        robot.advance(1.0)
+        robot.unplug()
+        assert heard.names == ["lost", "fault", "lost", "lost"]
+
+
+def test_a_loss_while_on_lost_is_assigned_is_told_once_by_the_thread() -> None:
+    heard: list[str] = []
+    with MockDriver() as robot:
+
+        def assign(_: object) -> None:
+            if "assigned" in heard:
+                heard.append("opened")
+                return
+            robot.unplug()
+            wait_until(lambda: not robot.is_open)
+            robot.on_lost = lambda _: heard.append("lost")
+            heard.append("assigned")
+
+        robot.on_opened = assign
+        robot.unplug()
+        robot.plug()
+        wait_until(lambda: "lost" in heard)
+        robot.plug()
+        wait_until(lambda: "opened" in heard)
+    assert heard == ["assigned", "lost", "opened"]
+
+
+def test_a_loss_while_on_lost_is_assigned_is_told_once_by_asyncio() -> None:
+    heard: list[str] = []
+
+    async def use() -> None:
+        async with aio.open_driver("mock") as robot:
+
+            async def assign(_: object) -> None:
+                if "assigned" in heard:
+                    heard.append("opened")
+                    return
+                robot.unplug()
+                wait_until(lambda: not robot.is_open)  # blocks the loop: the news waits
+                robot.on_lost = lambda _: heard.append("lost")
+                heard.append("assigned")
+
+            robot.on_opened = assign
+            robot.unplug()
+            robot.plug()
+            await until(lambda: "lost" in heard)
+            robot.plug()
+            await until(lambda: "opened" in heard)
+
+    asyncio.run(use())
+    assert heard == ["assigned", "lost", "opened"]
+
+
 @pytest.mark.parametrize("realtime", [False, True])
 def test_one_that_was_taken_away_is_not_called(*, realtime: bool) -> None:
     with MockDriver(realtime=realtime) as robot:

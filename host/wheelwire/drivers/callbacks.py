@@ -8,12 +8,13 @@ import weakref
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from inspect import iscoroutinefunction
 from queue import SimpleQueue
 from typing import Any, TypeAlias
 
 from ..errors import InvalidArgument, WheelwireError, shown
-from ..link.news import Happening, Listener, News
+from ..link.news import Happening, Listener, News, StandingNews
 from ..link.waiting import Notifier
 
 LAST_CALL_S = 1.0
@@ -24,11 +25,24 @@ Handler: TypeAlias = Callable[[Any], object]
 _log = logging.getLogger("wheelwire")
 
 
+@dataclass(eq=False)
+class _Assignment:
+    """A function that was assigned, and whether it was called since."""
+
+    handler: Handler
+    was_called: bool = False
+
+
 class Callbacks(ABC):
     """At most one function for each happening; they are called one after the other, in order."""
 
     def __init__(self) -> None:
-        self.handlers: dict[Happening, Handler] = {}
+        self._assigned: dict[Happening, _Assignment] = {}
+
+    def get(self, happening: Happening) -> Handler | None:
+        """The function that is called, if one is."""
+        assigned = self._assigned.get(happening)
+        return None if assigned is None else assigned.handler
 
     def set(self, happening: Happening, handler: Handler | None) -> None:
         """Call `handler` from now on; with None call nothing.
@@ -37,12 +51,12 @@ class Callbacks(ABC):
             InvalidArgument: It cannot be called.
         """
         if handler is None:
-            self.handlers.pop(happening, None)
+            self._assigned.pop(happening, None)
             return
         if not callable(handler):
             raise InvalidArgument(f"{happening.value} = {shown(handler)}: give a function, or None")
         self._check(happening, handler)
-        self.handlers[happening] = handler
+        self._assigned[happening] = _Assignment(handler)
 
     @property
     @abstractmethod
@@ -52,6 +66,16 @@ class Callbacks(ABC):
     @abstractmethod
     def close(self) -> None:
         """Begin no call from now on. Never waits."""
+
+    def _handler_for(self, news: News) -> Handler | None:
+        """The function that is to be called now for `news`, if one is."""
+        assigned = self._assigned.get(news[0])
+        # What happens after the assignment and before the link knows of it is passed on like all
+        # else, and then once more as what is so already.
+        if assigned is None or (assigned.was_called and isinstance(news, StandingNews)):
+            return None
+        assigned.was_called = True
+        return assigned.handler
 
     def _check(self, happening: Happening, handler: Handler) -> None:
         """Raise `InvalidArgument` for a function that would have to be awaited."""
@@ -139,7 +163,7 @@ class ThreadCallbacks(Callbacks):
         try:
             if self.inbox.closed:
                 return False
-            handler = self.handlers.get(happening)
+            handler = self._handler_for(news)
             if handler is not None:
                 handler(told)
         except BaseException:  # also an exit: it would end this thread alone, and without a word
@@ -181,13 +205,13 @@ class InlineCallbacks(Callbacks):
         self._calling = True
         try:
             while self._news and not self._closed:
-                happening, told = self._news.popleft()
-                handler = self.handlers.get(happening)
+                news = self._news.popleft()
+                handler = self._handler_for(news)
                 if handler is not None:
                     try:
-                        handler(told)
+                        handler(news[1])
                     except Exception:
-                        log_failure(happening)
+                        log_failure(news[0])
         finally:
             self._calling = False
 

@@ -161,7 +161,7 @@ class Driving(ABC):
         The driver logs what they raise, and calls none after `close` has returned. A function that
         is assigned while the robot is out of reach, or a fault is latched, is called for that.
         """
-        return self._callbacks.handlers.get(Happening.LOST)
+        return self._callbacks.get(Happening.LOST)
 
     @on_lost.setter
     def on_lost(self, handler: Callable[[WheelwireError], object] | None) -> None:
@@ -173,7 +173,7 @@ class Driving(ABC):
 
         If the device was reset, its parameters have the values that it has saved.
         """
-        return self._callbacks.handlers.get(Happening.OPENED)
+        return self._callbacks.get(Happening.OPENED)
 
     @on_opened.setter
     def on_opened(self, handler: Callable[[DeviceInfo], object] | None) -> None:
@@ -182,7 +182,7 @@ class Driving(ABC):
     @property
     def on_fault(self) -> Callable[[Fault], object] | None:
         """Called with all latched faults when one more is latched; see `on_lost`."""
-        return self._callbacks.handlers.get(Happening.FAULT)
+        return self._callbacks.get(Happening.FAULT)
 
     @on_fault.setter
     def on_fault(self, handler: Callable[[Fault], object] | None) -> None:

@@ -44,7 +44,7 @@ class LoopCallbacks(Callbacks):
 
     def tell(self, news: News) -> None:
         """Call the function for the news, after those of earlier news."""
-        if self._closed or news[0] not in self.handlers:
+        if self._closed or self.get(news[0]) is None:
             return
         self._news.append(news)
         if self._task is None or self._task.done():  # an eager task is done at once
@@ -66,10 +66,10 @@ class LoopCallbacks(Callbacks):
     async def _run(self) -> None:
         try:
             while self._news and not self._closed:
-                happening, told = self._news.popleft()
-                handler = self.handlers.get(happening)
+                news = self._news.popleft()
+                handler = self._handler_for(news)
                 if handler is not None:
-                    await self._call(happening, handler, told)
+                    await self._call(news[0], handler, news[1])
         finally:
             # Nothing is awaited between the last look at the queue and this.
             self._task = None

@@ -34,7 +34,7 @@ from .clock import host_clock_us
 from .device_link import DeviceLink
 from .info import ExpectedBoard, LinkInfo, LinkStatistics
 from .latest_sample import LatestSample
-from .news import Happening, Listener
+from .news import Happening, Listener, StandingNews
 from .port_loop import Done, OpenPort, PortLoop, Task
 from .requests import Answer, RequestMessage
 from .requests import Done as RequestDone
@@ -306,7 +306,7 @@ class Link(DeviceLink):
         def answered(result: Answer | WheelwireError | None) -> None:
             # The thread has ended, and nothing else will be reported.
             if isinstance(result, WheelwireError) and happening is Happening.LOST:
-                listener((happening, result))
+                listener(StandingNews(happening, result))
 
         self._loop.call(begin, answered)
 

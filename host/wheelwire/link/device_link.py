@@ -15,7 +15,7 @@ from ..errors import InvalidCommand, RequestTimeout, WheelwireError
 from ..samples import Setpoint
 from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
-from .news import Happening, Listener
+from .news import Happening, Listener, StandingNews
 from .requests import Answer, Done, RequestMessage
 from .session import Session
 from .state_stream import DUTY_SCALE
@@ -222,7 +222,7 @@ class DeviceLink(ABC):
         self._listener = listener
         standing = self._session.standing_news(happening)
         if standing is not None:
-            listener(standing)
+            listener(StandingNews(*standing))
 
     def _tell_listener(self) -> None:
         news = self._session.news

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 
 class Happening(enum.Enum):
@@ -18,6 +18,13 @@ class Happening(enum.Enum):
     """A fault was latched; reported with all that are."""
     STOPPED = "watch_stops"
     """The robot has stopped; reported with the stop, by a watch, and never by the link itself."""
+
+
+class StandingNews(NamedTuple):
+    """News of what was so already when a listener asked for it, which may be a repeat."""
+
+    happening: Happening
+    subject: object
 
 
 News: TypeAlias = "tuple[Happening, object]"

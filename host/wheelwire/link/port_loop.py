@@ -24,7 +24,7 @@ from ..errors import LinkClosed, LinkLost, WheelwireError
 from .clock import SuspendWatch, host_clock_us
 from .forking import abandon_in_child
 from .latest_sample import LatestSample
-from .news import Happening, Listener
+from .news import Happening, Listener, StandingNews
 from .port_policy import Coalescing, LastStop, PortPolicy
 from .requests import Answer
 from .session import Phase, Session
@@ -552,7 +552,7 @@ class PortLoop:
         self._listener = listener
         standing = self._session.standing_news(happening)
         if standing is not None:
-            listener(standing)
+            listener(StandingNews(*standing))
 
     def _tell_listener(self) -> None:
         """Pass on what has happened; samples of a lost link are gone by then."""
