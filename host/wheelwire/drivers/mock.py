@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import socket
+from contextlib import suppress
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -133,6 +134,9 @@ class MockProcess:
     """The simulator's process, started anew whenever it was lost."""
 
     simulator: Simulator
+    """The newest one that has started."""
+    _line: socket.socket
+    """This end of the newest line."""
 
     def __init__(self, options: MockOptions) -> None:
         self._values = checked_values(options.parameters)
@@ -146,31 +150,39 @@ class MockProcess:
 
     def unplug(self) -> None:
         """It is out of reach from now on."""
-        # First: the link loses its port by the command, and must not open it again.
+        # First: the link loses its port by what follows, and must not open it again.
         self._plugged = False
-        self.simulator.command("unplug")
+        with suppress(OSError):  # it is lost already
+            self._line.shutdown(socket.SHUT_RDWR)
 
     def plug(self) -> None:
         """It may be started again."""
         self._plugged = True
 
     def _open_transport(self, _baud_rate: int) -> Transport:
-        if not self._plugged:
-            raise LinkLost("the simulated robot is unplugged; call plug()")
+        self._check_plugged()
         ours, theirs = socket.socketpair()
         presets = [f"--preset={_id(name)}={value!r}" for name, value in self._values.items()]
-        self.simulator = Simulator(
+        simulator = Simulator(
             store=self._store, settings=_settings(self._values), arguments=presets, socket=theirs
         )
-        transport = _Transport(ours, self.simulator)
+        transport = _Transport(ours, simulator)
+        self._line = ours
         try:
-            self.simulator.start()
+            simulator.start()
+            # `unplug` may have come before there was a line.
+            self._check_plugged()
         except BaseException:
             # `start` may have failed before it closed this end; closing it twice does no harm.
             theirs.close()
             transport.close()
             raise
+        self.simulator = simulator
         return transport
+
+    def _check_plugged(self) -> None:
+        if not self._plugged:
+            raise LinkLost("the simulated robot is unplugged; call plug()")
 
 
 def _converted(store: Path | None) -> Path | None:
