@@ -4,6 +4,7 @@
 #include "check.hpp"
 #include "memory_store.hpp"
 #include "parameters.hpp"
+#include "twin_store.hpp"
 
 using namespace wheelwire;
 using namespace wheelwire::test;
@@ -167,6 +168,21 @@ TEST(keeper_of_a_damaged_block_drives_nothing) {
   uint8_t more[BoardBlock::kSize + 1]{};
   longer.save(more, sizeof more);
   CHECK(Start(longer).keeper.state() == BoardState::kNone);
+}
+
+TEST(keeper_none_of_whose_slots_is_whole_has_no_board) {
+  for (const bool only_one_was_saved : {true, false}) {
+    MemoryStore slots[2];
+    TwinStore store(slots[0], slots[1]);
+    Start start(store);
+    CHECK(start.keeper.write(Packed(variant(21)).bytes) == RefusalCode::kNone);
+    if (!only_one_was_saved) CHECK(start.keeper.request_trial() == RefusalCode::kNone);
+    CHECK(slots[1].block.empty() == only_one_was_saved);
+    for (MemoryStore& slot : slots) {
+      if (!slot.block.empty()) slot.block.back() ^= 1;
+    }
+    CHECK(Start(store).keeper.state() == BoardState::kNone);
+  }
 }
 
 /// From the first write of a board to the last, whatever write the power is cut at: the next starts

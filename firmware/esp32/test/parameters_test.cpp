@@ -6,6 +6,7 @@
 #include "check.hpp"
 #include "crc32.hpp"
 #include "memory_store.hpp"
+#include "twin_store.hpp"
 #include "wire.hpp"
 
 using namespace wheelwire;
@@ -60,6 +61,18 @@ TEST(what_a_start_would_load_otherwise_is_unsaved) {
   CHECK(active.unsaved(store) == (bit_of(kWheelRadius) | bit_of(kTtlMaxS)));
   store.block.back() ^= 1;  // A start takes the defaults if it cannot read what was saved.
   CHECK(active.unsaved(store) == 0);
+}
+
+TEST(one_value_is_not_saved_over_a_block_that_cannot_be_read) {
+  MemoryStore first;
+  MemoryStore second;
+  TwinStore store(first, second);
+  Parameters active;
+  CHECK(active.save(store));
+  first.block.back() ^= 1;
+  const std::vector<uint8_t> damaged = first.block;
+  CHECK(!active.save_one(store, kTtlMaxS));
+  CHECK(first.block == damaged && second.block.empty());
 }
 
 TEST(any_flipped_bit_or_cut_of_the_block_is_noticed) {

@@ -129,12 +129,26 @@ TEST(two_damaged_slots_are_a_fault_and_two_empty_ones_are_not) {
 }
 
 TEST(a_slot_that_cannot_be_read_counts_only_where_the_other_is_no_good) {
-  Bench bench;
-  CHECK(bench.save(kOld));
-  bench.slots[1].found = fault::kStoreUnreadable;
-  CHECK(bench.load() == kOld && bench.faults == 0);
-  bench.slots[0].memory.block.clear();
-  CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
+  for (const int unread : {0, 1}) {
+    Bench bench;
+    CHECK(bench.save(kOld) && bench.save(kNew));
+    bench.slots[unread].memory.block.clear();
+    bench.slots[unread].found = fault::kStoreUnreadable;
+    CHECK(bench.load() == (unread == 0 ? kNew : kOld) && bench.faults == 0);
+    bench.slots[1 - unread].memory.block.clear();
+    CHECK(bench.load().empty() && bench.faults == fault::kStoreUnreadable);
+  }
+}
+
+TEST(what_is_wrong_with_one_slot_stands_beside_the_damage_of_the_other) {
+  for (const int newer : {0, 1}) {
+    Bench bench;
+    CHECK(bench.save(kOld) && bench.save(kNew));
+    bench.slots[newer].memory.block.clear();
+    bench.slots[newer].found = fault::kStoreNewer;
+    bench.slots[1 - newer].memory.block.back() ^= 1;
+    CHECK(bench.load().empty() && bench.faults == (fault::kStoreNewer | fault::kStoreUnreadable));
+  }
 }
 
 TEST(the_number_may_wrap) {
