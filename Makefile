@@ -180,6 +180,9 @@ reliability: cpp-tests  ## The figures of docs/reliability.md, except fuzzing, c
 	$(HOST_BUILD)/wheelwire-counter-endurance 1e9
 
 mutants: $(VENV)/installed  ## Small changes that would harm a robot: a test fails for each; make mutants [ONLY=text] [LIST=1]
+ifeq ($(shell uname -sm),Linux x86_64)
+	@$(if $(LIST),true,$(MAKE) --no-print-directory ros) || echo "ROS 2 cannot be had here: some mutations of its node cannot be tried"
+endif
 	@$(BIN)/python tests/mutants/run.py $(if $(LIST),--list) $(ONLY)
 
 RUNS ?= 5

@@ -58,7 +58,7 @@ def failures(tried: Sequence[Tried]) -> list[str]:
     for group, mutant, verdict in tried:
         name = f"{group.name}/{mutant.name}"
         if verdict.outcome is Outcome.BROKEN:
-            found.append(f"{name} does not build or import: mend the mutation")
+            found.append(f"{name} was not tested: {verdict.detail}")
         elif verdict.outcome is Outcome.LIVES and not mutant.lives:
             found.append(f"{name} lives: write a test. {mutant.why}")
         elif verdict.outcome is Outcome.KILLED and mutant.lives:

@@ -138,7 +138,7 @@ class Outcome(Enum):
     KILLED = "killed"
     LIVES = "LIVES"
     BROKEN = "BROKEN"
-    """It does not compile or cannot be imported: nothing was tested."""
+    """It does not compile or cannot be imported, or the tests need what is not installed."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +158,8 @@ def judge(return_code: int, output: str) -> Verdict:
         return Verdict(Outcome.LIVES, "every test passes")
     if return_code == pytest.ExitCode.TESTS_FAILED:
         return Verdict(Outcome.KILLED, (failed[1] or failed[2]) if failed else "a test failed")
+    if return_code == pytest.ExitCode.NO_TESTS_COLLECTED:
+        return Verdict(Outcome.BROKEN, "no test ran: those of the node need `make ros`")
     if return_code < 0:
         return Verdict(Outcome.KILLED, f"the tests crashed: {signal.Signals(-return_code).name}")
     return Verdict(Outcome.BROKEN, output[-2000:])

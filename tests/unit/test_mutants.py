@@ -76,7 +76,7 @@ def test_a_misspelt_key_is_named(tmp_path: Path) -> None:
         (1, "E\nERROR tests/a.py::test_c - OSError\n", Outcome.KILLED, "tests/a.py::test_c"),
         (-11, "", Outcome.KILLED, "the tests crashed: SIGSEGV"),
         (2, "ERROR tests/a.py - SyntaxError", Outcome.BROKEN, "ERROR tests/a.py - SyntaxError"),
-        (5, "no tests ran", Outcome.BROKEN, "no tests ran"),
+        (5, "1 skipped", Outcome.BROKEN, "no test ran: those of the node need `make ros`"),
     ],
 )
 def test_only_a_failed_test_kills(code: int, output: str, outcome: Outcome, detail: str) -> None:
@@ -90,7 +90,8 @@ def test_what_fails_a_run() -> None:
     assert failures([(group, SIGN, killed), (group, explained, lives)]) == []
     assert [text.split()[1] for text in failures([(group, SIGN, lives)])] == ["lives:"]
     assert "take `lives` out" in failures([(group, explained, killed)])[0]
-    assert "does not build" in failures([(group, SIGN, Verdict(Outcome.BROKEN, ""))])[0]
+    broken = Verdict(Outcome.BROKEN, "it does not compile")
+    assert failures([(group, SIGN, broken)]) == ["core/sign was not tested: it does not compile"]
     assert summary([(group, SIGN, killed)] * 19 + [(group, SIGN, lives)]) == (
         "19 of 20 killed (95%)",
         True,
