@@ -1,4 +1,4 @@
-"""What SPEC.md decides, on the firmware and on the stand-in that the host is tested against."""
+"""What SPEC.md decides, on the firmware."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from support.raw import NONCE, RawDevice, RawHost
+from support.raw import NONCE, RawHost
 from wheelwire.link.port_policy import USUAL_RATES
 from wheelwire.link.transports import SerialTransport
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
@@ -37,9 +37,9 @@ ROOT = Path(__file__).parents[2]
 LAST = (1 << 32) - 1
 
 
-@pytest.fixture(params=["firmware", "stand-in"])
-def host(request: pytest.FixtureRequest) -> RawHost:
-    return RawHost() if request.param == "firmware" else RawHost(device=RawDevice())
+@pytest.fixture
+def host() -> RawHost:
+    return RawHost()
 
 
 def velocity(host: RawHost, seq: int, mps: float = 0.2, ttl_us: int = 300_000) -> SetWheelVelocity:
@@ -55,7 +55,7 @@ def refusals(host: RawHost, *messages: SetWheelVelocity | ParameterSet) -> list[
 
 def drives(host: RawHost) -> bool:
     host.run_ms(20)
-    return bool(host.bench.get("drive_on"))
+    return bool(host.sim.get("drive_on"))
 
 
 @pytest.mark.parametrize(
@@ -154,9 +154,9 @@ def test_a_stop_of_all_numbers_voids_them_until_a_new_session(host: RawHost) -> 
 
 def test_an_overlong_chunk_is_counted_before_it_ends(host: RawHost) -> None:
     host.open()
-    host.bench.write(b"\x41" * (MAX_ENCODED + 1))
+    host.sim.write(b"\x41" * (MAX_ENCODED + 1))
     host.run_ms(5)
-    host.bench.write(b"\0")
+    host.sim.write(b"\0")
     first = host.ask(LinkCountersGet(host.session_id, 1), LinkCounters)
     assert first.bad_cobs == 1
 

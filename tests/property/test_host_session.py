@@ -3,7 +3,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import WheelwireError
 from wheelwire.link.session import Session
@@ -78,7 +78,7 @@ def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
     seed: int, loss: float, repeat: float, flip: float, jitter_us: int
 ) -> None:
     impairment = Impairment(loss=loss, repeat=repeat, flip=flip, delay_us=200, jitter_us=jitter_us)
-    device = FakeDevice(drift=100e-6)
+    device = CoreDevice(drift=100e-6)
     line = VirtualLine(seed, to_device=impairment, to_host=impairment, device=device)
     line.session.connect(line.now_us)
     asked: list[float] = []
@@ -106,7 +106,7 @@ def test_on_a_bad_line_nothing_is_renewed_done_twice_or_sampled_twice(
             copies[key] = copies.get(key, 0) + 1
     assert max(copies.values(), default=0) <= 2
 
-    done = [m for m in device.done if isinstance(m, ParameterSet)]
+    done = device.asked(ParameterSet)
     assert len({(m.session_id, m.request_id) for m in done}) == len(done) <= len(asked)
     latches = [(s.boot_id, s.t_us) for s in line.samples]
     assert len(set(latches)) == len(latches)

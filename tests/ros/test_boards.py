@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
 from lifecycle_msgs.msg import Transition
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
@@ -23,16 +23,16 @@ OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
 
 
-def replace(port: PtyDevice, board_id: int) -> FakeDevice:
+def replace(port: PtyDevice, board_id: int) -> CoreDevice:
     """Another board behind the same name."""
     port.unplug()
-    port.device = FakeDevice(board_id=board_id)
+    port.device = CoreDevice(board_id=board_id)
     port.plug()
     return port.device
 
 
 def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port:
+    with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=port.path):
             graph.wait_active()
@@ -46,7 +46,7 @@ def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> N
 
 
 def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port:
+    with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=port.path):
             graph.wait_active()
@@ -61,7 +61,7 @@ def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) ->
 
 def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Path) -> None:
     with (
-        PtyDevice(tmp_path / "port", FakeDevice(board_id=FIRST)) as port,
+        PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port,
         RobotNode(graph, port=port.path, any_board=True) as node,
     ):
         graph.wait_active()

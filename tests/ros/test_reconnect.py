@@ -16,13 +16,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from std_srvs.srv import SetBool
 
 from support import stop_host
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.ros import Diagnostics, open_graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, open_rig, stamp_s
 from support.stop_host import stopped
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
+from wheelwire_protocol.types import DeviceHello
 
 LIMIT_MPS = 0.25
 LONG_S = 5.0
@@ -135,7 +136,8 @@ def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path)
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=path) as node:
             graph.wait_active()
-            right, device.device = device.device, FakeDevice(schema_hash=1)
+            other = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
+            right, device.device = device.device, CoreDevice(edits={DeviceHello: other})
             device.unplug()
             device.plug()
             diagnostics.wait("link", lambda status, _: "do not match" in status.message)

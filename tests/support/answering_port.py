@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.transports import Transport
 from wheelwire_protocol.decoder import Decoder
@@ -21,7 +21,7 @@ class Port(Transport):
     """
 
     def __init__(
-        self, device: FakeDevice | None = None, accepts: Callable[[], bool] = lambda: True
+        self, device: CoreDevice | None = None, accepts: Callable[[], bool] = lambda: True
     ) -> None:
         self.ours, self.theirs = socket.socketpair()
         self.ours.setblocking(False)  # it is also read when nothing is known to be there

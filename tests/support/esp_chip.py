@@ -1,6 +1,6 @@
 """An ESP32's ROM loader, esptool's stub and the bootloader before 4 MB of flash. Sans-IO.
 
-esptool speaks to it as to a chip; what boots from its flash is a `FakeDevice`. A pseudo-terminal
+esptool speaks to it as to a chip; what boots from its flash is a `CoreDevice`. A pseudo-terminal
 has no modem lines: SLIP's SYNC resets the chip into its loader, other bytes reset it out of it.
 
 The protocol is described in esptool's documentation, "Serial Protocol".
@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .fake_device import FakeDevice
+from .core_device import CoreDevice
 
 FLASH_BYTES = 4 << 20
 SECTOR = 0x1000
@@ -50,9 +50,9 @@ ESP32C3 = ChipKind(0, 5)
 class EspChip:
     """`flash` may be changed between sessions; `erased` lists the erased ranges in order."""
 
-    def __init__(self, kind: ChipKind = ESP32, device: FakeDevice | None = None) -> None:
+    def __init__(self, kind: ChipKind = ESP32, device: CoreDevice | None = None) -> None:
         self.kind = kind
-        self.device = device or FakeDevice()
+        self.device = device or CoreDevice()
         self.flash = bytearray(b"\xff" * FLASH_BYTES)
         self.erased: list[tuple[int, int]] = []
         self.answers_loader = True

@@ -21,7 +21,7 @@ from wheelwire.drivers.serial import SerialDriver
 
 LONGEST_S = 6.0
 """The longest time that any call may take."""
-TTL_S = 60.0
+TTL_S = 5.0
 """Long enough that no setpoint expires on its way, even on a busy computer."""
 
 

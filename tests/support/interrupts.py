@@ -17,7 +17,7 @@ from typing import Any, cast
 
 from wheelwire_protocol.types import ParameterSet, SetDuty, Stop
 
-from .fake_device import FakeDevice
+from .core_device import CoreDevice
 from .pty_device import PtyDevice
 
 PROGRAM = Path(__file__).with_name("interrupted_host.py")
@@ -38,7 +38,7 @@ def interrupt_program(count: int, mode: str, seed: int = 1) -> Interruptions:
     """Interrupt a program `count` times; see `interrupted_host`."""
     with (
         tempfile.TemporaryDirectory() as folder,
-        PtyDevice(Path(folder) / "robot", FakeDevice(ttl_max_s=60.0)) as robot,
+        PtyDevice(Path(folder) / "robot", CoreDevice(ttl_max_s=5.0)) as robot,
         subprocess.Popen(
             [sys.executable, str(PROGRAM), str(robot.path), str(seed), str(count), mode],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},

@@ -1,4 +1,4 @@
-"""The fake device behind a pseudo-terminal, in real time, reached through a symlink."""
+"""The core behind a pseudo-terminal, in real time, reached through a symlink."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from .fake_device import FakeDevice
+from .core_device import CoreDevice
 
 
 class LineEnd(Protocol):
@@ -23,13 +23,13 @@ class LineEnd(Protocol):
 
 
 class PtyDevice:
-    """Serves a fake device, or what is `before` it, at `path`; can be unplugged."""
+    """Serves a `CoreDevice`, or what is `before` it, at `path`; can be unplugged."""
 
     def __init__(
-        self, path: Path, device: FakeDevice | None = None, before: LineEnd | None = None
+        self, path: Path, device: CoreDevice | None = None, before: LineEnd | None = None
     ) -> None:
         self.path = path
-        self.device = device or FakeDevice()
+        self.device = device or CoreDevice()
         self._before = before
         self._end = threading.Event()
         self._thread: threading.Thread | None = None

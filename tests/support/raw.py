@@ -3,55 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
-from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import AnyMessage, DeviceHello, Hello, Ping, WheelState
 
-from .fake_device import FakeDevice
-
 M = TypeVar("M")
 NONCE = 0x12345678
-
-
-class Bench(Protocol):
-    """What a raw host needs of a device."""
-
-    def write(self, data: bytes) -> None: ...
-    def read(self) -> bytes: ...
-    def advance_us(self, duration_us: int) -> None: ...
-    def get(self, name: str) -> float: ...
-
-
-class RawDevice:
-    """The fake device as a raw host's device."""
-
-    def __init__(self) -> None:
-        self.device = FakeDevice()
-        self._now_us = 0
-
-    def write(self, data: bytes) -> None:
-        """Bytes from the host."""
-        self.device.feed(data, self._now_us)
-
-    def read(self) -> bytes:
-        """Bytes to the host."""
-        return self.device.take_output()
-
-    def advance_us(self, duration_us: int) -> None:
-        """Let time pass."""
-        self._now_us += duration_us
-        self.device.advance(self._now_us)
-
-    def get(self, name: str) -> float:
-        """A variable of the device: `device_us`, or whether it drives."""
-        if name == "device_us":
-            return self.device.clock(self._now_us)
-        return float(self.device.supervisor is SupervisorState.DRIVING)
 
 
 class RawHost:
@@ -60,15 +21,10 @@ class RawHost:
     Args:
         seed: Seed of the simulated firmware.
         store: Its file of saved parameters.
-        device: Another one.
     """
 
-    def __init__(
-        self, seed: int = 1, store: Path | None = None, device: Bench | None = None
-    ) -> None:
-        if device is None:
-            self.sim = device = FwSim(seed, store)
-        self.bench = device
+    def __init__(self, seed: int = 1, store: Path | None = None) -> None:
+        self.sim = FwSim(seed, store)
         self.encoder = Encoder()
         self.decoder = Decoder()
         self.received: list[AnyMessage] = []
@@ -83,13 +39,13 @@ class RawHost:
     def send(self, *messages: AnyMessage) -> None:
         """Put frames on the line."""
         for message in messages:
-            self.bench.write(self.encoder.encode(message))
+            self.sim.write(self.encoder.encode(message))
 
     def run_ms(self, milliseconds: int) -> None:
         """Let time pass and collect the device's messages."""
         for _ in range(milliseconds):
-            self.bench.advance_us(1000)
-            self.received += self.decoder.feed(self.bench.read())
+            self.sim.advance_us(1000)
+            self.received += self.decoder.feed(self.sim.read())
 
     def ask(self, message: AnyMessage, answer: type[M]) -> M:
         """Send, wait 5 ms, and return the one answer of that type."""
@@ -117,7 +73,7 @@ class RawHost:
     @property
     def device_us(self) -> int:
         """The device's clock."""
-        return int(self.bench.get("device_us"))
+        return int(self.sim.get("device_us"))
 
     def state(self) -> WheelState:
         """The newest state frame of the next 20 ms."""

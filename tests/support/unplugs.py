@@ -15,7 +15,7 @@ from random import Random
 from typing import Any
 
 from support.answering_port import Port
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from wheelwire import aio
 from wheelwire.drivers.linked import WATCHED
 from wheelwire.drivers.transport_driver import DeviceDriver, opened_later
@@ -139,7 +139,7 @@ class Socket:
 
     def __init__(self, random: Random) -> None:
         self._random = random
-        self._device = FakeDevice(clock_offset_us=0)
+        self._device = CoreDevice()
         self._port: _Pluggable | None = None
         self._plugged = True
 
@@ -157,7 +157,7 @@ class Socket:
 
     def plug(self) -> None:
         # Anew: a latched e-stop or a fault would have every later call refused.
-        self._device = FakeDevice(clock_offset_us=0)
+        self._device = CoreDevice()
         self._plugged = True
 
     def _accepts(self) -> bool:

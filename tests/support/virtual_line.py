@@ -1,4 +1,4 @@
-"""A session and a fake device on a bad line, in virtual time, all of it seeded."""
+"""A session and the core on a bad line, in virtual time, all of it seeded."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from wheelwire.simulation.bad_line import Direction, Impairment
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage
 
-from .fake_device import FakeDevice
+from .core_device import CoreDevice
 from .host_samples import received
 
-STEP_US = 2_000
+STEP_US = 1_000
 """The longest jump of time."""
 GOOD = Impairment(delay_us=200)
 
@@ -33,12 +33,12 @@ class VirtualLine:
         *,
         to_device: Impairment | None = None,
         to_host: Impairment | None = None,
-        device: FakeDevice | None = None,
+        device: CoreDevice | None = None,
         stream_rate_hz: int | None = None,
         watched: tuple[int, ...] = (),
     ) -> None:
         self.random = Random(seed)
-        self.device = device or FakeDevice(random=Random(seed + 1))
+        self.device = device or CoreDevice(seed=seed + 1)
         self.session = Session(lambda: self.random.getrandbits(32), stream_rate_hz, watched)
         self.to_device = Direction(to_device or GOOD, self.random)
         self.to_host = Direction(to_host or GOOD, self.random)
@@ -53,7 +53,6 @@ class VirtualLine:
         events = (
             self.to_device.next_us,
             self.to_host.next_us,
-            self.device.next_us,
             self.session.next_deadline_us,
         )
         coming = [event for event in events if event is not None and event > now]

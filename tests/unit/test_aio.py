@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from support.answering_port import Port
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import is_open
 from wheelwire import aio, errors
@@ -27,15 +27,18 @@ from wheelwire.drivers.transport_driver import DeviceDriver, TransportDriver, op
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.connection import Link, LinkOptions
 from wheelwire.link.transports import open_transport
-from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ClearEstop,
+    DeviceHello,
     ParameterGet,
     ParameterSet,
+    ParameterValue,
     SetDuty,
     SetWheelVelocity,
     Stop,
+    WheelState,
 )
 
 pytestmark = pytest.mark.timeout(60)
@@ -70,7 +73,7 @@ class Place:
     """Where a device is: opens ports to it."""
 
     def __init__(self) -> None:
-        self.device = FakeDevice(clock_offset_us=0, ttl_max_s=60.0)
+        self.device = CoreDevice(ttl_max_s=5.0)
         self.ports: list[Port] = []
         self.accepts = True
 
@@ -79,11 +82,11 @@ class Place:
         self.ports.append(port)
         return port
 
-    def opening(self) -> aio.Opening[aio.Driver]:
-        return aio.Opening(self._make)
+    def opening(self, stream_rate_hz: int | None = None) -> aio.Opening[aio.Driver]:
+        options = LinkOptions("place", stream_rate_hz=stream_rate_hz, open_port=self.open)
+        return aio.Opening(partial(self._make, options))
 
-    def _make(self) -> aio.Driver:
-        options = LinkOptions("place", open_port=self.open)
+    def _make(self, options: LinkOptions) -> aio.Driver:
         with opened_later():
             return aio.Driver(DeviceDriver(partial(Link, options)))
 
@@ -123,7 +126,7 @@ async def until(condition: Callable[[], object], timeout_s: float = 10.0) -> Non
 async def drive(place: Place, robot: aio.Driver) -> None:
     """Have the device drive, and go on driving for long."""
     place.device.obeyed.clear()
-    robot.set_velocity(0.2, 0.0, ttl=60.0)
+    robot.set_velocity(0.2, 0.0, ttl=5.0)
     await until(lambda: place.device.obeyed)
     assert place.state() is SupervisorState.DRIVING
 
@@ -198,9 +201,10 @@ def test_all_parameters_are_known_without_waiting(place: Place) -> None:
                 await parameters.set("integral_gain", -1.0)
             with pytest.raises(errors.UnknownParameter):
                 await parameters.set("integral_gian", 1.0)
-            place.device.parameters[gain.id] = 2.5
+            place.device.edits[ParameterValue] = {"value": 2.5}
             await parameters.refresh("integral_gain")
             assert parameters["integral_gain"] == 2.5
+            place.device.edits.clear()
             assert {info.name: info.value for info in await parameters.list()} == dict(parameters)
             await parameters.save()
             await parameters.reset()
@@ -212,8 +216,7 @@ def test_all_parameters_are_known_without_waiting(place: Place) -> None:
 
 def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
     async def use() -> None:
-        robot = await place.opening()
-        place.device.rate_hz = 1000
+        robot = await place.opening(stream_rate_hz=1000)
         samples = robot.samples()
         times = []
         async for sample in samples:
@@ -232,7 +235,7 @@ def test_samples_come_in_order_and_end_with_the_driver(place: Place) -> None:
 def test_no_sample_is_a_timeout(place: Place) -> None:
     async def use() -> None:
         async with place.opening() as robot:
-            place.device.rate_hz = 0
+            place.device.lost.add(WheelState)
             with suppress(errors.RequestTimeout):
                 while True:
                     await robot.read(0.05)
@@ -247,7 +250,7 @@ def test_no_sample_is_a_timeout(place: Place) -> None:
 def test_a_request_that_is_not_answered_times_out(place: Place) -> None:
     async def use() -> None:
         async with place.opening() as robot:
-            place.device.lost_answers = {ClearEstop}
+            place.device.lost = {ClearEstop}
             with pytest.raises(errors.RequestTimeout):
                 await robot.clear_estop()
             await robot.clear_fault()
@@ -543,7 +546,6 @@ def test_a_trial_is_reverted_unless_it_is_kept(place: Place) -> None:
                 await robot.parameters.set("wheel_radius", 0.05)
                 await trial.keep()
             assert robot.geometry.wheel_radius == 0.05
-            assert place.device.former is None
             with pytest.raises(ZeroDivisionError):
                 await fail(robot)
             assert robot.geometry.wheel_radius == 0.05
@@ -564,7 +566,6 @@ def test_a_trial_that_is_cancelled_anywhere_is_reverted(place: Place) -> None:
             while await cancelled_after(iterations, attempt(robot)):
                 await robot.parameters.refresh("integral_gain")  # comes after what it has sent
                 assert robot.parameters["integral_gain"] == 16.0
-                assert place.device.former is None
                 iterations += 1
             assert iterations > 3
             assert robot.sessions == 1
@@ -770,7 +771,7 @@ def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> No
                 await robot.read(0.05)  # what was measured before may still be read
             with pytest.raises(errors.LinkLost):
                 await robot.read(0.05)
-            device.device.parameters[PARAMETER_BY_NAME["integral_gain"].id] = gain / 2
+            device.device.parameters["integral_gain"] = gain / 2
             device.device.reset()
             device.plug()
             assert (await robot.read(10)).boot_id == device.device.boot_id
@@ -809,7 +810,7 @@ def test_a_full_port_keeps_a_setpoint_and_refuses_many(place: Place) -> None:
             refused: list[str] = []
             while not refused:
                 try:
-                    robot.set_duty(0.1, 0.1, ttl=60.0)
+                    robot.set_duty(0.1, 0.1, ttl=5.0)
                 except errors.LinkLost as error:  # noqa: PERF203 - until it comes
                     refused.append(str(error))
             assert "accepts no data" in refused[0]
@@ -835,12 +836,13 @@ def test_no_session_says_why(tmp_path: Path) -> None:
         assert other_tasks() == []
 
     async def mismatch(device: PtyDevice) -> None:
-        device.device.schema_hash ^= 1
+        theirs = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
+        device.device.edits[DeviceHello] = theirs
         with pytest.raises(errors.ProtocolMismatch):
             await aio.open_driver("serial", port=str(device.path))
 
     asyncio.run(missing())
-    with PtyDevice(tmp_path / "robot", FakeDevice(mute=True)) as device:
+    with PtyDevice(tmp_path / "robot", CoreDevice(mute=True)) as device:
         asyncio.run(silent(str(device.path)))
         device.device.mute = False
         asyncio.run(mismatch(device))

@@ -13,6 +13,7 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.errors import shown
 from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.types import SetStreamRate
 
 NO_NUMBERS: list[Any] = [
     "fast",
@@ -169,7 +170,7 @@ def test_a_path_is_a_port(tmp_path: Path) -> None:
         assert driver.info.port == str(robot.path)
         assert driver.info.baud_rate == 115_200
         assert isinstance(driver.info.baud_rate, int)
-        assert robot.device.rate_hz == 50
+        assert [m.rate_hz for m in robot.device.asked(SetStreamRate)] == [50]
 
 
 @pytest.mark.parametrize("bad", NO_NUMBERS, ids=shown)

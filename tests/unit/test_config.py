@@ -18,8 +18,6 @@ from wheelwire.errors import ConfigurationError
 from wheelwire.files.pins import Pins
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
-RADIUS = PARAMETER_BY_NAME["wheel_radius"].id
-
 
 def test_the_shipped_file_is_the_wiring_guides() -> None:
     config = wheelwire.load_config()
@@ -165,10 +163,9 @@ def test_a_serial_robot_goes_by_the_files_parameters(tmp_path: Path) -> None:
             f"driver: serial\nserial: {{port: {device.path}}}\nparameters: {{wheel_radius: 0.04}}\n"
         )
         with wheelwire.open_robot(file) as robot:
-            assert device.device.parameters[RADIUS] == pytest.approx(0.04)
-            device.device.parameters[RADIUS] = 0.033
+            assert device.device.value("wheel_radius") == pytest.approx(0.04)
             device.device.reset()
-            wait_until(lambda: device.device.parameters[RADIUS] == pytest.approx(0.04))
+            wait_until(lambda: device.device.value("wheel_radius") == pytest.approx(0.04))
             wait_until(lambda: robot.sessions == 2)
 
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
+from support.core_device import CoreDevice
 from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
 from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
-from support.fake_device import FakeDevice
 from support.pty_device import PtyDevice
 from support.stalls import again_after_a_stall
 from wheelwire import errors, flash
 from wheelwire_protocol.codes import Board
-from wheelwire_protocol.types import Stop
+from wheelwire_protocol.types import Stop, WheelState
 
 TIMEOUT_S = 120.0
 OTA_1_IS_SELECTED = OTADATA_ENTRY.pack(2, b"\xff" * 20, 2, 0x55F63774)
@@ -37,7 +37,7 @@ def image(tmp_path: Path) -> Path:
 @pytest.fixture
 def chip() -> EspChip:
     """A board that runs an earlier release of ours."""
-    chip = EspChip(device=FakeDevice(board=Board.ESP32, wheel_mps=0.0))
+    chip = EspChip(device=CoreDevice(board=Board.ESP32))
     put(chip, 0, merged_image(seed=2, app_bytes=12_345))
     return chip
 
@@ -144,7 +144,7 @@ def test_erase_leaves_the_image_alone(chip: EspChip, port: str, image: Path) -> 
 
 
 def test_an_empty_chip_of_another_kind(tmp_path: Path) -> None:
-    chip = EspChip(ESP32S3, FakeDevice(board=Board.ESP32S3, wheel_mps=0.0))
+    chip = EspChip(ESP32S3, CoreDevice(board=Board.ESP32S3))
     image = tmp_path / "wheelwire-esp32s3.bin"
     image.write_bytes(merged_image(ESP32S3))
     with PtyDevice(tmp_path / "port", before=chip) as pty:
@@ -177,7 +177,7 @@ def test_no_chip_gives_esptools_reason(chip: EspChip, port: str, image: Path) ->
 
 @again_after_a_stall
 def test_wheels_that_turn_are_a_refusal(chip: EspChip, port: str, image: Path) -> None:
-    chip.device.wheel_mps = 0.2
+    chip.device.edits[WheelState] = {"left_mps": 0.2}
     check_refusal(run("--port", port, "--image", str(image)), "keep turning")
     assert chip.erased == []
 

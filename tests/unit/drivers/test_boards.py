@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
@@ -19,7 +19,7 @@ FIRST, STRANGER = 0x240AC4123456, 0x240AC4ABCDEF
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "robot", FakeDevice(board_id=FIRST)) as device:
+    with PtyDevice(tmp_path / "robot", CoreDevice(board_id=FIRST)) as device:
         yield device
 
 
@@ -31,9 +31,9 @@ def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
     return None
 
 
-def replace(robot: PtyDevice, board_id: int) -> FakeDevice:
+def replace(robot: PtyDevice, board_id: int) -> CoreDevice:
     robot.unplug()
-    robot.device = FakeDevice(board_id=board_id)
+    robot.device = CoreDevice(board_id=board_id)
     robot.plug()
     return robot.device
 

@@ -1,4 +1,4 @@
-"""The serial driver against the fake device on a pseudo-terminal, in real time."""
+"""The serial driver against the core on a pseudo-terminal, in real time."""
 
 import dataclasses
 import gc
@@ -15,25 +15,26 @@ from typing import Any, cast, get_args, get_type_hints
 import pytest
 
 import wheelwire
-from support.fake_device import FakeDevice
+from support.core_device import BOARD_ID, CoreDevice
 from support.processes import interruptible
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
 from wheelwire import errors
-from wheelwire.drivers.linked import TTL_MAX
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
 from wheelwire.testing.conformance import commands_with
-from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     ParameterGet,
     ParameterSave,
     ParameterSet,
+    ParameterValue,
     SetDuty,
     SetWheelVelocity,
     Stop,
+    WheelState,
 )
 
 
@@ -109,7 +110,7 @@ def test_a_duty_beyond_one_is_no_command(driver: SerialDriver) -> None:
 
 
 def test_an_endless_time_to_live_fits_the_wire(robot: PtyDevice, driver: SerialDriver) -> None:
-    robot.device.parameters[TTL_MAX] = 3e38
+    robot.device.edits[ParameterValue] = {"value": 3e38}
     driver.parameters.refresh("ttl_max_s")
     driver.set_velocity(0.1, 0.0, ttl=1e38)
     wait_until(lambda: bool(robot.device.obeyed))
@@ -125,7 +126,7 @@ def test_samples_are_read_once_and_in_order(driver: SerialDriver) -> None:
 
 def test_no_new_sample_is_a_timeout_and_no_old_one(robot: PtyDevice, driver: SerialDriver) -> None:
     driver.read()
-    robot.device.rate_hz = 0
+    robot.device.lost.add(WheelState)
     wait_until(lambda: not measures(driver))  # what was under way may still be read
     with pytest.raises(errors.RequestTimeout):
         driver.read(timeout=0.05)
@@ -139,18 +140,16 @@ def measures(driver: SerialDriver) -> bool:
     return True
 
 
-def test_ticks_go_on_across_a_wrap_and_a_reset(robot: PtyDevice, driver: SerialDriver) -> None:
-    wait_until(lambda: driver.get_encoder_ticks()[0] >= 30)
-    robot.device.left_ticks += 2**31 - 10
-    wait_until(lambda: driver.get_encoder_ticks()[0] > 2**31 + 30)
-    left, right = driver.get_encoder_ticks()
-    robot.device.reset()
-    wait_until(lambda: driver.read(timeout=10).boot_id == robot.device.boot_id)
-    assert driver.statistics.device_resets == 1
-    after = driver.get_encoder_ticks()
-    assert after[0] >= left
-    assert after[0] - left < 1000
-    assert after[1] - right < 1000
+def test_ticks_go_on_across_a_wrap_and_a_reset(tmp_path: Path) -> None:
+    device = CoreDevice(edits={WheelState: {"left_ticks": 2**31 - 10}})
+    with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
+        left, right = driver.get_encoder_ticks()
+        device.edits[WheelState] = {"left_ticks": -(2**31) + 20}
+        wait_until(lambda: driver.get_encoder_ticks() == (left + 30, right))
+        device.reset()
+        wait_until(lambda: driver.read(timeout=10).boot_id == device.boot_id)
+        assert driver.statistics.device_resets == 1
+        assert driver.get_encoder_ticks() == (left + 30, right)
 
 
 def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(robot: PtyDevice) -> None:
@@ -182,11 +181,10 @@ def test_a_forgotten_driver_stops_the_robot(robot: PtyDevice) -> None:
 
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
 def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> None:
-    robot.device.parameters[TTL_MAX] = 60.0
     program = (
         "import sys, time, wheelwire\n"
         "robot = wheelwire.open_driver('serial', port=sys.argv[1])\n"
-        "robot.set_velocity(0.2, 0.0, ttl=60)\n"
+        "robot.set_velocity(0.2, 0.0, ttl=1)\n"
         "time.sleep(0.3 if sys.argv[2] == 'exit' else 60)\n"
     )
     process = subprocess.Popen(
@@ -228,7 +226,8 @@ def raises_unarmed(driver: SerialDriver) -> bool:
 
 
 def test_a_fault_is_told_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:
-    robot.device.supervisor = SupervisorState.FAULT
+    robot.device.full_speed_tps = 0.0
+    driver.set_duty(0.9, 0.9, ttl=1.0)
     wait_until(lambda: driver.read().state is SupervisorState.FAULT)
     with pytest.raises(errors.DeviceRefused, match="fault"):
         driver.set_velocity(0.1, 0.0)
@@ -237,8 +236,7 @@ def test_a_fault_is_told_until_cleared(robot: PtyDevice, driver: SerialDriver) -
 
 
 def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
-    device = FakeDevice()
-    device.parameters[PARAMETER_BY_NAME["wheel_separation"].id] = 0.3
+    device = CoreDevice(wheel_separation=0.3)
     with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
         assert driver.geometry.wheel_separation == 0.3
         assert driver.geometry.wheel_radius == 0.033
@@ -248,8 +246,9 @@ def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
         wait_until(lambda: bool(device.obeyed))
         assert isinstance(device.obeyed[0], SetWheelVelocity)
         assert device.obeyed[0].left_mps == pytest.approx(0.15)
+        driver.stop()
         driver.parameters.reset()
-        assert driver.geometry.wheel_separation == 0.2
+        assert driver.geometry.wheel_separation == 0.3
         assert driver.geometry.max_velocity_mps == 0.4
 
 
@@ -264,15 +263,16 @@ def test_parameters_by_name(robot: PtyDevice, driver: SerialDriver) -> None:
     parameters.save("integral_gain")
     with pytest.raises(errors.UnknownParameter):
         parameters.save("integral_gian")
-    saves = [m.parameter for m in robot.device.done if isinstance(m, ParameterSave)]
-    assert saves == [0, PARAMETER_BY_NAME["integral_gain"].id]
+    assert [m.parameter for m in robot.device.asked(ParameterSave)] == [
+        0,
+        PARAMETER_BY_NAME["integral_gain"].id,
+    ]
 
 
 def asked(robot: PtyDevice) -> list[str]:
     """The parameters that the device was asked for, by name; forgets them."""
-    done = robot.device.done
-    gets = [PARAMETER_BY_ID[m.parameter].name for m in done if isinstance(m, ParameterGet)]
-    done.clear()
+    gets = [PARAMETER_BY_ID[m.parameter].name for m in robot.device.asked(ParameterGet)]
+    robot.device.received.clear()
     return gets
 
 
@@ -315,8 +315,7 @@ def test_a_value_that_is_known_in_this_session_is_not_asked_for(
 def test_refreshing_asks_for_one_value_or_for_all(robot: PtyDevice, driver: SerialDriver) -> None:
     parameters = driver.parameters
     gain = parameters["integral_gain"]
-    by_another_way = PARAMETER_BY_NAME["integral_gain"].id
-    robot.device.parameters[by_another_way] = gain / 2
+    robot.device.edits[ParameterValue] = {"value": gain / 2}
     assert parameters["integral_gain"] == gain
     asked(robot)
     parameters.refresh("integral_gain")
@@ -330,7 +329,7 @@ def test_refreshing_asks_for_one_value_or_for_all(robot: PtyDevice, driver: Seri
 
 def test_a_new_session_voids_the_known_values(robot: PtyDevice, driver: SerialDriver) -> None:
     gain = driver.parameters["integral_gain"]
-    robot.device.parameters[PARAMETER_BY_NAME["integral_gain"].id] = gain / 2
+    robot.device.parameters["integral_gain"] = gain / 2
     robot.device.reset()
     wait_until(lambda: driver.sessions == 2 and not is_lost(driver))
     assert driver.parameters["integral_gain"] == gain / 2
@@ -356,10 +355,10 @@ def test_a_value_whose_change_was_not_answered_is_asked_for_anew(
     parameters, device = driver.parameters, robot.device
     gain = parameters["integral_gain"]
     parameters.list()
-    device.lost_answers = {ParameterSet}
+    device.lost = {ParameterSet}
     with pytest.raises(errors.RequestTimeout):
         parameters.set("integral_gain", gain / 2)
-    device.lost_answers = set()
+    device.lost = set()
     assert parameters["integral_gain"] == gain / 2
     asked(robot)
     assert parameters["integral_gain"] == gain / 2
@@ -437,8 +436,8 @@ def test_the_death_of_the_links_thread_is_told(
 def test_a_stop_of_the_device_by_itself_is_seen(robot: PtyDevice, driver: SerialDriver) -> None:
     driver.set_velocity(0.1, 0.0, ttl=0.3)
     wait_until(lambda: driver.read().state is SupervisorState.TIMED_OUT)
-    robot.device.move_to(SupervisorState.IDLE, SupervisorEvent.STOP, 0)
-    wait_until(lambda: driver.read().state is SupervisorState.IDLE)
+    robot.device.core.fail()
+    wait_until(lambda: driver.read().state is SupervisorState.FAULT)
 
 
 def test_link_information_and_statistics(robot: PtyDevice, driver: SerialDriver) -> None:
@@ -448,7 +447,7 @@ def test_link_information_and_statistics(robot: PtyDevice, driver: SerialDriver)
     assert info.port == str(robot.path)
     assert info.baud_rate == 921_600
     assert info.low_latency is None  # a pty has no such thing
-    assert info.device.git_hash == "deadbeef"
+    assert info.device.board_id == f"{BOARD_ID:012x}"
     assert statistics.sessions == 1
     assert statistics.frames_received >= 13
     assert 0 < statistics.round_trip_p50_us <= statistics.round_trip_p99_us

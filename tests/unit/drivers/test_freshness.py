@@ -14,6 +14,7 @@ from wheelwire import aio, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.types import WheelState
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -104,7 +105,7 @@ def test_a_reset_in_virtual_time_leaves_nothing_to_read() -> None:
 def test_the_latest_sample_takes_nothing_from_a_reader(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as driver:
         driver.read()
-        device.device.rate_hz = 0
+        device.device.lost.add(WheelState)
         time.sleep(0.05)
         first, second = driver.latest, driver.latest
         assert first is not None

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import aio
@@ -29,7 +29,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 )
 
 
-def received(device: FakeDevice) -> int:
+def received(device: CoreDevice) -> int:
     return sum(isinstance(message, (SetWheelVelocity, SetDuty)) for message in device.received)
 
 

@@ -18,8 +18,6 @@ from wheelwire_protocol.types import Hello, ParameterGet, ParameterSet
 
 pytestmark = pytest.mark.timeout(60)
 
-ID = PARAMETER_BY_NAME["ttl_max_s"].id
-
 
 def test_milliseconds_for_seconds_are_refused_by_name(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
@@ -41,7 +39,7 @@ def test_the_limit_is_the_devices_and_follows_it(tmp_path: Path) -> None:
         robot.parameters.set("ttl_max_s", 4.0)
         robot.set_duty(0.1, 0.1, ttl=4.0)
         # Another program has changed it: whoever opens the next session reads it.
-        device.device.parameters[ID] = 0.5
+        device.device.parameters["ttl_max_s"] = 0.5
         device.device.reset()
         while robot.sessions < 2 or not robot.is_open:
             robot.read(10)
@@ -92,7 +90,7 @@ def test_what_another_session_has_set_is_known_once_ours_is_open_again() -> None
         for limit_s in (0.25, 3.0):
             # Together, or ours would be open again before the second one.
             hello = Hello(77, PROTOCOL_VERSION, schema_hash())
-            change = ParameterSet(77 ^ boot_id, 1, ID, limit_s)
+            change = ParameterSet(77 ^ boot_id, 1, PARAMETER_BY_NAME["ttl_max_s"].id, limit_s)
             robot.simulator.write(other.encode(hello) + other.encode(change))
             robot.advance(2.0)
             assert robot.ttl_max_s == robot.health.ttl_max_s == limit_s

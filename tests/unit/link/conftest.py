@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -16,7 +16,7 @@ from wheelwire.link.transports import SerialTransport
 
 @pytest.fixture
 def device(tmp_path: Path) -> Iterator[PtyDevice]:
-    with PtyDevice(tmp_path / "port", FakeDevice(ttl_max_s=60.0)) as device:
+    with PtyDevice(tmp_path / "port", CoreDevice(ttl_max_s=5.0)) as device:
         yield device
 
 

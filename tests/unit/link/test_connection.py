@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice, Edits
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import is_open, wait_until
@@ -22,7 +22,7 @@ from wheelwire.drivers.transport_driver import TransportDriver
 from wheelwire.link import connection as link
 from wheelwire.link.transports import SerialTransport, SocketTransport, Transport
 from wheelwire_protocol.codes import RefusalCode
-from wheelwire_protocol.types import SetWheelVelocity
+from wheelwire_protocol.types import DeviceHello, SetWheelVelocity
 
 
 @contextmanager
@@ -73,7 +73,7 @@ def test_silence_leads_through_the_usual_baud_rates() -> None:
 def test_the_baud_rate_at_which_the_device_answers_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with PtyDevice(tmp_path / "robot", FakeDevice(mute=True)) as robot:
+    with PtyDevice(tmp_path / "robot", CoreDevice(mute=True)) as robot:
         set_baud_rate = SerialTransport.set_baud_rate
 
         def set_and_hear(transport: SerialTransport, baud_rate: int) -> None:
@@ -85,10 +85,13 @@ def test_the_baud_rate_at_which_the_device_answers_is_kept(
             assert driver.info.baud_rate == 115_200
 
 
-@pytest.mark.parametrize("difference", ["protocol_version", "schema_hash"])
-def test_a_device_of_another_release(tmp_path: Path, difference: str) -> None:
-    device = FakeDevice()
-    setattr(device, difference, 77)
+@pytest.mark.parametrize(
+    ("difference", "code"),
+    [("protocol_version", RefusalCode.PROTOCOL_VERSION), ("schema_hash", RefusalCode.SCHEMA)],
+)
+def test_a_device_of_another_release(tmp_path: Path, difference: str, code: RefusalCode) -> None:
+    release = {"version_major": 9, "version_minor": 8, "version_patch": 7}
+    device = CoreDevice(edits={DeviceHello: {**release, difference: 77, "refusal": code}})
     with (
         PtyDevice(tmp_path / "robot", device) as robot,
         pytest.raises(errors.ProtocolMismatch, match=r"9\.8\.7.*install both"),
@@ -98,8 +101,9 @@ def test_a_device_of_another_release(tmp_path: Path, difference: str) -> None:
 
 
 def test_a_device_that_answers_but_lets_nobody_in(tmp_path: Path) -> None:
+    booting: Edits = {DeviceHello: {"refusal": RefusalCode.BOOTING}}
     with (
-        PtyDevice(tmp_path / "robot", FakeDevice(booting=True)) as robot,
+        PtyDevice(tmp_path / "robot", CoreDevice(edits=booting)) as robot,
         pytest.raises(errors.RequestTimeout, match="still starting"),
     ):
         SerialDriver(str(robot.path), connect_timeout=0.3)
@@ -179,7 +183,7 @@ def test_a_socket_that_nobody_listens_on() -> None:
 
 
 def test_a_socket_works_where_a_path_does_and_reconnects() -> None:
-    device, end = FakeDevice(), threading.Event()
+    device, end = CoreDevice(), threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
         hang_up = threading.Event()
         thread = threading.Thread(target=serve, args=(server, device, end, hang_up))
@@ -199,7 +203,7 @@ def test_a_socket_works_where_a_path_does_and_reconnects() -> None:
 
 
 def serve(
-    server: socket.socket, device: FakeDevice, end: threading.Event, hang_up: threading.Event
+    server: socket.socket, device: CoreDevice, end: threading.Event, hang_up: threading.Event
 ) -> None:
     while not end.is_set():
         if not select.select([server], [], [], 0.05)[0]:

@@ -13,7 +13,7 @@ from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire_protocol.types import Stop
+from wheelwire_protocol.types import Stop, WheelState
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_a_fork_in_a_signal_handler_ends_the_interrupted_call_in_the_child(
             children.append(os.fork())
 
     with SerialDriver(str(robot.path)) as driver:
-        robot.device.rate_hz = 0
+        robot.device.lost.add(WheelState)
         wait_until(lambda: not measures(driver))
         former = signal.signal(signal.SIGALRM, fork)
         signal.setitimer(signal.ITIMER_REAL, 0.1)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from wheelwire import aio
 from wheelwire.drivers import loop_link
@@ -25,14 +25,14 @@ REPEATS_S = 0.5
 """Several repeats would have been due by then."""
 
 
-def sets(device: FakeDevice) -> int:
+def sets(device: CoreDevice) -> int:
     """Copies of the request that have arrived."""
     return sum(isinstance(message, ParameterSet) for message in device.received)
 
 
 def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
-        robot.device.lost_answers.add(ParameterSet)
+        robot.device.lost.add(ParameterSet)
         monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
         with pytest.raises(RequestTimeout, match="whether it was done is not known"):
             driver.parameters.set("integral_gain", 7.5)
@@ -65,7 +65,7 @@ def test_one_that_was_not_begun_is_never_sent(
 def test_the_same_with_asyncio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def use(robot: PtyDevice) -> None:
         async with aio.connect(robot.path) as driver:
-            robot.device.lost_answers.add(ParameterSet)
+            robot.device.lost.add(ParameterSet)
             monkeypatch.setattr(loop_link, "CALL_TIMEOUT_S", LIMIT_S)
             with pytest.raises(RequestTimeout, match="whether it was done is not known"):
                 await driver.parameters.set("integral_gain", 7.5)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from support.answering_port import Port
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from wheelwire.errors import LinkClosed, LinkLost, PortUnavailable, RequestTimeout
 from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import LatestSample
@@ -24,6 +24,9 @@ from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.types import AnyMessage, Estop, Hello, Refuse, SetDuty, Stop
 
 pytestmark = pytest.mark.timeout(20)
+
+STATE_PERIOD_US = 20_000
+"""The device sends a state within it."""
 
 
 class Rig:
@@ -74,7 +77,7 @@ def test_a_loop_that_is_finished_before_it_runs_opens_no_port() -> None:
 
 
 def test_a_stop_that_is_not_acknowledged_does_not_keep_the_loop_for_ever() -> None:
-    device = FakeDevice()
+    device = CoreDevice()
     port = Port(device)
     rig = Rig(port)
 
@@ -137,7 +140,7 @@ def test_a_setpoint_that_was_taken_is_written_whatever_is_asked_after_it() -> No
             rig.loop.finish()
         return refused > 1000
 
-    port = Port(FakeDevice(), accepts)
+    port = Port(CoreDevice(), accepts)
     rig = Rig(port)
     rig.loop.run()
     assert any(isinstance(message, SetDuty) for message in port.messages())
@@ -173,7 +176,7 @@ def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
         rig.loop.finish()
         return True
 
-    first, second = Port(FakeDevice(), full_once_open_then_lost), Port(accepts=end)
+    first, second = Port(CoreDevice(), full_once_open_then_lost), Port(accepts=end)
     rig = Rig(first, lambda: second)
     rig.loop.run()
     assert asked
@@ -182,7 +185,7 @@ def test_what_waited_for_a_lost_port_is_not_sent_to_the_next() -> None:
 
 
 def test_while_a_port_is_lost_no_sample_is_current() -> None:
-    device = FakeDevice()
+    device = CoreDevice()
     found: list[object] = []
     port = Port(device)
     rig: Rig
@@ -191,7 +194,7 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
         if rig.session.phase is not Phase.OPEN:
             return True
         if port.theirs.fileno() >= 0:
-            device.send(device.state(host_clock_us()))
+            device.advance(host_clock_us() + STATE_PERIOD_US)
             port.theirs.sendall(device.take_output())
             port.theirs.close()
         return False
@@ -209,7 +212,7 @@ def test_while_a_port_is_lost_no_sample_is_current() -> None:
 
 
 def test_while_a_session_is_lost_no_sample_is_current_though_the_port_is_there() -> None:
-    device = FakeDevice()
+    device = CoreDevice()
     found: list[object] = []
     lost = 0
     port = Port(device)
@@ -219,8 +222,8 @@ def test_while_a_session_is_lost_no_sample_is_current_though_the_port_is_there()
         nonlocal lost
         if rig.session.phase is Phase.OPEN and not lost:
             lost = 1
+            device.advance(host_clock_us() + STATE_PERIOD_US)
             device.mute = True
-            device.send(device.state(host_clock_us()))
             device.send(Refuse(device.session_id, 0x06, RefusalCode.NO_SESSION, 1))
             port.theirs.sendall(device.take_output())
         elif lost:
@@ -292,7 +295,7 @@ def test_calls_learn_at_once_that_there_is_no_session() -> None:
 class Narrow(Port):
     """Takes as many bytes as there is room for."""
 
-    def __init__(self, device: FakeDevice) -> None:
+    def __init__(self, device: CoreDevice) -> None:
         super().__init__(device)
         self.room = 1 << 30
         self.refusals = 0
@@ -317,7 +320,7 @@ class Blocked(Rig):
     """
 
     def __init__(self, *calls: Callable[[Blocked], None]) -> None:
-        self.device = FakeDevice()
+        self.device = CoreDevice()
         self.narrow = Narrow(self.device)
         super().__init__(self.narrow)
         self.size = 0

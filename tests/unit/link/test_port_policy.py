@@ -2,7 +2,7 @@
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from wheelwire.errors import DriverUnavailable, LinkLost, PortUnavailable, WrongBoard
 from wheelwire.link.port_policy import (
     CHECK_US,
@@ -36,7 +36,7 @@ def policy(session: Session) -> PortPolicy:
     return policy
 
 
-def exchange(session: Session, device: FakeDevice, now_us: int) -> None:
+def exchange(session: Session, device: CoreDevice, now_us: int) -> None:
     """What each side has to say reaches the other at once."""
     session.advance(now_us)
     device.feed(session.take_output(), now_us)
@@ -44,7 +44,7 @@ def exchange(session: Session, device: FakeDevice, now_us: int) -> None:
     session.receive(device.take_output(), now_us)
 
 
-def opened(session: Session, device: FakeDevice) -> int:
+def opened(session: Session, device: CoreDevice) -> int:
     """Let time pass until the session is open; returns it."""
     now_us = 0
     while session.phase is not Phase.OPEN:
@@ -90,7 +90,7 @@ def test_the_settings_are_checked_now_and_then(policy: PortPolicy) -> None:
 def test_a_device_that_answered_and_fell_silent_has_its_port_opened_anew(
     policy: PortPolicy, session: Session
 ) -> None:
-    now_us = opened(session, FakeDevice())
+    now_us = opened(session, CoreDevice())
     policy.judge(session, RATE, now_us)
     session.renew(LinkLost("say hello again"), now_us)
     policy.judge(session, RATE, now_us + UNANSWERED_US - 1)
@@ -117,7 +117,7 @@ def test_the_port_is_opened_again_at_the_rate_that_was_answered(
 ) -> None:
     rate = policy.next_rate(FIRST_US)
     assert rate is not None
-    opened(session, FakeDevice())
+    opened(session, CoreDevice())
     policy.judge(session, rate, FIRST_US + 1000)
     assert policy.rate == rate
     assert policy.next_rate(ROUND_US) is None
@@ -130,10 +130,10 @@ def test_a_port_without_a_rate_is_opened_with_none(session: Session) -> None:
 
 
 def test_another_board_is_left_alone_and_told_once(policy: PortPolicy, session: Session) -> None:
-    opened(session, FakeDevice())
+    opened(session, CoreDevice())
     session.disconnect(LinkLost("unplugged"))
     session.connect(FIRST_US)
-    exchange(session, FakeDevice(board_id=1), FIRST_US)
+    exchange(session, CoreDevice(board_id=1), FIRST_US)
     with pytest.raises(WrongBoard) as first:
         policy.judge(session, RATE, FIRST_US)
     assert policy.note_lost(first.value)
@@ -158,7 +158,7 @@ def test_a_port_that_is_not_there_is_no_news_and_any_other_failure_is(policy: Po
 
 
 def test_the_last_stop_is_over_when_it_was_written_and_acknowledged(session: Session) -> None:
-    device = FakeDevice()
+    device = CoreDevice()
     session.connect(0)
     now_us = opened(session, device)
     stop = LastStop()
@@ -173,7 +173,7 @@ def test_the_last_stop_is_over_when_it_was_written_and_acknowledged(session: Ses
 
 def test_the_last_stop_has_its_time(session: Session) -> None:
     session.connect(0)
-    now_us = opened(session, FakeDevice())
+    now_us = opened(session, CoreDevice())
     stop = LastStop()
     stop.begin(session, now_us)
     assert not stop.is_over(now_us + STOP_ACK_TIMEOUT_US - 1, all_written=True)

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.link.clock import host_clock_us
@@ -22,7 +22,7 @@ class PausingTransport(SocketTransport):
 
 
 class Places:
-    """Opens transports to fake devices, or fails; notes when."""
+    """Opens transports to robots, or fails; notes when."""
 
     def __init__(self) -> None:
         self.opened_s: list[float] = []
@@ -49,7 +49,7 @@ class Places:
 
 
 def _serve(peer: socket.socket) -> None:
-    device = FakeDevice()
+    device = CoreDevice()
     with peer, suppress(ConnectionError):  # the link hangs up whenever it likes
         while data := peer.recv(4096):
             device.feed(data, host_clock_us())

@@ -54,7 +54,7 @@ def test_a_request_is_repeated_unchanged_and_done_once() -> None:
     copies = line.sent_of(ParameterSet)
     assert len(copies) >= 3
     assert len(set(copies)) == 1
-    assert len([m for m in line.device.done if isinstance(m, ParameterSet)]) == 1
+    assert len(line.device.asked(ParameterSet)) == 1
     assert isinstance(outcomes[0], ParameterValue)
     assert line.session.statistics(line.now_us).requests_repeated == len(copies) - 1
 
@@ -80,7 +80,7 @@ def test_a_request_of_a_busy_device_is_done_once_and_answered_late() -> None:
     line.to_host.impairment.delay_us = 700_000
     assert isinstance(line.request(ParameterSet(0, 0, 6, 0.25)), ParameterValue)
     line.run(2.0)
-    assert len([m for m in line.device.done if isinstance(m, ParameterSet)]) == 1
+    assert len(line.device.asked(ParameterSet)) == 1
     assert line.session.phase is Phase.OPEN
 
 
@@ -216,7 +216,7 @@ def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
     line.run(0.2)
     assert len(line.sent_of(Ping)) > pings
     assert isinstance(answers[0], ParameterValue)
-    assert sum(isinstance(done, ParameterSet) for done in line.device.done) == 1
+    assert len(line.device.asked(ParameterSet)) == 1
 
 
 def test_disconnecting_ends_every_request() -> None:

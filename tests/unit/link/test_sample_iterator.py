@@ -65,7 +65,7 @@ def test_closing_the_driver_ends_it_after_what_has_come() -> None:
 
 def test_closing_ends_a_wait_in_another_thread(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device:
-        device.device.rate_hz = 0
+        device.device.lost.add(WheelState)
         robot = SerialDriver(str(device.path))
         samples = robot.samples()
         thread = threading.Thread(target=list, args=(samples,))

@@ -1,15 +1,15 @@
 import pytest
 
-from support.fake_device import FakeDevice, Request
+from support.core_device import CoreDevice
 from support.virtual_line import VirtualLine
+from wheelwire import __version__
 from wheelwire.errors import DeviceRefused, LinkLost, ProtocolMismatch
 from wheelwire.link.session import Phase
 from wheelwire.simulation.bad_line import Impairment
-from wheelwire_protocol.codec import message_id, schema_hash
+from wheelwire_protocol.codec import PROTOCOL_VERSION, message_id, schema_hash
 from wheelwire_protocol.codes import RefusalCode, SupervisorEvent, SupervisorState
 from wheelwire_protocol.framing import Encoder
 from wheelwire_protocol.types import (
-    AnyMessage,
     DeviceHello,
     Event,
     Hello,
@@ -19,18 +19,22 @@ from wheelwire_protocol.types import (
     Ping,
     Pong,
     Refuse,
-    SetStreamRate,
     SetWheelVelocity,
+    WheelState,
 )
+
+UNKNOWN_PARAMETER = 200
 
 
 def test_a_session_opens_with_a_known_clock_rate_and_parameters() -> None:
     line = VirtualLine(stream_rate_hz=200, watched=(1, 6)).open()
-    assert line.device.rate_hz == 200
+    count = len(line.samples)
+    line.run(1.0)
+    assert len(line.samples) - count == pytest.approx(200, abs=1)
     assert line.session.values == pytest.approx({1: 0.033, 6: 0.4})
     assert len(line.sent_of(Ping)) >= 8
     assert line.session.device is not None
-    assert line.session.device.release.release == "9.8.7"
+    assert line.session.device.release.release == __version__
     assert line.session.device.board_id == "240ac4123456"
 
 
@@ -55,32 +59,34 @@ def test_hello_is_repeated_with_one_nonce_until_answered() -> None:
     line.wait_open()
 
 
-@pytest.mark.parametrize("difference", ["protocol_version", "schema_hash"])
-def test_a_mismatch_names_both_sides_and_opens_nothing(difference: str) -> None:
-    device = FakeDevice()
-    setattr(device, difference, 77)
-    line = VirtualLine(device=device)
+@pytest.mark.parametrize(
+    ("difference", "code"),
+    [("protocol_version", RefusalCode.PROTOCOL_VERSION), ("schema_hash", RefusalCode.SCHEMA)],
+)
+def test_a_mismatch_names_both_sides_and_opens_nothing(difference: str, code: RefusalCode) -> None:
+    theirs = {"protocol_version": PROTOCOL_VERSION, "schema_hash": schema_hash(), difference: 77}
+    line = VirtualLine(device=CoreDevice(edits={DeviceHello: {**theirs, "refusal": code}}))
     line.session.connect(line.now_us)
     line.run_until(lambda: isinstance(line.session.error, ProtocolMismatch))
     text = str(line.session.error)
-    assert "9.8.7" in text
+    assert __version__ in text
     assert f"{schema_hash():08x}" in text
-    assert f"{device.schema_hash:08x}" in text
-    assert f"protocol {device.protocol_version}" in text
+    assert f"{theirs['schema_hash']:08x}" in text
+    assert f"protocol {theirs['protocol_version']}" in text
     with pytest.raises(ProtocolMismatch):
         line.drive()
     assert line.sent_of(SetWheelVelocity) == []
 
 
 def test_a_booting_device_is_greeted_again() -> None:
-    device = FakeDevice(booting=True)
+    device = CoreDevice(edits={DeviceHello: {"refusal": RefusalCode.BOOTING}})
     line = VirtualLine(device=device)
     line.session.connect(line.now_us)
     line.run(0.25)
     assert len(line.sent_of(Hello)) > 2
     with pytest.raises(LinkLost, match="starting"):
         line.drive()
-    device.booting = False
+    device.edits.clear()
     line.wait_open()
 
 
@@ -141,7 +147,7 @@ def test_a_silent_device_is_not_flooded() -> None:
 
 def test_a_device_that_streams_nothing_is_asked_five_times_a_second() -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.run(1.0)
     pings = len(line.sent_of(Ping))
     line.run(10.0)
@@ -150,10 +156,10 @@ def test_a_device_that_streams_nothing_is_asked_five_times_a_second() -> None:
 
 def test_an_event_behind_a_state_in_one_read_has_the_last_word() -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.run(0.1)
-    line.device.send(line.device.state(line.now_us))
-    line.device.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, line.now_us)
+    line.device.send(line.device.state)
+    line.device.estop(line.now_us)
     line.run(0.01)
     with pytest.raises(DeviceRefused, match="Emergency stop is latched"):
         line.drive()
@@ -168,7 +174,7 @@ def test_pings_are_half_a_second_apart_while_states_come() -> None:
 
 def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once() -> None:
     line = VirtualLine().open()
-    state = line.device.state(line.now_us)
+    state = line.device.state
     line.device.send(state._replace(boot_id=state.boot_id ^ 1))
     hellos = len(line.sent_of(Hello))
     line.run(0.002)
@@ -177,13 +183,13 @@ def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once() -> None:
 
 def test_a_late_state_frame_of_a_former_boot_changes_nothing() -> None:
     line = VirtualLine().open()
-    late = line.device.state(line.now_us)
+    late = line.device.state
     line.device.reset()
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
     line.wait_open()
     count = len(line.samples)
     sessions = line.session.statistics(line.now_us).sessions
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.device.send(late)
     line.run(0.05)
     assert line.session.phase is Phase.OPEN
@@ -206,14 +212,7 @@ def test_silence_ends_the_session_and_the_answer_opens_a_new_one() -> None:
 
 
 def test_a_rate_that_the_device_refuses_is_told() -> None:
-    class Narrow(FakeDevice):
-        def _do(self, request: object) -> object:  # type: ignore[override]
-            assert isinstance(request, SetStreamRate)
-            code = RefusalCode.RATE_TOO_HIGH
-            ids = request.session_id, message_id(SetStreamRate)
-            return Refuse(*ids, code, request.request_id)
-
-    line = VirtualLine(device=Narrow(), stream_rate_hz=5000)
+    line = VirtualLine(stream_rate_hz=5000)
     line.session.connect(line.now_us)
     line.run_until(lambda: isinstance(line.session.error, DeviceRefused))
     assert line.session.phase is not Phase.OPEN
@@ -231,7 +230,7 @@ def test_after_the_port_was_opened_again_sequence_numbers_start_anew() -> None:
     line.session.connect(line.now_us)
     line.wait_open()
     assert line.session.statistics(line.now_us).frames_lost == 0
-    assert line.device._decoder.counters.seq_lost == 0
+    assert line.device.counters.seq_lost == 0
 
 
 def test_after_a_reset_no_value_of_the_former_boot_is_left() -> None:
@@ -295,7 +294,7 @@ def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
     line.device.reset()
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
     line.wait_open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.run(0.05)
     line.device.send(late)
     line.run(0.005)
@@ -326,13 +325,8 @@ def test_what_a_device_says_to_others_does_not_keep_a_session_alive() -> None:
 
 
 def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
-    class Unwilling(FakeDevice):
-        def send(self, message: AnyMessage) -> None:
-            if isinstance(message, DeviceHello):
-                message = message._replace(refusal=RefusalCode.NOT_STOPPED)
-            super().send(message)
-
-    line = VirtualLine(device=Unwilling())
+    edits = {DeviceHello: {"refusal": RefusalCode.NOT_STOPPED}}
+    line = VirtualLine(device=CoreDevice(edits=edits))
     line.session.connect(line.now_us)
     line.run(0.2)
     assert line.session.phase is Phase.HELLO
@@ -340,14 +334,7 @@ def test_a_session_that_is_refused_for_an_unforeseen_reason_is_none() -> None:
 
 
 def test_one_refusal_among_what_a_session_needs_keeps_it_closed() -> None:
-    class Forgetful(FakeDevice):
-        def _do(self, request: Request) -> AnyMessage:
-            if isinstance(request, ParameterGet):
-                ids = request.session_id, message_id(ParameterGet)
-                return Refuse(*ids, RefusalCode.UNKNOWN_PARAMETER, request.request_id)
-            return super()._do(request)
-
-    line = VirtualLine(device=Forgetful(), watched=(1,), stream_rate_hz=50)
+    line = VirtualLine(watched=(UNKNOWN_PARAMETER,), stream_rate_hz=50)
     line.session.connect(line.now_us)
     line.run(0.5)
     assert line.session.phase is not Phase.OPEN

@@ -14,7 +14,7 @@ from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import port_loop, setpoints
 from wheelwire.link.transports import SerialTransport
-from wheelwire_protocol.types import SetDuty
+from wheelwire_protocol.types import SetDuty, WheelState
 
 THREADS = 4
 EACH = 500
@@ -42,7 +42,7 @@ def test_threads_draw_each_number_once(robot: SerialDriver, device: PtyDevice) -
         try:
             while left:
                 with suppress(errors.LinkLost):  # no room: nothing was sent
-                    robot.set_duty(0.0, 0.1, ttl=60.0)
+                    robot.set_duty(0.0, 0.1, ttl=5.0)
                     left -= 1
         except BaseException as error:
             failures.append(error)
@@ -82,7 +82,7 @@ def test_a_frame_for_which_the_port_has_no_room_follows_whole(
 def test_a_lost_setpoint_is_repeated_though_nothing_comes(
     robot: SerialDriver, device: PtyDevice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    device.device.rate_hz = 0
+    device.device.lost.add(WheelState)
     main = threading.get_ident()
 
     def lose(write: Write) -> Write:
@@ -92,7 +92,7 @@ def test_a_lost_setpoint_is_repeated_though_nothing_comes(
         return losing
 
     instead_of_writing(monkeypatch, lose)
-    robot.set_velocity(0.1, 0.0, ttl=10.0)
+    robot.set_velocity(0.1, 0.0, ttl=5.0)
     wait_until(lambda: device.device.obeyed)
 
 

@@ -2,23 +2,25 @@ from contextlib import suppress
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.virtual_line import VirtualLine
 from wheelwire.errors import DeviceRefused, Expired
 from wheelwire.simulation.bad_line import Impairment
 from wheelwire_protocol.codec import message_id
-from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorEvent, SupervisorState
+from wheelwire_protocol.codes import Fault, RefusalCode, StopMode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
     Ack,
     ClearEstop,
     ClearFault,
     Estop,
+    Event,
     ParameterSet,
     ParameterValue,
     Refuse,
     SetWheelVelocity,
     Stop,
+    WheelState,
 )
 
 
@@ -88,7 +90,7 @@ def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice() -> None:
 @pytest.mark.parametrize("stop", [Stop, Estop])
 def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0  # no state frame tells that anything arrived
+    line.device.lost.add(WheelState)  # no state frame tells that anything arrived
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
     line.drive()
@@ -135,7 +137,7 @@ def test_clearing_voids_the_repeat_of_a_setpoint(clear: type[ClearEstop | ClearF
 @pytest.mark.parametrize("news", ["refused", "obeyed"])
 def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.drive()
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
@@ -143,7 +145,7 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> No
     line.flush()
     line.to_device.impairment.loss = 0.0
     if news == "obeyed":
-        line.device.send(line.device.state(line.now_us))
+        line.device.send(line.device.state)
     else:
         ids = line.device.session_id, message_id(SetWheelVelocity)
         line.device.send(Refuse(*ids, RefusalCode.EXPIRED, 1))
@@ -152,7 +154,7 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> No
 
 
 def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
-    device = FakeDevice(drift=200e-6, clock_offset_us=-900_000)
+    device = CoreDevice(drift=200e-6)
     line = VirtualLine(device=device).open()
     line.run(20.0)
     line.drive(ttl_s=0.5)
@@ -166,7 +168,7 @@ def test_the_expiry_is_in_the_devices_clock_though_it_drifts() -> None:
 def test_no_setpoint_outlives_its_ttl_however_unequal_the_two_ways(
     out_us: int, back_us: int, drift: float
 ) -> None:
-    device = FakeDevice(drift=drift)
+    device = CoreDevice(drift=drift)
     ways = Impairment(delay_us=out_us), Impairment(delay_us=back_us)
     line = VirtualLine(to_device=ways[0], to_host=ways[1], device=device).open()
     for _ in range(40):
@@ -221,16 +223,13 @@ def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one(
     assert line.session.statistics(line.now_us).setpoints_expired == 0
 
 
-@pytest.mark.parametrize(
-    ("state", "code"),
-    [
-        (SupervisorState.ESTOPPED, RefusalCode.ESTOPPED),
-        (SupervisorState.FAULT, RefusalCode.FAULT),
-    ],
-)
-def test_a_latched_device_is_sent_no_setpoint(state: SupervisorState, code: RefusalCode) -> None:
+@pytest.mark.parametrize("code", [RefusalCode.ESTOPPED, RefusalCode.FAULT])
+def test_a_latched_device_is_sent_no_setpoint(code: RefusalCode) -> None:
     line = VirtualLine().open()
-    line.device.move_to(state, SupervisorEvent.ESTOP, line.now_us)
+    if code is RefusalCode.FAULT:
+        line.device.core.fail()
+    else:
+        line.device.estop(line.now_us)
     line.run(0.002)  # the event, before any state frame
     with pytest.raises(DeviceRefused) as told:
         line.drive()
@@ -242,7 +241,7 @@ def test_a_latched_device_is_sent_no_setpoint(state: SupervisorState, code: Refu
 def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(kind: type[Stop | Estop]) -> None:
     # The copy that the caller wrote has latched the device before the port's thread has its turn.
     line = VirtualLine().open()
-    line.device.move_to(SupervisorState.ESTOPPED, SupervisorEvent.ESTOP, line.now_us)
+    line.device.estop(line.now_us)
     line.run(0.002)
     if kind is Estop:
         line.session.estop(lambda _: None, line.now_us)
@@ -256,13 +255,16 @@ def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(kind: type[Stop 
 @pytest.mark.parametrize("told_first", ["state", "refusal"])
 def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -> None:
     line = VirtualLine().open()
-    line.device.supervisor = SupervisorState.FAULT
-    state = line.device.state(line.now_us)
+    line.device.core.fail()
+    line.device.lost.add(Event)
+    faults = {"faults": Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN}
+    line.device.edits[WheelState] = faults
     if told_first == "refusal":
+        line.device.lost.add(WheelState)
+        line.run(0.005)
         line.drive()
-    line.device.send(state._replace(faults=Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN))
-    line.device.rate_hz = 0
-    line.run(0.005)
+        line.device.lost.remove(WheelState)
+    line.run(0.02)
     with pytest.raises(DeviceRefused, match=r"LEFT_REVERSED.*swap.*CONTROL_OVERRUN") as told:
         line.drive()
     assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN

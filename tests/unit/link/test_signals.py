@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from support.bytecodes import interrupted
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.interrupted_host import LONGEST_S
 from support.interrupts import interrupt_program
 from support.pty_device import PtyDevice
@@ -31,7 +31,7 @@ from wheelwire.link.waiting import Notifier
 from wheelwire_protocol.types import ParameterSet
 
 CALLS: dict[str, Callable[[SerialDriver], object]] = {
-    "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=60.0),
+    "set_duty": lambda robot: robot.set_duty(0.1, 0.1, ttl=5.0),
     "stop": lambda robot: robot.stop(),
     # A busy computer may take more than the usual second for a sample.
     "read": lambda robot: robot.read(30.0),
@@ -47,7 +47,7 @@ STRIDE = 7
 
 @pytest.fixture
 def driver(tmp_path: Path) -> Iterator[SerialDriver]:
-    fake = FakeDevice(ttl_max_s=60.0)
+    fake = CoreDevice(ttl_max_s=5.0)
     with PtyDevice(tmp_path / "robot", fake) as device, SerialDriver(str(device.path)) as driver:
         yield driver
 
@@ -100,7 +100,7 @@ def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path
         SerialDriver(str(pty.path)) as driver,
     ):
         device = pty.device
-        device.lost_answers.add(ParameterSet)
+        device.lost.add(ParameterSet)
 
         def copies() -> int:
             return sum(isinstance(message, ParameterSet) for message in device.received)

@@ -12,10 +12,10 @@ MINUTE_US = 60_000_000
 
 def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.run(0.05)
     count = len(line.samples)
-    newer = line.device.state(line.now_us)
+    newer = line.device.state
     older = newer._replace(t_us=newer.t_us - 5_000)
     for state in (newer, newer, older):
         line.device.send(state)
@@ -35,9 +35,9 @@ def test_the_stamp_of_a_sample_is_the_hosts_time_of_its_latch() -> None:
 
 def test_each_side_of_a_sample_is_that_of_the_state_frame() -> None:
     line = VirtualLine().open()
-    line.device.rate_hz = 0
+    line.device.lost.add(WheelState)
     line.run(0.05)
-    state = line.device.state(line.now_us)._replace(
+    state = line.device.state._replace(
         left_ticks=11,
         right_ticks=-12,
         left_mps=0.25,

@@ -37,9 +37,9 @@ def test_the_caller_writes_a_copy_before_the_one_that_is_acknowledged(
 def test_a_stops_copy_takes_a_number_of_its_own_among_the_setpoints(
     robot: SerialDriver, device: PtyDevice
 ) -> None:
-    robot.set_duty(0.0, 0.1, ttl=60.0)
+    robot.set_duty(0.0, 0.1, ttl=5.0)
     robot.stop()
-    robot.set_duty(0.0, 0.1, ttl=60.0)
+    robot.set_duty(0.0, 0.1, ttl=5.0)
     robot.stop()
     sent = [m for m in device.device.received if isinstance(m, (Stop, SetDuty))]
     # A busy computer repeats a message as it is, behind others perhaps.

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from support.fake_device import FakeDevice
+from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import errors
@@ -145,7 +145,7 @@ class TestFile:
 
     def test_what_a_running_program_offers_stays(self, device: PtyDevice, tmp_path: Path) -> None:
         with (
-            PtyDevice(tmp_path / "other", FakeDevice()) as other,
+            PtyDevice(tmp_path / "other", CoreDevice()) as other,
             SerialDriver(str(device.path)),
         ):
             offered()
@@ -503,10 +503,10 @@ class TestRefusals:
     def test_a_change(
         self, attached: AttachedDriver, device: PtyDevice, change: ParameterSet
     ) -> None:
-        before = len(device.device.done)
+        before = len(device.device.asked(type(change)))
         with pytest.raises(errors.InvalidCommand, match=f"^{type(change).__name__}: .* process "):
             attached._link.request(change)
-        assert len(device.device.done) == before
+        assert len(device.device.asked(type(change))) == before
 
     def test_only_what_is_listed_is_passed_on(self) -> None:
         from typing import get_args
@@ -571,7 +571,6 @@ class TestSlowness:
         self, device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(tap_server, "QUEUE", 50)
-        device.device.rate_hz = 1000
         latest_sample, reader, goes_on = LatestSample(), TapReader(), threading.Event()
         link = AttachedLink(latest_sample, holder_of(device))
         link.open()
@@ -607,7 +606,7 @@ class TestSlowness:
         self, device: PtyDevice, robot: SerialDriver
     ) -> None:
         frame = encode_frame(ParameterGet(0, 0, 1), 0)
-        device.device.lost_answers = {ParameterGet}
+        device.device.lost = {ParameterGet}
         with peer_at(offered()) as peer:
             peer.sendall(VERSION + 2 * tagged(Say.ASK, 7, frame))
             assert is_cut_off(peer)
@@ -634,9 +633,9 @@ class TestSlowness:
             f"sys.path[:0] = {sys.path!r}\n"
             "from pathlib import Path\n"
             "from support.pty_device import PtyDevice\n"
-            "from support.fake_device import FakeDevice\n"
+            "from support.core_device import CoreDevice\n"
             "from wheelwire.drivers.serial import SerialDriver\n"
-            "with PtyDevice(Path(sys.argv[1]), FakeDevice()) as d, SerialDriver(str(d.path)):\n"
+            "with PtyDevice(Path(sys.argv[1]), CoreDevice()) as d, SerialDriver(str(d.path)):\n"
             "    time.sleep(60)\n"
         )
         port = tmp_path / "port"
