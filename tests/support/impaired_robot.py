@@ -34,7 +34,7 @@ class ImpairedVirtualRobot(VirtualRobot):
             self._obey(event)
         if self.host_runs:
             self.session.advance(self.now_us)
-            self._write()
+            self.write()
         for piece in self.line.to_device.take(self.now_us):
             self.sim.write(piece)
         self.sim.advance_us(STEP_US)
@@ -63,7 +63,8 @@ class ImpairedVirtualRobot(VirtualRobot):
         self._plugged = True
         self.session.connect(self.now_us)
 
-    def _write(self, setpoint: bytes = b"") -> None:
+    def write(self, setpoint: bytes = b"") -> None:
+        """As the base's."""
         self.line.to_device.send(self.session.take_output() + setpoint, self.now_us)
 
     def _obey(self, event: LineEvent) -> None:

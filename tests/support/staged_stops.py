@@ -11,7 +11,7 @@ from wheelwire.diagnosis import Diagnosis, Stop
 from wheelwire.drivers.linked import WATCHED
 from wheelwire.errors import LinkLost, WheelwireError
 from wheelwire.link.port_loop import CLOSED
-from wheelwire.link.session import Phase, Session
+from wheelwire.link.session import Phase
 from wheelwire.link.tap import Kind, TapReader
 from wheelwire_protocol.codec import PROTOCOL_VERSION, schema_hash
 from wheelwire_protocol.codes import Fault, ResetReason, StopMode, TrialAction
@@ -38,9 +38,7 @@ class StagedRobot(VirtualRobot):
     """A robot whose tap is read."""
 
     def __init__(self, seed: int = 1, /, **settings: float) -> None:
-        super().__init__(seed, None, **settings)
-        # As of every driver.
-        self.session = Session(lambda: self._random.getrandbits(32), watched=WATCHED)
+        super().__init__(seed, None, WATCHED, **settings)
         self.reader = TapReader(10_000_000)
         self.session.listen(self.reader, 0)
         self.cable = True
@@ -59,7 +57,8 @@ class StagedRobot(VirtualRobot):
             return
         super().step()
 
-    def _write(self, setpoint: bytes = b"") -> None:
+    def write(self, setpoint: bytes = b"") -> None:
+        """As the base's, over the cable."""
         data = self.session.take_output() + setpoint
         if not self.cable:
             return
@@ -234,7 +233,7 @@ def _hangs_up(robot: StagedRobot) -> None:
 
 def _closes(robot: StagedRobot) -> None:
     robot.session.stop(StopMode.CONFIGURED, lambda _: None, robot.now_us)
-    robot._write()
+    robot.write()
     _hangs_up(robot)
 
 

@@ -94,7 +94,7 @@ def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
     line.drive()
-    line.flush()
+    line.write()
     line.to_device.impairment.loss = 0.0
     if stop is Stop:
         line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
@@ -142,7 +142,7 @@ def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> No
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
     line.drive()
-    line.flush()
+    line.write()
     line.to_device.impairment.loss = 0.0
     if news == "obeyed":
         line.device.send(line.device.state)
