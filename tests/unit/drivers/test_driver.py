@@ -1,20 +1,17 @@
 """The serial driver against the core on a pseudo-terminal, in real time."""
 
 import dataclasses
-import gc
 import math
 import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast, get_args, get_type_hints
 
 import pytest
 
-import wheelwire
 from support.core_device import BOARD_ID, CoreDevice
 from support.processes import interruptible
 from support.pty_device import PtyDevice
@@ -23,7 +20,6 @@ from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
-from wheelwire.testing.conformance import commands_with
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_ID, PARAMETER_BY_NAME
 from wheelwire_protocol.types import (
@@ -62,17 +58,6 @@ def test_a_velocity_arrives_as_wheel_velocities(robot: PtyDevice, driver: Serial
     assert (setpoint.left_mps, setpoint.right_mps) == pytest.approx((0.1, 0.3))
 
 
-def test_a_velocity_beyond_the_limit_keeps_its_curvature(
-    robot: PtyDevice, driver: SerialDriver
-) -> None:
-    driver.set_velocity(0.4, 1.5)
-    wait_until(lambda: bool(robot.device.obeyed))
-    setpoint = robot.device.obeyed[0]
-    assert isinstance(setpoint, SetWheelVelocity)
-    assert setpoint.right_mps == pytest.approx(0.4)
-    assert setpoint.right_mps / setpoint.left_mps == pytest.approx(0.55 / 0.25)
-
-
 def test_a_duty_arrives_in_q15(robot: PtyDevice, driver: SerialDriver) -> None:
     driver.set_duty(-1.0, 0.5)
     wait_until(lambda: bool(robot.device.obeyed))
@@ -81,32 +66,10 @@ def test_a_duty_arrives_in_q15(robot: PtyDevice, driver: SerialDriver) -> None:
     assert (setpoint.left_duty_q15, setpoint.right_duty_q15) == (-32767, 16384)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_no_number_is_no_command(robot: PtyDevice, driver: SerialDriver, value: float) -> None:
-    for call in commands_with(driver, value):
-        with pytest.raises(errors.InvalidCommand, match="give"):
-            call()
-    driver.stop()  # acknowledged: whatever was sent before it has arrived
-    assert robot.device.obeyed == []
-
-
 def test_an_overflow_is_no_command(driver: SerialDriver) -> None:
     driver.parameters.set("wheel_separation", 5)
     with pytest.raises(errors.InvalidCommand):
         driver.set_velocity(1.7e308, 1.7e308)
-
-
-@pytest.mark.parametrize("ttl", [0.0, -0.5])
-def test_no_time_to_live_is_no_command(driver: SerialDriver, ttl: float) -> None:
-    with pytest.raises(errors.InvalidCommand, match="ttl"):
-        driver.set_velocity(0.1, 0.0, ttl=ttl)
-    with pytest.raises(ValueError, match="ttl"):
-        driver.set_duty(0.1, 0.0, ttl=ttl)
-
-
-def test_a_duty_beyond_one_is_no_command(driver: SerialDriver) -> None:
-    with pytest.raises(errors.InvalidCommand, match="-1 to 1"):
-        driver.set_duty(1.01, 0.0)
 
 
 def test_an_endless_time_to_live_fits_the_wire(robot: PtyDevice, driver: SerialDriver) -> None:
@@ -114,14 +77,6 @@ def test_an_endless_time_to_live_fits_the_wire(robot: PtyDevice, driver: SerialD
     driver.parameters.refresh("ttl_max_s")
     driver.set_velocity(0.1, 0.0, ttl=1e38)
     wait_until(lambda: bool(robot.device.obeyed))
-
-
-def test_samples_are_read_once_and_in_order(driver: SerialDriver) -> None:
-    samples = [driver.read() for _ in range(10)]
-    times = [sample.t_us for sample in samples]
-    assert times == sorted(set(times))
-    age_s = time.monotonic() - samples[-1].stamp
-    assert -samples[-1].stamp_error_s <= age_s < 1.0
 
 
 def test_no_new_sample_is_a_timeout_and_no_old_one(robot: PtyDevice, driver: SerialDriver) -> None:
@@ -169,16 +124,6 @@ def test_the_exit_of_the_context_stops_the_robot_and_leaves_nothing(robot: PtyDe
         driver.stop()
 
 
-def test_a_forgotten_driver_stops_the_robot(robot: PtyDevice) -> None:
-    driver = SerialDriver(str(robot.path))
-    driver.set_velocity(0.2, 0.0)
-    wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
-    del driver
-    gc.collect()
-    assert robot.device.supervisor is SupervisorState.IDLE
-    assert link_threads() == []
-
-
 @pytest.mark.parametrize("end", ["exit", "interrupt"])
 def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> None:
     program = (
@@ -223,16 +168,6 @@ def raises_unarmed(driver: SerialDriver) -> bool:
     except errors.DeviceRefused as refused:
         return refused.code == RefusalCode.UNARMED
     return False
-
-
-def test_a_fault_is_told_until_cleared(robot: PtyDevice, driver: SerialDriver) -> None:
-    robot.device.full_speed_tps = 0.0
-    driver.set_duty(0.9, 0.9, ttl=1.0)
-    wait_until(lambda: driver.read().state is SupervisorState.FAULT)
-    with pytest.raises(errors.DeviceRefused, match="fault"):
-        driver.set_velocity(0.1, 0.0)
-    driver.clear_fault()
-    driver.set_velocity(0.1, 0.0)
 
 
 def test_the_geometry_is_the_devices_and_follows_it(tmp_path: Path) -> None:
@@ -379,28 +314,6 @@ def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: Se
     assert not any(isinstance(message, ParameterSet) for message in robot.device.received)
 
 
-def test_unplugged_and_plugged_in_again_the_same_driver_goes_on(
-    robot: PtyDevice, driver: SerialDriver
-) -> None:
-    driver.read()
-    robot.unplug()
-    wait_until(lambda: is_lost(driver))
-    with pytest.raises(errors.LinkLost):
-        driver.get_encoder_ticks()
-    with pytest.raises(errors.LinkLost):
-        driver.stop()
-    wait_until(lambda: not measures(driver))  # what was measured before may still be read
-    with pytest.raises(errors.LinkLost):
-        driver.read(timeout=0.05)
-    robot.plug()
-    sample = driver.read(timeout=10)
-    assert sample.boot_id == robot.device.boot_id
-    driver.set_velocity(0.1, 0.0)
-    wait_until(lambda: robot.device.supervisor is SupervisorState.DRIVING)
-    assert driver.statistics.reconnects >= 1
-    assert driver.statistics.device_resets == 0
-
-
 def is_lost(driver: SerialDriver) -> bool:
     try:
         driver.set_velocity(0.0, 0.0)
@@ -431,13 +344,6 @@ def test_the_death_of_the_links_thread_is_told(
         driver.read()
     with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
         driver.stop()
-
-
-def test_a_stop_of_the_device_by_itself_is_seen(robot: PtyDevice, driver: SerialDriver) -> None:
-    driver.set_velocity(0.1, 0.0, ttl=0.3)
-    wait_until(lambda: driver.read().state is SupervisorState.TIMED_OUT)
-    robot.device.core.fail()
-    wait_until(lambda: driver.read().state is SupervisorState.FAULT)
 
 
 def test_link_information_and_statistics(robot: PtyDevice, driver: SerialDriver) -> None:
@@ -505,11 +411,6 @@ def test_the_devices_own_counters(driver: SerialDriver) -> None:
     before = driver.device_counters().frames_received
     driver.set_velocity(0.0, 0.0)
     assert driver.device_counters().frames_received >= before + 2
-
-
-def test_open_driver_by_name(robot: PtyDevice) -> None:
-    with wheelwire.open_driver("serial", port=str(robot.path)) as driver:
-        assert isinstance(driver, SerialDriver)
 
 
 def test_a_driver_says_what_it_is_and_is_closed_like_a_file(
