@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import output_folder, table
-from support.load import Load, cpu_s, frames_lost, load_while, read_for
+from support.load import Load, frames_lost, load_while, read_for
+from support.processes import cpu_s
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.port_policy import REST_US
 from wheelwire.simulation.simulator import Simulator
@@ -70,10 +71,10 @@ def measure(links: int, rate_hz: int, reads_hz: int = 0) -> Point:
         # What opening the links costs is no part of their load.
         time.sleep(SETTLING_S)
         before = [robot.statistics for robot in robots]
-        used = sum(cpu_s(simulator.pid) for simulator in simulators)
+        used = cpu_s([simulator.pid for simulator in simulators])
         load = load_while(lambda: read_for(MEASURED_S, robots[0], reads_hz))
         after = [robot.statistics for robot in robots]
-        used = sum(cpu_s(simulator.pid) for simulator in simulators) - used
+        used = cpu_s([simulator.pid for simulator in simulators]) - used
     return Point(
         links,
         rate_hz,

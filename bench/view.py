@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support.benchmark import Target, output_folder, table, table_of_targets
+from support.processes import cpu_s
 from support.typing_terminal import TypingTerminal
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
@@ -26,18 +26,12 @@ accounts, of one core, with the link that it holds.
 """
 
 
-def cpu_s(pid: int) -> float:
-    """What a process has used, by the kernel's accounts."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def share_of(terminal: TypingTerminal, key: bytes) -> float:
     """CPU of the view while a key is held, as a part of one core."""
-    begin, cpu_before = time.monotonic(), cpu_s(terminal.process.pid)
+    begin, cpu_before = time.monotonic(), cpu_s([terminal.process.pid])
     terminal.hold(key, MEASURED_S)
     assert terminal.process.poll() is None, terminal.output[-2000:]
-    return (cpu_s(terminal.process.pid) - cpu_before) / (time.monotonic() - begin)
+    return (cpu_s([terminal.process.pid]) - cpu_before) / (time.monotonic() - begin)
 
 
 def measured(simulator: Simulator, size: tuple[int, int], key: bytes) -> float:
@@ -66,9 +60,9 @@ def beside(simulator: Simulator, size: tuple[int, int]) -> float:
         while (now := time.monotonic()) < begin + SETTLING_S + MEASURED_S:
             robot.set_velocity(0.2, 0.0, ttl=0.3)
             if now >= begin + SETTLING_S and not cpu_before:
-                begin_s, cpu_before = now, cpu_s(terminal.process.pid)
+                begin_s, cpu_before = now, cpu_s([terminal.process.pid])
             time.sleep(0.02)
-        return (cpu_s(terminal.process.pid) - cpu_before) / (time.monotonic() - begin_s)
+        return (cpu_s([terminal.process.pid]) - cpu_before) / (time.monotonic() - begin_s)
 
 
 def main() -> int:

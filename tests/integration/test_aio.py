@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from support.simulator_on_line import GOOD, simulator_on
-from support.waiting import is_open
 from wheelwire import aio, errors
 from wheelwire.samples import WheelSample
 from wheelwire.simulation.simulator import Simulator
@@ -103,7 +102,7 @@ def test_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
             for count in range(1, 4):
                 await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
                 simulator.unplug()
-                while is_open(robot):
+                while robot.is_open:
                     await asyncio.sleep(0.01)
                 with pytest.raises(errors.LinkLost):
                     forward()

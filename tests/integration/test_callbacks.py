@@ -19,7 +19,7 @@ import pytest
 import wheelwire
 from support.pty_device import PtyDevice
 from support.threads import link_threads
-from support.waiting import wait_until
+from support.waiting import until, wait_until
 from wheelwire import Fault, aio
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.errors import InvalidArgument, LinkClosed, LinkLost, WheelwireError
@@ -40,14 +40,6 @@ class Heard:
     @property
     def names(self) -> list[str]:
         return [name for name, _ in self.calls]
-
-
-async def until(condition: Callable[[], object]) -> None:
-    for _ in range(5000):
-        if condition():
-            return
-        await asyncio.sleep(0.002)
-    pytest.fail("the condition never held")
 
 
 def drive_until(robot: MockDriver, condition: Callable[[], object]) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from support.command import PROGRAM, TIMEOUT_S, check_error, output, run, run_json
-from support.processes import interruptible
+from support.processes import children, interruptible
 from support.simulator_on_line import GOOD, simulator_on
 from support.usb_ports import fake_usb_ports
 from wheelwire import errors
@@ -451,10 +451,6 @@ def test_sim_of_a_plant_that_is_none(tmp_path: Path) -> None:
 
 
 # --- the demonstration -------------------------------------------------------------------------
-
-
-def children(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 SHORT_PROGRAM = """

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from support.pty_device import PtyDevice
-from support.reconnect import is_lost
 from support.simulator_on_line import simulator_on
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
@@ -48,10 +47,6 @@ def cables(tmp_path: Path, line: str) -> Iterator[Cables]:
         yield cables
 
 
-def wait(condition: Callable[[], bool]) -> None:
-    wait_until(condition, TIMEOUT_S)
-
-
 def test_a_board_is_found_among_several_ports(cables: Cables) -> None:
     board_id = cables.board_id("tty1")
     with SerialDriver(cables.pattern, board_id=board_id.upper()) as robot:
@@ -65,11 +60,11 @@ def test_a_board_that_comes_back_under_another_name_is_found(cables: Cables) -> 
     with SerialDriver(cables.pattern, board_id=board_id) as robot:
         cables.ours.unplug()
         (cables.folder / "tty1").unlink()
-        wait(lambda: is_lost(robot))
+        wait_until(lambda: not robot.is_open)
         cables.ours.plug()
         cables.name("tty7", cables.ours)
         since = time.monotonic()
-        wait(lambda: robot.read(TIMEOUT_S).stamp > since)
+        wait_until(lambda: robot.read(TIMEOUT_S).stamp > since)
         assert robot.info.device.board_id == board_id
         assert robot.info.port.endswith("tty7")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,7 +22,6 @@ from wheelwire.errors import (
     DeviceSilent,
     ForeignDevice,
     InvalidCommand,
-    LinkLost,
     PortUnavailable,
 )
 from wheelwire.motion.odometry import Odometry
@@ -46,19 +45,7 @@ def driven(robot: SerialDriver) -> WheelSample:
 
 
 def drive_until_driving(robot: SerialDriver) -> None:
-    wait(lambda: driven(robot).state is SupervisorState.DRIVING)
-
-
-def wait(condition: Callable[[], bool]) -> None:
-    wait_until(condition, TIMEOUT_S)
-
-
-def is_lost(robot: SerialDriver) -> bool:
-    try:
-        robot.set_velocity(0.3, 0.0)
-    except LinkLost:
-        return True
-    return False
+    wait_until(lambda: driven(robot).state is SupervisorState.DRIVING)
 
 
 def test_the_readme_example() -> None:
@@ -67,14 +54,14 @@ def test_the_readme_example() -> None:
         wheelwire.open_driver("serial", port=simulator.port) as robot,
     ):
         robot.set_velocity(0.2, 0.5, ttl=0.3)
-        wait(lambda: robot.read().left_ticks > 10)
+        wait_until(lambda: robot.read().left_ticks > 10)
         assert robot.geometry.wheel_separation == 0.2
 
 
 def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simulator) -> None:
     with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
-        wait(lambda: driven(robot).left_mps > 0.1)
-    wait(lambda: simulator.get("drive_on") == 0)
+        wait_until(lambda: driven(robot).left_mps > 0.1)
+    wait_until(lambda: simulator.get("drive_on") == 0)
     assert simulator.get("drive_removed_us") < simulator.get("deadline_us")
 
 
@@ -104,7 +91,7 @@ def test_the_roms_boot_text_is_survived(line: str) -> None:
         SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot,
     ):
         boot_id = simulator.reset(ResetReason.BROWNOUT)
-        wait(lambda: robot.read(TIMEOUT_S).boot_id == boot_id)
+        wait_until(lambda: robot.read(TIMEOUT_S).boot_id == boot_id)
         assert robot.info.device.reset_reason is ResetReason.BROWNOUT
         assert robot.statistics.device_resets == 1
 
@@ -120,10 +107,10 @@ def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> Non
     with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         odometry = Odometry(robot.geometry)
         odometry.update(robot.read())
-        wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.05)
+        wait_until(lambda: odometry.update(driven(robot)).pose.x_m > 0.05)
         simulator.unplug()
-        wait(lambda: is_lost(robot))
-        wait(lambda: simulator.get("stands_still") == 1)
+        wait_until(lambda: not robot.is_open)
+        wait_until(lambda: simulator.get("stands_still") == 1)
         plugged_s = time.monotonic()
         simulator.plug()
         # One that was measured before, and that nobody has read, comes first.
@@ -142,10 +129,10 @@ def test_a_reset_does_not_make_the_odometry_jump(simulator: Simulator) -> None:
     with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
         odometry = Odometry(robot.geometry)
         odometry.update(robot.read())
-        wait(lambda: odometry.update(driven(robot)).pose.x_m > 0.1)
+        wait_until(lambda: odometry.update(driven(robot)).pose.x_m > 0.1)
         ticks = robot.get_encoder_ticks()
         simulator.reset()
-        wait(lambda: odometry.update(robot.read(TIMEOUT_S)).rebased)
+        wait_until(lambda: odometry.update(robot.read(TIMEOUT_S)).rebased)
         assert odometry.pose.x_m == pytest.approx(simulator.get("true.x_m"), abs=0.1)
         assert robot.get_encoder_ticks() >= ticks
 
@@ -155,7 +142,7 @@ def test_estop_latches_until_cleared(simulator: Simulator) -> None:
         drive_until_driving(robot)
         robot.estop()
         assert simulator.get("drive_on") == 0
-        wait(lambda: robot.read().state is SupervisorState.ESTOPPED)
+        wait_until(lambda: robot.read().state is SupervisorState.ESTOPPED)
         with pytest.raises(DeviceRefused) as refused:
             robot.set_velocity(0.3, 0.0)
         assert refused.value.code == RefusalCode.ESTOPPED
@@ -196,7 +183,7 @@ def test_the_rate_asked_is_the_rate_had(line: str, rate_hz: int) -> None:
         SerialDriver(simulator.port, stream_rate_hz=rate_hz, connect_timeout=TIMEOUT_S) as robot,
     ):
         first, sent, asked = robot.read(), frames_sent_by_device(robot), frames_sent(robot)
-        wait(lambda: frames_sent_by_device(robot) > sent + 2 * rate_hz)
+        wait_until(lambda: frames_sent_by_device(robot) > sent + 2 * rate_hz)
         last, sent = robot.read(), frames_sent_by_device(robot) - sent
         asked = frames_sent(robot) - asked
         seconds = (last.t_us - first.t_us) / 1e6

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import resource
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 from wheelwire import BaseDriver, LinkStatistics
-
-_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 class Load(NamedTuple):
@@ -40,12 +36,6 @@ def read_for(seconds: float, driver: BaseDriver, reads_hz: int) -> None:
     while time.monotonic() < end:
         time.sleep(1 / reads_hz)
         driver.read()
-
-
-def cpu_s(pid: int) -> float:
-    """CPU seconds that a process has used, to a hundredth."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
 
 def frames_lost(before: LinkStatistics, after: LinkStatistics) -> int:

@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from wheelwire.simulation.simulator import ENVIRONMENT, Simulator, find_simulator
 
@@ -300,27 +301,13 @@ def open_robot(name: str, directory: Path, core_timeout_ms: int | None) -> Itera
         text = TEE.format(python=sys.executable, truth=str(truth), program=str(find_simulator()))
         program.write_text(text)
         program.chmod(0o755)
-        with _environment({ENVIRONMENT: str(program)}):
+        with mock.patch.dict(os.environ, {ENVIRONMENT: str(program)}):
             yield MockRobot(truth)
     else:
         with GpioChip(directory, kernel_pwm="software" not in name) as chip:
             options = {"pwm_directory": str(chip.pwm_directory), **tolerant}
-            with _environment(chip.environment):
+            with mock.patch.dict(os.environ, chip.environment):
                 yield StandInRobot("l298n", chip, options)
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def time_failure(

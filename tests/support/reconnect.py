@@ -7,7 +7,6 @@ from pathlib import Path
 
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.errors import LinkLost, RequestTimeout
 from wheelwire.simulation.simulator import Simulator
 
 AIM_S = 0.25
@@ -49,14 +48,5 @@ def _first_fresh(robot: SerialDriver, since: float) -> float:
     return time.monotonic() - since
 
 
-def is_lost(robot: SerialDriver) -> bool:
-    """Whether the loss of the port was noticed."""
-    try:
-        robot.get_encoder_ticks()
-    except (LinkLost, RequestTimeout):
-        return True
-    return False
-
-
 def _wait_lost(robot: SerialDriver) -> None:
-    wait_until(lambda: is_lost(robot), TIMEOUT_S, "the loss of the port")
+    wait_until(lambda: not robot.is_open, TIMEOUT_S, "the loss of the port")

@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 from support import stop_host
 from support.attached import holder_of
 from support.command import output
-from support.load import cpu_s
+from support.processes import cpu_s
 from support.ros import Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.stand_in import StandIn
@@ -366,10 +366,10 @@ def watch(graph: Graph, topic: str, rate_hz: float, pid: int) -> Stream:
 
     subscription = graph.node.create_subscription(Odometry, topic, hear, 100)
     wait(lambda: arrivals, topic)
-    begin_s, cpu_before_s = time.monotonic(), cpu_s(pid)
+    begin_s, cpu_before_s = time.monotonic(), cpu_s([pid])
     arrivals.clear()
     time.sleep(WATCH_S)
-    cpu = (cpu_s(pid) - cpu_before_s) / (time.monotonic() - begin_s)
+    cpu = (cpu_s([pid]) - cpu_before_s) / (time.monotonic() - begin_s)
     graph.destroy(subscription)
     arrived_s, stamped_s = ([times[i] for times in arrivals] for i in (0, 1))
     rate = (len(arrivals) - 1) / (arrived_s[-1] - arrived_s[0])

@@ -140,7 +140,7 @@ class Soak:
 
     def _stand(self) -> None:
         retry(self._robot.stop)
-        wait(lambda: self._simulator.get("stands_still") == 1)
+        wait_until(lambda: self._simulator.get("stands_still") == 1, TIMEOUT_S)
 
     def _inject(self, incident: str) -> float:
         """Unplug and plug again, or reset, on the bad line; returns the seconds to recover."""
@@ -154,7 +154,9 @@ class Soak:
         else:
             self._simulator.reset()
         begin = time.monotonic()
-        wait(lambda: self._robot.statistics.sessions > sessions and self._is_open())
+        wait_until(
+            lambda: self._robot.statistics.sessions > sessions and self._is_open(), TIMEOUT_S
+        )
         recovery_s = time.monotonic() - begin
         self._corrupt(0.0)
         self._stand()
@@ -172,7 +174,7 @@ class Soak:
     def _ticks_against_plant(self) -> int:
         """How many ticks the host has too many, of both wheels, while the robot is at rest."""
         started_us = self._robot.read(TIMEOUT_S).t_us
-        wait(lambda: self._robot.read(TIMEOUT_S).t_us != started_us)
+        wait_until(lambda: self._robot.read(TIMEOUT_S).t_us != started_us, TIMEOUT_S)
         measured = self._robot.get_encoder_ticks()
         true = (self._simulator.get("true.left_ticks"), self._simulator.get("true.right_ticks"))
         return sum(measured) - int(sum(true))
@@ -224,11 +226,6 @@ def run(minutes: float, report: Callable[[Lap], object], lap_s: float = LAP_S) -
     return laps
 
 
-def wait(condition: Callable[[], bool]) -> None:
-    """Wait until the condition holds; fails if it takes too long."""
-    wait_until(condition, TIMEOUT_S)
-
-
 def retry(action: Callable[[], T]) -> T:
     """Retry until the link is up: a request whose answer is lost may be repeated."""
     answers: list[T] = []
@@ -238,7 +235,7 @@ def retry(action: Callable[[], T]) -> T:
             answers.append(action())
         return bool(answers)
 
-    wait(answered)
+    wait_until(answered, TIMEOUT_S)
     return answers[0]
 
 

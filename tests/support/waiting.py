@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Callable
 
-from wheelwire.drivers.driving import Driving
-from wheelwire.errors import LinkLost
-
 PERIOD_S = 0.002
-
-
-def is_open(robot: Driving) -> bool:
-    """Whether the driver can reach its robot."""
-    try:
-        robot.geometry  # noqa: B018
-    except LinkLost:
-        return False
-    return True
+TIMEOUT_S = 30.0
 
 
 def wait_until(
-    condition: Callable[[], object], timeout_s: float = 10.0, what: str = "the condition"
+    condition: Callable[[], object], timeout_s: float = TIMEOUT_S, what: str = "the condition"
 ) -> None:
     """Return as soon as `condition()` holds; fail when it does not in time."""
     end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, f"{what} never held"
         time.sleep(PERIOD_S)
+
+
+async def until(condition: Callable[[], object]) -> None:
+    """As `wait_until`, in a loop."""
+    end = time.monotonic() + TIMEOUT_S
+    while not condition():
+        assert time.monotonic() < end, "the condition never held"
+        await asyncio.sleep(PERIOD_S)

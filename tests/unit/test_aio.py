@@ -19,8 +19,9 @@ import pytest
 
 from support.answering_port import Port
 from support.core_device import CoreDevice
+from support.processes import open_files
 from support.pty_device import PtyDevice
-from support.waiting import is_open
+from support.waiting import until
 from wheelwire import aio, errors
 from wheelwire.drivers import factory
 from wheelwire.drivers.transport_driver import DeviceDriver, TransportDriver, opened_later
@@ -108,19 +109,8 @@ def place() -> Place:
     return Place()
 
 
-def open_files() -> int:
-    return len(list(Path("/proc/self/fd").iterdir()))
-
-
 def other_tasks() -> list[str]:
     return [task.get_name() for task in asyncio.all_tasks() if task is not asyncio.current_task()]
-
-
-async def until(condition: Callable[[], object], timeout_s: float = 10.0) -> None:
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, "the condition never held"
-        await asyncio.sleep(0.002)
 
 
 async def drive(place: Place, robot: aio.Driver) -> None:
@@ -357,11 +347,11 @@ def test_a_closed_loop_raises_nothing_in_the_links_thread(
         loop.close()
         device.unplug()
         end = time.monotonic() + 10
-        while is_open(robot):
+        while robot.is_open:
             assert time.monotonic() < end
             time.sleep(0.01)
         device.plug()
-        while not is_open(robot):
+        while not robot.is_open:
             assert time.monotonic() < end
             time.sleep(0.01)
         del robot
@@ -759,7 +749,7 @@ def test_an_unplugged_port_is_opened_again_when_it_is_back(tmp_path: Path) -> No
             await anext(samples)
             gain = robot.parameters["integral_gain"]
             device.unplug()
-            await until(lambda: not is_open(robot))
+            await until(lambda: not robot.is_open)
             with pytest.raises(errors.LinkLost):
                 robot.set_velocity(0.1, 0.0)
             for call in (robot.stop, robot.get_encoder_ticks, robot.parameters.refresh):

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from random import Random
@@ -13,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from support.command import run_within
 from support.core_device import CoreDevice
 from support.esp_chip import ESP32C3, ESP32S3, OTADATA_ENTRY, EspChip
 from support.esp_image import FACTORY_LAYOUT, merged_image, our_layout, table_bytes
@@ -63,14 +62,7 @@ def fill_data(chip: EspChip) -> dict[str, bytes]:
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "wheelwire", "flash", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-        env={**os.environ, "COLUMNS": "200"},
-    )
+    return run_within(TIMEOUT_S, "flash", *arguments, COLUMNS="200")
 
 
 def run_json(*arguments: str) -> Any:

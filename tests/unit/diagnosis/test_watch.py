@@ -10,6 +10,7 @@ from contextlib import suppress
 import pytest
 
 import wheelwire
+from support.waiting import until
 from wheelwire import aio
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers.mock import MockDriver
@@ -127,11 +128,6 @@ def run(body: Callable[[aio.Driver], Coroutine[object, object, None]]) -> None:
             await body(robot)
 
     asyncio.run(open_and_run())
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    while not condition():  # the test's time limit ends it
-        await asyncio.sleep(0.005)
 
 
 def test_a_loop_is_told_of_each_stop_in_its_own_thread() -> None:

@@ -13,7 +13,7 @@ from typing import Any, cast, get_args, get_type_hints
 import pytest
 
 from support.core_device import BOARD_ID, CoreDevice
-from support.processes import interruptible
+from support.processes import interruptible, open_files
 from support.pty_device import PtyDevice
 from support.threads import link_threads
 from support.waiting import wait_until
@@ -44,10 +44,6 @@ def robot(tmp_path: Path) -> Iterator[PtyDevice]:
 def driver(robot: PtyDevice) -> Iterator[SerialDriver]:
     with SerialDriver(str(robot.path)) as driver:
         yield driver
-
-
-def open_files() -> int:
-    return len(list(Path("/proc/self/fd").iterdir()))
 
 
 def test_a_velocity_arrives_as_wheel_velocities(robot: PtyDevice, driver: SerialDriver) -> None:
@@ -266,10 +262,10 @@ def test_a_new_session_voids_the_known_values(robot: PtyDevice, driver: SerialDr
     gain = driver.parameters["integral_gain"]
     robot.device.parameters["integral_gain"] = gain / 2
     robot.device.reset()
-    wait_until(lambda: driver.sessions == 2 and not is_lost(driver))
+    wait_until(lambda: driver.sessions == 2 and driver.is_open)
     assert driver.parameters["integral_gain"] == gain / 2
     robot.unplug()
-    wait_until(lambda: is_lost(driver))
+    wait_until(lambda: not driver.is_open)
     with pytest.raises(errors.LinkLost):
         driver.parameters["integral_gain"]
     with pytest.raises(errors.LinkLost):
@@ -314,18 +310,10 @@ def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: Se
     assert not any(isinstance(message, ParameterSet) for message in robot.device.received)
 
 
-def is_lost(driver: SerialDriver) -> bool:
-    try:
-        driver.set_velocity(0.0, 0.0)
-    except (errors.LinkLost, errors.LinkClosed):
-        return True
-    return False
-
-
 def test_a_driver_may_be_shut_down_while_unplugged(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         robot.unplug()
-        wait_until(lambda: is_lost(driver))
+        wait_until(lambda: not driver.is_open)
     assert link_threads() == []
 
 
@@ -336,7 +324,7 @@ def test_the_death_of_the_links_thread_is_told(
         raise ZeroDivisionError
 
     monkeypatch.setattr(SerialTransport, "read", fail)
-    wait_until(lambda: is_lost(driver))
+    wait_until(lambda: not driver.is_open)
     with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
         driver.set_velocity(0.1, 0.0)
     wait_until(lambda: not measures(driver))

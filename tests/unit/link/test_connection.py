@@ -15,7 +15,7 @@ import pytest
 from support.core_device import CoreDevice, Edits
 from support.pty_device import PtyDevice
 from support.threads import link_threads
-from support.waiting import is_open, wait_until
+from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import TransportDriver
@@ -252,8 +252,8 @@ def test_a_lost_port_leaves_no_descriptor(tmp_path: Path) -> None:
         before = files()
         for _ in range(3):
             device.unplug()
-            wait_until(lambda: not is_open(robot))
+            wait_until(lambda: not robot.is_open)
             wait_until(lambda: files() < before)  # neither the port's nor the device's
             device.plug()
-            wait_until(lambda: is_open(robot))
+            wait_until(lambda: robot.is_open)
             wait_until(lambda: files() == before)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import is_open, wait_until
+from support.waiting import wait_until
 from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
@@ -80,7 +80,7 @@ def test_it_waits_across_a_reconnection(tmp_path: Path) -> None:
         samples = robot.samples()
         next(samples)
         device.unplug()
-        wait_until(lambda: not is_open(robot))
+        wait_until(lambda: not robot.is_open)
         plugged_s = time.monotonic()
         device.plug()
         assert next(sample for sample in samples if sample.stamp > plugged_s)

@@ -9,7 +9,7 @@ from contextlib import suppress
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import is_open, wait_until
+from support.waiting import wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link import port_loop, setpoints
@@ -103,7 +103,7 @@ def test_a_setpoint_that_reaches_no_port_raises(
         def unplugged(self: SerialTransport, data: bytes) -> int:
             if threading.current_thread() is threading.main_thread():
                 device.unplug()
-                wait_until(lambda: not is_open(robot))
+                wait_until(lambda: not robot.is_open)
             return write(self, data)
 
         return unplugged

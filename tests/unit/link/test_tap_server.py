@@ -19,6 +19,7 @@ from pathlib import Path
 
 import pytest
 
+from support.attached import holder_of
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
@@ -65,21 +66,10 @@ def names() -> list[str]:
     return sorted(path.name for path in folder().iterdir()) if folder().is_dir() else []
 
 
-def holder_of(device: PtyDevice) -> Holder:
-    found: list[Holder] = []
-
-    def find() -> bool:
-        found.extend(filter(None, [find_holder(str(device.path))]))
-        return bool(found)
-
-    wait_until(find)
-    return found[0]
-
-
 @pytest.fixture
 def attached(device: PtyDevice, robot: SerialDriver) -> Iterator[AttachedDriver]:
     assert robot.is_open
-    with AttachedDriver(holder_of(device)) as attached:
+    with AttachedDriver(holder_of(str(device.path))) as attached:
         yield attached
 
 
@@ -139,7 +129,7 @@ class TestFile:
         left.bind(str(folder() / f"{BOARD_ID}.tap"))
         left.close()  # the file stays, as after SIGKILL
         with SerialDriver(str(device.path)):
-            holder = holder_of(device)
+            holder = holder_of(str(device.path))
             holder.connection.close()
             assert names() == [f"{BOARD_ID}.tap"]
 
@@ -152,7 +142,7 @@ class TestFile:
             with SerialDriver(str(other.path)):
                 offered(f"{BOARD_ID}-2.tap")
                 for each in (device, other):
-                    holder = holder_of(each)
+                    holder = holder_of(str(each.path))
                     assert holder.port == str(each.path.resolve())
                     holder.connection.close()
             assert names() == [f"{BOARD_ID}.tap"]
@@ -172,7 +162,7 @@ class TestFile:
             for _ in range(2):
                 offered().unlink()
                 folder().rmdir()
-                holder_of(device).connection.close()
+                holder_of(str(device.path)).connection.close()
                 robot.read()
 
     def test_a_file_that_is_another_programs_by_now_is_left_to_it(
@@ -221,7 +211,7 @@ class TestFile:
             wait_until(lambda: stat.S_IMODE(path.stat().st_mode) == 0o660)
             assert path.stat().st_gid == own.gr_gid
             assert stat.S_IMODE(folder().stat().st_mode) == 0o750
-            holder_of(device).connection.close()
+            holder_of(str(device.path)).connection.close()
 
     def test_a_group_that_is_unknown_is_only_logged(
         self,
@@ -280,11 +270,11 @@ class TestFile:
             robot.shutdown()
             os._exit(bool(held) or not path.exists())
         assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-        holder_of(device).connection.close()
+        holder_of(str(device.path)).connection.close()
 
     def test_a_driver_that_nobody_has_any_more_ends(self, device: PtyDevice) -> None:
         robot = SerialDriver(str(device.path))
-        attached = AttachedDriver(holder_of(device))
+        attached = AttachedDriver(holder_of(str(device.path)))
         gone = weakref.ref(robot)
         del robot
         gc.collect()
@@ -393,7 +383,7 @@ class TestReading:
         path = offered()
         with peer_at(path) as peer:
             peer.sendall(VERSION + message(Say.LISTEN)[:3])
-        with AttachedDriver(holder_of(device)) as other:
+        with AttachedDriver(holder_of(str(device.path))) as other:
             other.read()
             wait_until(lambda: len(robot._link.tap.readers) == 2)
         wait_until(lambda: len(robot._link.tap.readers) == 1)
@@ -405,7 +395,7 @@ class TestReading:
         own = TapReader()
         robot._link.listen_to_tap(own)
         for _ in range(3):
-            with AttachedDriver(holder_of(device)) as other:
+            with AttachedDriver(holder_of(str(device.path))) as other:
                 for each in (attached, other):
                     for _ in range(3):
                         each.read()
@@ -419,7 +409,7 @@ class TestReading:
         robot.note("weather", "rain")
         robot.note("weather", "sun")
         reader = TapReader()
-        with AttachedDriver(holder_of(device)) as attached:
+        with AttachedDriver(holder_of(str(device.path))) as attached:
             link_of(attached).listen_to_tap(reader)
             notes: list[bytes] = []
 
@@ -470,7 +460,7 @@ class TestStopping:
             robot.set_velocity(0.2, 0.0, ttl=0.5)
 
     def test_estop_needs_nothing_to_be_read(self, robot: SerialDriver, device: PtyDevice) -> None:
-        with AttachedDriver(holder_of(device), listens=False) as attached:
+        with AttachedDriver(holder_of(str(device.path)), listens=False) as attached:
             attached.estop()
             assert not robot._link.tap.readers
         assert device.device.supervisor is SupervisorState.ESTOPPED
@@ -572,7 +562,7 @@ class TestSlowness:
     ) -> None:
         monkeypatch.setattr(tap_server, "QUEUE", 50)
         latest_sample, reader, goes_on = LatestSample(), TapReader(), threading.Event()
-        link = AttachedLink(latest_sample, holder_of(device))
+        link = AttachedLink(latest_sample, holder_of(str(device.path)))
         link.open()
         with closing(link):
             server = server_of(robot)

@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from support.tapped_line import TappedLine
+from support.waiting import wait_until
 from wheelwire.errors import RecordingError
 from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Session
@@ -53,13 +54,6 @@ def samples_of(path: Path) -> tuple[list[object], Session]:
     return list(found), again.session
 
 
-def until(ready: Callable[[], object]) -> None:
-    end = time.monotonic() + 20
-    while not ready():
-        assert time.monotonic() < end
-        time.sleep(0.01)
-
-
 def test_what_the_link_did_is_done_again(link: TappedLine, make: Callable[..., Recorder]) -> None:
     known = len(link.line.samples)
     recorder = make()
@@ -77,7 +71,7 @@ def test_closing_twice_and_the_links_end(link: TappedLine, make: Callable[..., R
     recorder = make()
     link.drive(0.2)
     link.has_ended = True
-    until(lambda: not link.tap.readers)
+    wait_until(lambda: not link.tap.readers)
     recorder.close()
     recorder.close()
     with recorder.file.open("rb") as file:
@@ -144,7 +138,7 @@ def test_what_is_lost_is_counted_and_the_rest_can_be_done_again(
     recorder = make()
     time.sleep(0.7)
     link.drive(5)
-    until(lambda: recorder.lost)
+    wait_until(lambda: recorder.lost)
     link.line.run(0.1)
     time.sleep(0.7)
     known = len(link.line.samples)
@@ -165,7 +159,7 @@ def test_a_full_disk_ends_the_recording_alone(
 ) -> None:
     recorder = make()
     link.drive(0.5)
-    until(lambda: len(list(records(recorder.file))) > 20)
+    wait_until(lambda: len(list(records(recorder.file))) > 20)
     written = list(records(recorder.file))
 
     def full(_: int, __: object) -> int:
@@ -174,7 +168,7 @@ def test_a_full_disk_ends_the_recording_alone(
     with monkeypatch.context() as patch, caplog.at_level(logging.ERROR, "wheelwire"):
         patch.setattr("wheelwire.recording.writer.os.write", full)
         link.drive(0.5)
-        until(lambda: recorder.error)
+        wait_until(lambda: recorder.error)
     link.drive(0.5)
     recorder.close()
     assert [record.getMessage() for record in caplog.records] == [
@@ -200,7 +194,7 @@ def test_a_disk_that_is_full_for_a_part_of_a_chunk(
     with monkeypatch.context() as patch:
         patch.setattr("wheelwire.recording.writer.os.write", nearly_full)
         link.drive(2)
-        until(lambda: recorder.error)
+        wait_until(lambda: recorder.error)
     recorder.close()
     assert repair(recorder.file)
     with recorder.file.open("rb") as file:
@@ -221,7 +215,7 @@ def test_the_next_recording_in_a_folder_repairs_what_a_crash_left(
     known = list(records(crashed))
     other = make(tmp_path / "other.mcap")
     next_one = make(tmp_path / "next.mcap")  # the other one is being written, and left alone
-    until(lambda: crashed.read_bytes().endswith(b"MCAP0\r\n"))
+    wait_until(lambda: crashed.read_bytes().endswith(b"MCAP0\r\n"))
     time.sleep(0.2)  # until it is closed
     assert list(records(crashed)) == known
     assert not repair(crashed)
@@ -273,7 +267,9 @@ def test_without_a_power_cut_nothing_is_older_than_a_chunk(
     link.drive(0.5)
     newest = link.line.now_us
     # What a kill would leave, a moment later.
-    until(lambda: max((r.host_us for r in records(recorder.file)), default=0) >= newest - 50_000)
+    wait_until(
+        lambda: max((r.host_us for r in records(recorder.file)), default=0) >= newest - 50_000
+    )
     assert any(topic == "/odom" for topic, _, _ in messages(recorder.file))
 
 
