@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
@@ -90,28 +89,6 @@ def test_every_verb(line: str) -> None:
         asyncio.run(use_every_verb(simulator))
         if line == GOOD:
             assert simulator.get("state") == SupervisorState.IDLE
-
-
-def test_unplugged_and_plugged_in_again(tmp_path: Path) -> None:
-    async def use(simulator: Simulator) -> None:
-        async with aio.open_driver("serial", port=simulator.port) as robot:
-
-            def forward() -> None:
-                robot.set_velocity(0.2, 0.0, ttl=0.3)
-
-            for count in range(1, 4):
-                await sample_that(robot, lambda s: s.state is SupervisorState.DRIVING, forward)
-                simulator.unplug()
-                while robot.is_open:
-                    await asyncio.sleep(0.01)
-                with pytest.raises(errors.LinkLost):
-                    forward()
-                simulator.plug()
-                while robot.sessions == count:
-                    await robot.read(PATIENCE_S)
-
-    with Simulator(link=tmp_path / "robot") as simulator:
-        asyncio.run(use(simulator))
 
 
 def test_each_of_500_samples_a_second_is_taken_or_counted() -> None:

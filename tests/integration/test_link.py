@@ -1,19 +1,16 @@
 """The driver against the real firmware on a pseudo-terminal: faults of line, port and device.
 
-On each of the lines, but for what no line has a part in: the README's example, word by word, a
-command that is not sent, and a port where nothing is understood or nobody answers.
+On each of the lines, but for a port where nothing is understood.
 """
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-import wheelwire
 from support.simulator_on_line import GOOD, LINES, simulator_on
 from support.waiting import wait_until
 from wheelwire.drivers.serial import SerialDriver
@@ -21,8 +18,6 @@ from wheelwire.errors import (
     DeviceRefused,
     DeviceSilent,
     ForeignDevice,
-    InvalidCommand,
-    PortUnavailable,
 )
 from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample
@@ -46,16 +41,6 @@ def driven(robot: SerialDriver) -> WheelSample:
 
 def drive_until_driving(robot: SerialDriver) -> None:
     wait_until(lambda: driven(robot).state is SupervisorState.DRIVING)
-
-
-def test_the_readme_example() -> None:
-    with (
-        Simulator() as simulator,
-        wheelwire.open_driver("serial", port=simulator.port) as robot,
-    ):
-        robot.set_velocity(0.2, 0.5, ttl=0.3)
-        wait_until(lambda: robot.read().left_ticks > 10)
-        assert robot.geometry.wheel_separation == 0.2
 
 
 def test_leaving_the_block_stops_the_robot_before_the_deadline(simulator: Simulator) -> None:
@@ -94,13 +79,6 @@ def test_the_roms_boot_text_is_survived(line: str) -> None:
         wait_until(lambda: robot.read(TIMEOUT_S).boot_id == boot_id)
         assert robot.info.device.reset_reason is ResetReason.BROWNOUT
         assert robot.statistics.device_resets == 1
-
-
-def test_a_second_host_is_told_that_the_port_is_in_use(simulator: Simulator) -> None:
-    with SerialDriver(simulator.port, connect_timeout=TIMEOUT_S) as robot:
-        with pytest.raises(PortUnavailable, match="another program uses it"):
-            SerialDriver(simulator.port)
-        assert robot.read().state is SupervisorState.IDLE
 
 
 def test_unplugged_is_a_state_and_replugged_goes_on(simulator: Simulator) -> None:
@@ -149,31 +127,6 @@ def test_estop_latches_until_cleared(simulator: Simulator) -> None:
         robot.clear_estop()
         robot.set_velocity(0.0, 0.0)  # a clear alone restarts nothing
         drive_until_driving(robot)
-
-
-@pytest.mark.parametrize(
-    ("linear", "angular", "ttl"),
-    [(float("nan"), 0, 1), (0, float("inf"), 1), (0.1, 0, 0), (0.1, 0, -1), (0.1, 0, float("nan"))],
-)
-def test_a_meaningless_command_is_refused_before_it_is_sent(
-    linear: float, angular: float, ttl: float
-) -> None:
-    with Simulator() as simulator, SerialDriver(simulator.port) as robot:
-        sent = robot.device_counters().frames_received
-        with pytest.raises(InvalidCommand):
-            robot.set_velocity(linear, angular, ttl)
-        assert robot.device_counters().frames_received <= sent + 3  # this question and pings
-        assert simulator.get("drive_removed_us") == 0
-
-
-def test_a_port_that_answers_nothing() -> None:
-    controller, port = os.openpty()
-    try:
-        with pytest.raises(DeviceSilent, match="is silent"):
-            SerialDriver(os.ttyname(port), connect_timeout=1.0)
-    finally:
-        os.close(controller)
-        os.close(port)
 
 
 @pytest.mark.parametrize("rate_hz", [20, 200, 1000])
