@@ -242,12 +242,7 @@ def _drive_at_the_limit(robot: VirtualRobot, random: Random) -> None:
     turn = random.choice((0.0, 0.0, 0.15, random.uniform(-0.4, 0.4)))
     left, right = linear - turn, linear + turn
     if random.random() < 0.15:
-        held = random.choice((("left",), ("right",), ("left", "right")))
-        for side in held:
-            robot.sim.set(f"{side}.blocked", 1)
-        robot.drive(left, right, 0.3)
-        for side in held:
-            robot.sim.set(f"{side}.blocked", 0)
+        robot.drive_held(left, right, 0.3, random)
     robot.drive(left, right, random.uniform(0.2, 3.0))
     if random.random() < 0.1:
         robot.drive(0.0, 0.0, random.uniform(0.1, 1.0))

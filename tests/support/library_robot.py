@@ -19,9 +19,11 @@ class LibraryRobot(VirtualHost):
         stored: bytes = b"",
         save: Callable[[bytes], bool] = lambda _block: True,
         board: Board = Board.LINUX,
+        core: Core | None = None,
     ) -> None:
         super().__init__(1)
-        self.core = Core(Identity(0x1234, board, 7, ResetReason.POWER_ON), stored, save)
+        identity = Identity(0x1234, board, 7, ResetReason.POWER_ON)
+        self.core = core or Core(identity, stored, save)
         self.now_us = 1_000_000
         self.left_ticks = 0
         self.right_ticks = 0

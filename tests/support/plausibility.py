@@ -109,10 +109,5 @@ def _drive_somehow(robot: VirtualRobot, random: Random) -> None:
     turn = 0.0 if random.random() < 0.5 else random.uniform(-0.15, 0.15)
     left, right = linear - turn, linear + turn
     if random.random() < 0.15:
-        held = random.choice((("left",), ("right",), ("left", "right")))
-        for side in held:
-            robot.sim.set(f"{side}.blocked", 1)
-        robot.drive(left, right, 0.3)
-        for side in held:
-            robot.sim.set(f"{side}.blocked", 0)
+        robot.drive_held(left, right, 0.3, random)
     robot.drive(left, right, random.uniform(0.2, 1.7))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from random import Random
 
-from wheelwire.errors import WheelwireError
-from wheelwire.link.requests import Answer
 from wheelwire.simulation.libfwsim import FwSim
-from wheelwire_protocol.codes import StopMode, SupervisorState
+from wheelwire_protocol.codes import SupervisorState
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.types import ParameterGet, ParameterSet, ParameterValue
 
@@ -63,24 +62,21 @@ class VirtualRobot(VirtualHost):
             self.set_velocity(left_mps, right_mps)
             self.run(0.02)
 
+    def drive_held(self, left_mps: float, right_mps: float, seconds: float, random: Random) -> None:
+        """As `drive`, with one of the wheels, or both, held fast meanwhile."""
+        held = random.choice((("left",), ("right",), ("left", "right")))
+        for side in held:
+            self.sim.set(f"{side}.blocked", 1)
+        self.drive(left_mps, right_mps, seconds)
+        for side in held:
+            self.sim.set(f"{side}.blocked", 0)
+
     def drive_duty(self, left: float, right: float, seconds: float) -> None:
         """Command 50 times a second for `seconds`, open loop."""
         end_us = self.now_us + round(seconds * 1e6)
         while self.now_us < end_us:
             self.set_duty(left, right)
             self.run(0.02)
-
-    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
-        """Stop, and wait for the acknowledgement."""
-        results: list[Answer | WheelwireError] = []
-        self.session.stop(mode, results.append, self.now_us)
-        self.wait(results)
-
-    def estop(self) -> None:
-        """Stop and latch, and wait for the acknowledgement."""
-        results: list[Answer | WheelwireError] = []
-        self.session.estop(results.append, self.now_us)
-        self.wait(results)
 
     def parameter(self, name: str) -> float:
         """The value of one parameter."""

@@ -11,6 +11,7 @@ from wheelwire.errors import WheelwireError
 from wheelwire.link.requests import Answer, RequestMessage
 from wheelwire.link.session import Phase, Session
 from wheelwire.samples import WheelSample
+from wheelwire_protocol.codes import StopMode
 
 TIMEOUT_S = 5.0
 Self = TypeVar("Self", bound="VirtualHost")
@@ -80,6 +81,18 @@ class VirtualHost(ABC):
         """Send one open-loop setpoint."""
         expiry_us = self.now_us + round(ttl_s * 1e6)
         self.write(self.session.setpoints.duty_frame(left, right, expiry_us, self.now_us))
+
+    def stop(self, mode: StopMode = StopMode.CONFIGURED) -> None:
+        """Stop, and wait for the acknowledgement."""
+        results: list[Answer | WheelwireError] = []
+        self.session.stop(mode, results.append, self.now_us)
+        self.wait(results)
+
+    def estop(self) -> None:
+        """Stop and latch, and wait for the acknowledgement."""
+        results: list[Answer | WheelwireError] = []
+        self.session.estop(results.append, self.now_us)
+        self.wait(results)
 
     def request(self, message: RequestMessage) -> Answer:
         """Send a request and wait for its answer. Raises what the device refuses."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from support.library_robot import LibraryRobot
 from wheelwire.diagnosis.boxes import stops_of_box
 from wheelwire.errors import WheelwireError
 from wheelwire.files.pins import Pins
-from wheelwire.link.session import Phase, Session
 from wheelwire.linux_mcu.core import make_core
 from wheelwire.linux_mcu.guard import Heartbeat
 from wheelwire.linux_mcu.recorder import RecorderFile, keep_recorder, recorder_path
@@ -19,59 +19,31 @@ from wheelwire.linux_mcu.settings import McuSettings
 from wheelwire_protocol.black_box import BOX_SIZE, Box, BoxError, Outcome
 from wheelwire_protocol.codes import BoxCause, Fault, SupervisorState
 from wheelwire_protocol.native import RECORDER_SIZE
-from wheelwire_protocol.types import BoxGet, BoxValue, ClearEstop, Estop
+from wheelwire_protocol.types import BoxGet, BoxValue, ClearEstop
 
 STORED_S = 15.0
 """A box is in the file by then: not within ten seconds of a start, and then at rest."""
 TICKS_PER_S = 400
 
 
-class PinsRobot:
+class PinsRobot(LibraryRobot):
     """The core as the process on a Pi runs it, in virtual time, with a host on its line."""
 
     def __init__(self, settings: McuSettings) -> None:
-        self._core = make_core(settings)
-        keep_recorder(self._core, settings, Heartbeat())
-        self._session = Session(lambda: 1)
-        self.now_us = 0
-        self.ticks = [0.0, 0.0]
+        super().__init__(core=make_core(settings))
+        keep_recorder(self.core, settings, Heartbeat())
         self.left_counts = True
-        self.outputs = self._core.start(0, 0, 0)
-        self._session.connect(0)
-        while self._session.phase is not Phase.OPEN:
-            self.step()
-
-    def step(self, setpoint: bytes = b"") -> None:
-        self.now_us += self.outputs.period_us
-        self._session.advance(self.now_us)
-        self._core.feed(self._session.take_output() + setpoint)
-        left, right = map(int, self.ticks)
-        self.outputs = self._core.step(self.now_us, left, right)
-        self._session.receive(self._core.take(), self.now_us)
-
-    def run(self, seconds: float) -> None:
-        end_us = self.now_us + seconds * 1e6
-        while self.now_us < end_us:
-            self.step()
+        self.open()
 
     def drive(self, seconds: float) -> None:
         end_us = self.now_us + seconds * 1e6
         while self.now_us < end_us:
-            setpoint = b""
             with suppress(WheelwireError):
-                expiry_us = self.now_us + 300_000
-                setpoint = self._session.setpoints.velocity_frame(0.2, 0.2, expiry_us, self.now_us)
-            ticks = TICKS_PER_S * self.outputs.period_us / 1e6
-            self.ticks[0] += ticks * self.left_counts
-            self.ticks[1] += ticks
-            self.step(setpoint)
-
-    def ask(self, message: Estop | ClearEstop | BoxGet) -> object:
-        answers: list[object] = []
-        self._session.request(message, answers.append, self.now_us)
-        while not answers:
+                self.set_velocity(0.2, 0.2, 0.3)
+            ticks = TICKS_PER_S * self.outputs.period_us // 1_000_000
+            self.left_ticks += ticks * self.left_counts
+            self.right_ticks += ticks
             self.step()
-        return answers[0]
 
 
 def settings_in(folder: Path) -> McuSettings:
@@ -108,11 +80,11 @@ def test_boxes_outlive_the_process_and_hosts_read_them(tmp_path: Path) -> None:
     settings = settings_in(tmp_path)
     for number in (1, 2):
         robot = PinsRobot(settings)
-        robot.ask(ClearEstop(0, 0))  # it is latched from the process before
+        robot.request(ClearEstop(0, 0))  # it is latched from the process before
         robot.drive(0.5)
-        robot.ask(Estop(0, 0))
+        robot.estop()
         robot.run(STORED_S)
-        newest = robot.ask(BoxGet(0, 0, 0))
+        newest = robot.request(BoxGet(0, 0, 0))
         assert isinstance(newest, BoxValue)
         assert (newest.box_count, newest.number, newest.cause) == (number, number, BoxCause.ESTOP)
     assert sorted(box.head.number for box in boxes_in(recorder_path(settings))) == [1, 2]
@@ -151,7 +123,7 @@ def test_a_damaged_file_loses_the_box_that_is_damaged(tmp_path: Path) -> None:
     path.write_bytes(os.urandom(RECORDER_SIZE))
     robot = PinsRobot(settings)
     robot.drive(0.5)
-    robot.ask(Estop(0, 0))
+    robot.estop()
     robot.run(STORED_S)
     (box,) = boxes_in(path)
     assert box.rerun().outcome is Outcome.SAME
@@ -177,7 +149,7 @@ def test_a_disk_that_refuses_is_reported_and_stops_nothing(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "pwrite", full)
-    robot.ask(Estop(0, 0))
+    robot.estop()
     robot.run(STORED_S)
     assert robot.outputs.state is SupervisorState.ESTOPPED
     assert "No space left on device" in capfd.readouterr().err
