@@ -20,15 +20,21 @@ def robot() -> Iterator[MockDriver]:
         yield robot
 
 
+def roll_away(robot: MockDriver) -> None:
+    """On a slope, until that is known."""
+    robot.simulator.set("slope_rad", math.radians(15))
+    while robot.rolling_mps is None:
+        assert robot.read().t_us < 10e6
+
+
 def test_a_robot_that_rolls_away_is_logged_and_known_until_it_drives(
     robot: MockDriver, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot.advance(2.0)
     assert robot.rolling_mps is None
     assert not caplog.records
-    robot.simulator.set("slope_rad", math.radians(15))
-    while robot.rolling_mps is None:
-        assert robot.read().t_us < 10e6
+    roll_away(robot)
+    assert robot.rolling_mps is not None
     assert robot.rolling_mps >= robot.parameters["rolling_velocity_mps"]
     (record,) = caplog.records
     assert record.levelno == logging.WARNING
@@ -41,9 +47,7 @@ def test_a_robot_that_rolls_away_is_logged_and_known_until_it_drives(
 
 
 def test_a_robot_that_was_caught_rolls_no_longer(robot: MockDriver) -> None:
-    robot.simulator.set("slope_rad", math.radians(15))
-    while robot.rolling_mps is None:
-        assert robot.read().t_us < 10e6
+    roll_away(robot)
     robot.simulator.set("slope_rad", 0.0)
     robot.simulator.set("left.blocked", 1)
     robot.simulator.set("right.blocked", 1)
@@ -52,9 +56,7 @@ def test_a_robot_that_was_caught_rolls_no_longer(robot: MockDriver) -> None:
 
 
 def test_a_lost_link_forgets_that_the_robot_rolled(robot: MockDriver) -> None:
-    robot.simulator.set("slope_rad", math.radians(15))
-    while robot.rolling_mps is None:
-        assert robot.read().t_us < 10e6
+    roll_away(robot)
     robot.unplug()
     assert robot.rolling_mps is None
     robot.plug()

@@ -154,19 +154,15 @@ def test_a_core_that_hangs_is_killed_by_the_guard_after_its_time(scene: Scene) -
     assert scene.mcu.wait() != 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_to_the_guard_has_the_core_stop(scene: Scene, number: signal.Signals) -> None:
+@pytest.mark.parametrize(
+    ("process", "number"),
+    [("guard", signal.SIGTERM), ("guard", signal.SIGHUP), ("core", signal.SIGTERM)],
+)
+def test_a_signal_to_either_process_has_the_core_stop(
+    scene: Scene, process: str, number: signal.Signals
+) -> None:
     failed_us = now_us()
-    os.kill(scene.mcu.guard, number)
-    removal = scene.removal()
-    assert removal.by == CORE
-    assert 0 < removal.us - failed_us < BUSY_US
-    assert scene.mcu.wait() == 0
-
-
-def test_a_signal_to_the_core_has_it_stop(scene: Scene) -> None:
-    failed_us = now_us()
-    os.kill(scene.core, signal.SIGTERM)
+    os.kill(scene.mcu.guard if process == "guard" else scene.core, number)
     removal = scene.removal()
     assert removal.by == CORE
     assert 0 < removal.us - failed_us < BUSY_US

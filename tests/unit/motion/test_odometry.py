@@ -91,22 +91,14 @@ def test_reset_moves_the_pose_and_keeps_the_counters() -> None:
     assert odometry.update(sample(left_ticks=100, right_ticks=100, t_us=1)).pose == (1.0, 2.0, 0.5)
 
 
-def test_a_larger_left_wheel_travels_further_by_the_same_ticks() -> None:
-    odometry = Odometry(replace(FINE, left_radius_multiplier=1.05))
+@pytest.mark.parametrize(("side", "turn"), [("left", -0.05), ("right", 0.05)])
+def test_a_larger_wheel_travels_further_by_the_same_ticks(side: str, turn: float) -> None:
+    odometry = Odometry(replace(FINE, **{f"{side}_radius_multiplier": 1.05}))
     odometry.update(sample())
     update = odometry.update(sample(left_ticks=1000, right_ticks=1000, t_us=1))
     travel_m = 1000 * FINE.metres_per_tick
     assert update.distance_m == pytest.approx(1.025 * travel_m)
-    assert update.turn_rad == pytest.approx(-0.05 * travel_m / FINE.wheel_separation)
-
-
-def test_a_larger_right_wheel_travels_further_by_the_same_ticks() -> None:
-    odometry = Odometry(replace(FINE, right_radius_multiplier=1.05))
-    odometry.update(sample())
-    update = odometry.update(sample(left_ticks=1000, right_ticks=1000, t_us=1))
-    travel_m = 1000 * FINE.metres_per_tick
-    assert update.distance_m == pytest.approx(1.025 * travel_m)
-    assert update.turn_rad == pytest.approx(0.05 * travel_m / FINE.wheel_separation)
+    assert update.turn_rad == pytest.approx(turn * travel_m / FINE.wheel_separation)
 
 
 def test_across_a_reset_each_wheel_may_have_gone_on_at_its_own_speed() -> None:

@@ -158,7 +158,8 @@ def test_a_key_that_is_held_over_a_clear_drives_nothing_until_it_is_let_go(hand:
     assert hand.state() is SupervisorState.DRIVING
 
 
-def test_where_a_release_is_reported_the_next_press_drives_at_once(hand: Hand) -> None:
+def press_again_after_a_clear(hand: Hand) -> None:
+    """On a terminal that reports releases."""
     cleared_by_others(hand)
     hand.key("w", PRESSED)
     for _ in range(10):
@@ -167,6 +168,10 @@ def test_where_a_release_is_reported_the_next_press_drives_at_once(hand: Hand) -
     assert hand.said == [RELEASE_FIRST]
     hand.key("w", RELEASED)
     hand.key("w", PRESSED)
+
+
+def test_where_a_release_is_reported_the_next_press_drives_at_once(hand: Hand) -> None:
+    press_again_after_a_clear(hand)
     hand.wait(0.05)
     assert hand.true("drive_on") == 1
 
@@ -180,14 +185,7 @@ def test_a_lower_limit_of_the_robots_is_kept() -> None:
         hand.key("e")
         hand.key("c")
         assert hand.said[-1] == "ESTOPPED cleared"
-        cleared_by_others(hand)
-        hand.key("w", PRESSED)
-        for _ in range(10):
-            hand.wait(REPEAT_S)
-            hand.key("w", REPEATED)
-        assert hand.said == [RELEASE_FIRST]
-        hand.key("w", RELEASED)
-        hand.key("w", PRESSED)
+        press_again_after_a_clear(hand)
         hand.wait(0.3)
         assert hand.state() is SupervisorState.DRIVING
         assert hand.said == [RELEASE_FIRST]
