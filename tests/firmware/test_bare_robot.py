@@ -67,7 +67,7 @@ def test_both_wheels_spin_at_a_rate_whatever_the_motors_do() -> None:
 
 def test_a_dead_encoder_shows_no_edge_of_a_wheel_that_turns() -> None:
     robot = BareRobot(BOARD)
-    robot.kill_left_encoder()
+    robot.obey("dead_left_encoder")
     assert not drive(robot, *LEFT_FORWARD).size
     assert robot.ticks[0] > TRAVEL
 

@@ -22,6 +22,8 @@ CATCH_UP_US = 100_000
 """After a longer gap, such as a stopped process, the robot's time continues from now."""
 GPIOS = 28
 COUNTS_PER_REVOLUTION = 360
+SHOWN = 20
+"""The newest changes of the drive that an answer has."""
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "fwsim_robot_create": (
         ctypes.c_void_p,
@@ -101,10 +103,22 @@ class BareRobot:
         left, right = (self._library.fwsim_robot_ticks(self._robot, side) for side in (0, 1))
         return left, right
 
+    def truth(self) -> dict[str, object]:
+        """What a stand-in answers of it."""
+        return {
+            "ticks": self.ticks,
+            "driven": self.driven,
+            "driven_changed_us": self.driven_changed_us,
+            "changes": self.changes[-SHOWN:],
+        }
+
+    def obey(self, command: str, *arguments: str) -> None:
+        """A stand-in's command; those that are none of the robot's are ignored."""
+        if command == "spin":
+            self.spin(float(arguments[0]))
+        elif command == "dead_left_encoder":
+            self._library.fwsim_robot_kill_encoder(self._robot, 0)
+
     def spin(self, ticks_per_s: float) -> None:
         """Turn both wheels at this rate from now on, whatever the motors do."""
         self._library.fwsim_robot_spin(self._robot, ticks_per_s)
-
-    def kill_left_encoder(self) -> None:
-        """Its levels are stuck from now on."""
-        self._library.fwsim_robot_kill_encoder(self._robot, 0)

@@ -1,49 +1,16 @@
-"""`python -m support.pigpiod`: a daemon that is controlled by its standard input.
-
-Each line is a command, each answer a line of JSON; the end of the input is the end of the daemon.
-"""
+"""`python -m support.pigpiod`: a daemon that is controlled by its standard input."""
 
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 import threading
 
 from support.pigpiod.daemon import Daemon
 from support.pigpiod.pins import PinBank
 from support.pigpiod.world import World
+from support.stand_in import serve
 from wheelwire.board import unpacked
 from wheelwire.files.pins import Pins
-
-SHOWN = 20
-"""The newest changes of the drive that an answer has."""
-
-
-def answer(daemon: Daemon, port: int, line: str) -> dict[str, object]:
-    command, *arguments = line.split()
-    world = daemon.world
-    if command == "refuse":
-        daemon.refuse()
-    elif command == "accept":
-        daemon.listen(port)
-    elif command == "spin":
-        world.robot.spin(float(arguments[0]))
-    elif command == "dead_left_encoder":
-        world.robot.kill_left_encoder()
-    return {
-        "port": port,
-        "ticks": world.robot.ticks,
-        "driven": world.driven,
-        "driven_changed_us": world.robot.driven_changed_us,
-        "changes": world.robot.changes[-SHOWN:],
-        "pulls": daemon.bank.pulls,
-    }
-
-
-def say(line: dict[str, object]) -> None:
-    sys.stdout.write(json.dumps(line) + "\n")
-    sys.stdout.flush()
 
 
 def main() -> None:
@@ -56,10 +23,18 @@ def main() -> None:
     board = unpacked(bytes.fromhex(arguments.board))
     daemon = Daemon(bank, World(bank, board))
     port = daemon.listen(arguments.port)
+
+    def answer(command: str, *words: str) -> dict[str, object]:
+        if command == "refuse":
+            daemon.refuse()
+        elif command == "accept":
+            daemon.listen(port)
+        daemon.world.robot.obey(command, *words)
+        daemon.world.apply_pins()
+        return {"port": port, **daemon.world.robot.truth(), "pulls": bank.pulls}
+
     threading.Thread(target=daemon.world.run, daemon=True).start()
-    say({"port": port})
-    for line in sys.stdin:
-        say(answer(daemon, port, line))
+    serve({"port": port}, answer)
 
 
 if __name__ == "__main__":

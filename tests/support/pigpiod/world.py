@@ -36,11 +36,6 @@ class World:
         with self._lock:
             self._notifications.remove(notification)
 
-    @property
-    def driven(self) -> bool:
-        self.apply_pins()
-        return self.robot.driven
-
     def apply_pins(self) -> None:
         """Apply the outputs' levels to the stages as soon as they change."""
         self.robot.set_pins(self._bank.enable, self.writer)
