@@ -27,9 +27,3 @@ def test_no_link_or_picture_leads_nowhere(metadata: email.message.Message) -> No
     assert "pip install" in page
     assert not re.findall(r"\]\((?!https?:)", page)
     assert "](docs/" in (ROOT / "README.md").read_text("utf-8"), "a checkout's README keeps them"
-
-
-def test_it_says_for_whom_it_is(metadata: email.message.Message) -> None:
-    classifiers = metadata.get_all("Classifier") or []
-    assert "Topic :: System :: Hardware :: Hardware Drivers" in classifiers
-    assert all(f"Programming Language :: Python :: 3.{minor}" in classifiers for minor in (10, 13))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 import runpy
 import sys
 from collections.abc import Iterable, Iterator
@@ -57,12 +56,6 @@ def test_one_version(manifest: ET.Element, setup: dict[str, Any]) -> None:
     assert wheelwire.__version__ == project["version"]
 
 
-def test_the_manifest_is_an_ament_python_package(manifest: ET.Element) -> None:
-    assert manifest.get("format") == "3"
-    assert manifest.findtext("name") == NAME
-    assert manifest.findtext("export/build_type") == "ament_python"
-
-
 def test_ament_finds_the_package(setup: dict[str, Any]) -> None:
     installed = dict(setup["data_files"])
     marker = f"resource/{NAME}"
@@ -85,12 +78,6 @@ def test_the_executable_exists(setup: dict[str, Any]) -> None:
     assert script == f"hardware_robot = {NAME}.hardware_robot:main"
     functions = _tree(PACKAGE / NAME / "hardware_robot.py").body
     assert "main" in {f.name for f in functions if isinstance(f, ast.FunctionDef)}
-
-
-def test_ros2_run_finds_the_executable() -> None:
-    lines = (PACKAGE / "setup.cfg").read_text().splitlines()
-    assert f"install_scripts=$base/lib/{NAME}" in lines
-    assert f"script_dir=$base/lib/{NAME}" in lines
 
 
 def test_the_manifest_names_what_is_imported(manifest: ET.Element) -> None:
@@ -121,14 +108,6 @@ def test_its_changes_are_where_ros_looks_for_them(manifest: ET.Element) -> None:
     releases = [title for title, rule in pairwise(lines) if rule and set(rule) == {"-"}]
     assert releases[0] == "Forthcoming"
     assert manifest.findtext("version") in releases
-
-
-def test_the_quality_level_is_declared_and_its_links_lead_somewhere() -> None:
-    text = (PACKAGE / "QUALITY_DECLARATION.md").read_text("utf-8")
-    assert "claims **Quality Level 4**" in " ".join(text.split())
-    links = re.findall(r"\]\((\.\./[^)]+)\)", text)
-    assert links
-    assert all((PACKAGE / link).exists() for link in links)
 
 
 def test_a_robot_without_that_lidar_needs_nothing_of_it(manifest: ET.Element) -> None:
