@@ -72,7 +72,7 @@ class FakeGpio(Gpio):
         self._world.step()  # asked for once in each step, and at no other time
         return WheelPair(0, 0)
 
-    def contact_is_open(self) -> bool:
+    def contact_level(self) -> bool:
         return False
 
     def keep_alive(self, now_us: int) -> None:

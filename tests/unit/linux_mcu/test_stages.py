@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -24,7 +25,6 @@ from wheelwire.drivers.transport_driver import DeviceDriver
 from wheelwire.errors import LinkLost
 from wheelwire.files.board import load_board
 from wheelwire.linux_mcu.gpio.base import encoder_pins, release_pins
-from wheelwire.linux_mcu.gpio.library import LibraryGpio
 from wheelwire.linux_mcu.gpio.pigpiod import PigpiodGpio
 from wheelwire_protocol.board import EncoderPulls, Stage
 
@@ -173,24 +173,10 @@ def test_a_pin_with_a_resistor_on_the_computer_s_board_takes_no_other_pull(
 @pytest.mark.parametrize(("samples", "is_open"), [([1, 1], True), ([1, 0], False), ([0], False)])
 def test_the_contact_is_open_when_two_samples_say_so(samples: list[int], is_open: bool) -> None:
     levels = iter(samples)
-
-    class Pin:
-        @property
-        def state(self) -> int:
-            return next(levels)
-
-    class Client:
-        def call(self, *_: object) -> int:
-            return next(levels)
-
-    by_library = LibraryGpio.__new__(LibraryGpio)
-    by_library._estop, by_library._pressed = Pin(), True
-    assert by_library.contact_is_open() is is_open
-    levels = iter(samples)
-    by_daemon = PigpiodGpio.__new__(PigpiodGpio)
-    by_daemon.board = replace(PI, estop=25)
-    by_daemon._client, by_daemon._pressed = cast("Any", Client()), True
-    assert by_daemon.contact_is_open() is is_open
+    gpio = PigpiodGpio.__new__(PigpiodGpio)
+    gpio.board = replace(PI, estop=25)
+    gpio._client = cast("Any", SimpleNamespace(call=lambda *_: next(levels)))
+    assert gpio.contact_is_open() is is_open
 
 
 @pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)

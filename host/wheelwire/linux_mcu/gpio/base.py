@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from wheelwire_protocol.board import OUTPUTS, STAGES, Action, Level
+from wheelwire_protocol.board import OUTPUTS, STAGES, Action, ContactKind, Level
 from wheelwire_protocol.native import Outputs, StageInputs
 
 from ...board import BoardDescription, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
+from ..encoder import QuadratureDecoder
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
 """Channel of a Raspberry Pi's PWM hardware by GPIO; the GPIOs of one channel carry one signal."""
@@ -111,17 +112,28 @@ class Gpio(ABC):
     board: BoardDescription
     limits: tuple[str, ...] = ()
 
-    @abstractmethod
+    decoders: Sequence[QuadratureDecoder]
+    """The left encoder's and the right one's; callbacks feed them."""
+
     def ticks(self) -> WheelPair:
         """Cumulative x4 ticks, forward (A before B) positive."""
+        return WheelPair(*(decoder.ticks for decoder in self.decoders))
 
-    @abstractmethod
     def illegal_transitions(self) -> WheelPair:
         """How many impossible changes the decoders have seen, each a lost edge."""
+        return WheelPair(*(decoder.illegal for decoder in self.decoders))
+
+    def contact_is_open(self) -> bool:
+        """Whether the e-stop contact says stop, in two samples; true if none is fitted."""
+        board = self.board
+        # High means open, by the pull-up; of a contact that closes to stop, low.
+        pressed = board.estop_contact is ContactKind.NORMALLY_CLOSED
+        # One would latch: a spike on the contact's wire is over before the second.
+        return board.estop is None or all(self.contact_level() == pressed for _ in range(2))
 
     @abstractmethod
-    def contact_is_open(self) -> bool:
-        """Whether the e-stop contact says stop; true if none is fitted."""
+    def contact_level(self) -> bool:
+        """The level of the e-stop contact's pin, which is fitted."""
 
     def is_released(self, outputs: Outputs) -> bool:
         """Whether neither motor is driven or braked by an input that is high."""

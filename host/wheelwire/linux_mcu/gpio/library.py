@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from wheelwire_protocol.board import ContactKind, EncoderPulls
+from wheelwire_protocol.board import EncoderPulls
 
 from ...board import WheelPins
 from ...errors import DriverUnavailable, LinkLost, WheelwireError
@@ -19,7 +19,6 @@ from .base import (
     Gpio,
     PinsBusy,
     StagePins,
-    WheelPair,
     encoder_pins,
     inputs_of,
     pwm_inputs,
@@ -101,20 +100,10 @@ class LibraryGpio(Gpio):
             self.close()
             raise
 
-    def ticks(self) -> WheelPair:
-        """The ticks that the callbacks have counted."""
-        return WheelPair(*(decoder.ticks for decoder in self._decoders))
-
-    def illegal_transitions(self) -> WheelPair:
-        """The impossible changes that the callbacks have seen."""
-        return WheelPair(*(decoder.illegal for decoder in self._decoders))
-
-    def contact_is_open(self) -> bool:
-        """High means open, by the pull-up, in two samples; true if none is fitted."""
+    def contact_level(self) -> bool:
+        """As the factory reads it."""
         with _link_lost_errors():
-            # One would latch: a spike on the contact's wire is over before the second.
-            estop = self._estop
-            return estop is None or all(bool(estop.state) == self._pressed for _ in range(2))
+            return bool(self._estop.state)
 
     def close(self) -> None:
         """Let both wheels coast and make all pins inputs."""
@@ -140,12 +129,12 @@ class LibraryGpio(Gpio):
             standby = self._factory.pin(board.standby)
             self._open_pins.append(standby)
             standby.output_with_state(1)
-        self._decoders = [
+        self.decoders = [
             self._decoder(*encoder_pins(board.left)),
             self._decoder(*encoder_pins(board.right)),
         ]
-        self._estop = None if board.estop is None else self._input(board.estop, "up")
-        self._pressed = board.estop_contact is ContactKind.NORMALLY_CLOSED
+        if board.estop is not None:
+            self._estop = self._input(board.estop, "up")
 
     def _open_pwm(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
         channels = kernel_channels(settings)

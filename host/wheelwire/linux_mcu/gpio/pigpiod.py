@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 
-from wheelwire_protocol.board import ContactKind, EncoderPulls
+from wheelwire_protocol.board import EncoderPulls
 
 from ...errors import DriverUnavailable, WheelwireError
 from ..encoder import A, B, QuadratureDecoder
@@ -111,7 +111,6 @@ class PigpiodGpio(Gpio):
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         self.board = settings.board
-        self._pressed = self.board.estop_contact is ContactKind.NORMALLY_CLOSED
         self._client = PigpioClient(settings.host, settings.port)
         try:
             self._start(parameters)
@@ -126,17 +125,11 @@ class PigpiodGpio(Gpio):
         """The ticks that the callbacks have counted."""
         # Here, because it is asked for in each step: a daemon that is gone is noticed at once.
         self._client.check()
-        return WheelPair(*(decoder.ticks for decoder in self._decoders))
+        return super().ticks()
 
-    def illegal_transitions(self) -> WheelPair:
-        """The impossible changes that the callbacks have seen."""
-        return WheelPair(*(decoder.illegal for decoder in self._decoders))
-
-    def contact_is_open(self) -> bool:
-        """High means open, by the pull-up, in two samples; true if none is fitted."""
-        # One would latch: a spike on the contact's wire is over before the second.
-        estop, read = self.board.estop, self._client.call
-        return estop is None or all(bool(read("read", estop)) == self._pressed for _ in range(2))
+    def contact_level(self) -> bool:
+        """As the daemon reads it."""
+        return bool(self._client.call("read", self.board.estop))
 
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
@@ -179,7 +172,7 @@ class PigpiodGpio(Gpio):
         self._end_standby()
         # The daemon's filter counts whole microseconds.
         filter_us = round(parameters["glitch_filter_ns"] / 1000)
-        self._decoders = [
+        self.decoders = [
             self._decoder(*encoder_pins(board.left), filter_us),
             self._decoder(*encoder_pins(board.right), filter_us),
         ]
