@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from wheelwire_protocol.codes import Fault
 
@@ -86,6 +86,10 @@ class Part(NamedTuple):
     """The velocities that are held. [m/s]"""
 
 
+Piece: TypeAlias = tuple[Pair, float, float]
+"""The velocities to hold [m/s], and for how long they are approached, then held [s]."""
+
+
 class Course:
     """The commanded velocity of both wheels over time.
 
@@ -124,17 +128,25 @@ def there_and_back(top_mps: float, ramp_mps2: float) -> Course:
         top_mps: The greatest speed.
         ramp_mps2: Of the faster wheel, between the parts.
     """
-    return Course(top_mps, _parts(top_mps, ramp_mps2))
+    return Course(top_mps, parts(_there_and_back(top_mps, ramp_mps2)))
 
 
-def _parts(top_mps: float, ramp_mps2: float) -> Iterator[Part]:
-    end_s, before = 0.0, Pair(0.0, 0.0)
+def _there_and_back(top_mps: float, ramp_mps2: float) -> Iterator[Piece]:
+    before = Pair(0.0, 0.0)
     for left, right, seconds in _PARTS:
         held = Pair(left * top_mps, right * top_mps)
         change = max(abs(b - a) for a, b in zip(before, held, strict=True))
-        held_from_s = end_s + change / ramp_mps2
-        yield Part(end_s, held_from_s, held_from_s + seconds, before, held)
-        end_s, before = held_from_s + seconds, held
+        yield held, change / ramp_mps2, seconds
+        before = held
+
+
+def parts(pieces: Iterable[Piece]) -> Iterator[Part]:
+    """What is driven one after the other, from standstill."""
+    end_s, before = 0.0, Pair(0.0, 0.0)
+    for held, ramp_s, hold_s in pieces:
+        held_from_s = end_s + ramp_s
+        yield Part(end_s, held_from_s, held_from_s + hold_s, before, held)
+        end_s, before = held_from_s + hold_s, held
 
 
 @dataclass(frozen=True)
@@ -183,11 +195,11 @@ class Trace:
                 for time, pair in zip(self.times_s, self.measured, strict=True)
                 if part.held_from_s <= time < part.end_s
             ]
-            worst = max(worst, *_means(beyond), 0.0)
+            worst = max(worst, *means(beyond), 0.0)
         return worst
 
 
-def _means(values: Sequence[float]) -> list[float]:
+def means(values: Sequence[float]) -> list[float]:
     """Of so many samples in a row that noise is no overshoot; at least one."""
     count = min(_NOISE_SAMPLES, len(values))
     return [

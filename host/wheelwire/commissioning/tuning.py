@@ -11,7 +11,7 @@ from wheelwire_protocol.codes import Fault
 
 from ..drivers.base import BaseDriver
 from ..errors import InvalidArgument
-from .before_after import Course, Part, Trace, drive_twice, drive_with, noise_mps
+from .before_after import Course, Piece, Trace, drive_twice, drive_with, means, noise_mps, parts
 from .driving import SIDES, Left, Pair, one_session, require_ready, untold
 
 STEP, RAMP, SINE = SHAPES = ("step", "ramp", "sine")
@@ -31,8 +31,6 @@ _FURTHER = 1.1
 """A wheel that gets further than asked by this is stopped."""
 _SETTLED = 0.05
 """Of a step: it has settled once the speed stays that close."""
-_NOISE_SAMPLES = 3
-"""Rise, overshoot and settling are those of the mean of so many samples."""
 
 
 @dataclass(frozen=True)
@@ -80,32 +78,29 @@ def course_of(drive: Drive, robot: BaseDriver) -> Course:
             "give less"
         )
     ramp_mps2 = _STEEPEST * robot.parameters["max_acceleration_mps2"]
-    speeds = {STEP: _step, RAMP: _ramp, SINE: _sine}[drive.shape](drive, ramp_mps2)
-    return Course(
-        abs(drive.speed_mps), _parts(speeds, drive), longest_way_m=_FURTHER * drive.distance_m
-    )
+    pieces = {STEP: _step, RAMP: _ramp, SINE: _sine}[drive.shape](drive, ramp_mps2)
+    return Course(abs(drive.speed_mps), parts(pieces), longest_way_m=_FURTHER * drive.distance_m)
 
 
-def _step(drive: Drive, ramp_mps2: float) -> Iterator[tuple[float, float, float]]:
-    """Relative speed, seconds to get there, seconds to hold it."""
+def _step(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
     top_mps = abs(drive.speed_mps)
     ramp_s = top_mps / ramp_mps2
     # Both ramps together go as far as one that is held for as long.
     hold_s = min(drive.moving_s - 2 * ramp_s, drive.distance_m / top_mps - ramp_s)
     _check(drive, hold_s >= _SHORTEST_HOLD_S)
-    yield 1.0, ramp_s, hold_s
-    yield 0.0, ramp_s, _REST_S
+    yield _piece(drive, 1.0, ramp_s, hold_s)
+    yield _piece(drive, 0.0, ramp_s, _REST_S)
 
 
-def _ramp(drive: Drive, ramp_mps2: float) -> Iterator[tuple[float, float, float]]:
+def _ramp(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
     top_mps = abs(drive.speed_mps)
     half_s = min(drive.moving_s / 2, drive.distance_m / top_mps)
     _check(drive, half_s > 0 and top_mps / half_s <= ramp_mps2)
-    yield 1.0, half_s, 0.0
-    yield 0.0, half_s, _REST_S
+    yield _piece(drive, 1.0, half_s, 0.0)
+    yield _piece(drive, 0.0, half_s, _REST_S)
 
 
-def _sine(drive: Drive, ramp_mps2: float) -> Iterator[tuple[float, float, float]]:
+def _sine(drive: Drive, ramp_mps2: float) -> Iterator[Piece]:
     top_mps = abs(drive.speed_mps)
     # In half a period a sine goes top * period / pi.
     period_s = min(drive.moving_s / _SINE_PERIODS, math.pi * drive.distance_m / top_mps)
@@ -113,7 +108,8 @@ def _sine(drive: Drive, ramp_mps2: float) -> Iterator[tuple[float, float, float]
     count = _SINE_PERIODS * _SINE_PARTS
     for number in range(1, count + 1):
         height = math.sin(2 * math.pi * number / _SINE_PARTS)
-        yield height, period_s / _SINE_PARTS, _REST_S if number == count else 0.0
+        rest_s = _REST_S if number == count else 0.0
+        yield _piece(drive, height, period_s / _SINE_PARTS, rest_s)
 
 
 def _check(drive: Drive, is_enough: bool) -> None:
@@ -124,14 +120,11 @@ def _check(drive: Drive, is_enough: bool) -> None:
         )
 
 
-def _parts(speeds: Iterator[tuple[float, float, float]], drive: Drive) -> Iterator[Part]:
-    end_s, before = 0.0, Pair(0.0, 0.0)
-    for height, ramp_s, hold_s in speeds:
-        speed = height * drive.speed_mps
-        held = Pair(*(speed if wheel in drive.wheels else 0.0 for wheel in (0, 1)))
-        held_from_s = end_s + ramp_s
-        yield Part(end_s, held_from_s, held_from_s + hold_s, before, held)
-        end_s, before = held_from_s + hold_s, held
+def _piece(drive: Drive, height: float, ramp_s: float, hold_s: float) -> Piece:
+    """To this part of its speed."""
+    speed = height * drive.speed_mps
+    held = Pair(*(speed if wheel in drive.wheels else 0.0 for wheel in (0, 1)))
+    return held, ramp_s, hold_s
 
 
 @dataclass(frozen=True)
@@ -163,7 +156,8 @@ def tracking(trace: Trace, course: Course, drive: Drive, wheel: int) -> Tracking
         for time, pair in zip(trace.times_s, trace.measured, strict=True)
         if 0.0 <= time - trace.lag_s < up.end_s
     ]
-    points = _means(share)
+    times, values = zip(*share, strict=True)
+    points = list(zip(means(times), means(values), strict=True))
     low, high = (_crossing(points, level) for level in (0.1, 0.9))
     outside = [time for time, value in points if abs(value - 1.0) > _SETTLED]
     last_s = points[-1][0]
@@ -173,17 +167,6 @@ def tracking(trace: Trace, course: Course, drive: Drive, wheel: int) -> Tracking
         overshoot=max(0.0, *(value - 1.0 for _, value in points)),
         settling_s=outside[-1] if outside and outside[-1] < last_s else None,
     )
-
-
-def _means(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    runs = [
-        points[start : start + _NOISE_SAMPLES]
-        for start in range(max(1, len(points) - _NOISE_SAMPLES + 1))
-    ]
-    return [
-        (sum(time for time, _ in run) / len(run), sum(value for _, value in run) / len(run))
-        for run in runs
-    ]
 
 
 def _crossing(points: Sequence[tuple[float, float]], level: float) -> float | None:
