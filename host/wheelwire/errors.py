@@ -127,8 +127,7 @@ class DeviceRefused(WheelwireError):  # noqa: N818
         except ValueError:
             # A newer firmware may have reasons that are unknown here.
             text = f"Code {code}, unknown to this host library: install the firmware's release."
-        latched = [f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults]
-        sentences = [f"the device refused {subject}: {text}", *latched, hint]
+        sentences = [f"the device refused {subject}: {text}", fault_names(faults), hint]
         super().__init__(" ".join(filter(None, sentences)))
 
     def __str__(self) -> str:
@@ -350,6 +349,11 @@ def shown(value: object) -> str:
     except Exception:  # such as an int with more digits than Python agrees to print
         text = f"a {type(value).__name__}"
     return text if len(text) <= _MAX_SHOWN_LENGTH else f"{text[:_MAX_SHOWN_LENGTH]}..."
+
+
+def fault_names(faults: Fault) -> str:
+    """Each of these faults, and what it means."""
+    return " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults)
 
 
 def _at_rates(baud_rates: Sequence[int]) -> str:

@@ -21,12 +21,13 @@ from wheelwire.errors import (
     InvalidCommand,
     LinkClosed,
     PortUnavailable,
+    fault_names,
 )
 from wheelwire.link.info import ActiveBoard, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
-from wheelwire_protocol.codes import Contradiction, EventCode, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.codes import Contradiction, EventCode, RefusalCode, SupervisorState
 
 from .address import Address, BaudRateOption, RobotArgument, YesFlag, resolve
 from .interruptions import LinkNews, ended_by_a_loss, ended_by_signals, watch
@@ -137,8 +138,8 @@ def _state(state: SupervisorState, address: str) -> str:
 
 def _latched(sample: WheelSample, address: str) -> str:
     """Why nothing drives, and the command that ends it."""
-    faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in sample.faults)
-    return " ".join(filter(None, (_state(sample.state, address), faults)))
+    said = _state(sample.state, address), fault_names(sample.faults)
+    return " ".join(filter(None, said))
 
 
 def drive(
@@ -421,9 +422,8 @@ def clear(
     console.print(f"{ended.name} cleared")
     # A fault that the e-stop hid is active again.
     if after.state in _LATCHED:
-        faults = " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in after.faults)
         console.print(
-            f"{after.state.name} remains. {faults} "
+            f"{after.state.name} remains. {fault_names(after.faults)} "
             f"Fix the cause, then run `wheelwire clear {address.text}` again",
             soft_wrap=True,
         )

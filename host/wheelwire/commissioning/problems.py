@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from wheelwire_protocol.codes import Fault
-
 from ..errors import CommissioningFailed
 
 
@@ -154,11 +152,6 @@ WRONG_WHEEL = Defect(
 )
 VOIDING = (NOT_CONFIRMED, WRONG_WHEEL)
 """After these, an answer may have been wrong: what was found before is void."""
-
-
-def named(faults: Fault) -> str:
-    """Each of these faults, and what it means."""
-    return " ".join(f"{fault.name}: {fault.doc}" for fault in Fault if fault in faults)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from wheelwire_protocol.codes import Board, Contradiction, Fault, ResetReason
 from ..board import BoardDescription, chip_of_pins
 from ..drivers.base import BaseDriver
 from ..drivers.transport_driver import DeviceDriver
-from ..errors import CommissioningFailed, DeviceRefused, GroupUnavailable, OutputFailed
+from ..errors import CommissioningFailed, DeviceRefused, GroupUnavailable, OutputFailed, fault_names
 from ..files.board import load_board, pictures_directory, shipped_boards
 from ..files.parameters import ParameterFile
 from ..files.state import state_folder
@@ -24,7 +24,6 @@ from .driving import BoardReset, Left, not_watching, untold
 from .gains import tuned
 from .identification import identify
 from .problems import FAULTED, SAGS, VOIDING, Problem, Unfit
-from .problems import named as fault_names
 from .questions import KEEP, NO, YES, Person, Question, Say
 from .wiring import (
     Wiring,

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from wheelwire_protocol.codes import RefusalCode, SupervisorState
 
 from ..drivers.base import BaseDriver
-from ..errors import CommissioningFailed, DeviceRefused
+from ..errors import CommissioningFailed, DeviceRefused, fault_names
 from ..samples import WheelSample
 from .driving import (
     COUNTED_TICKS,
@@ -53,7 +53,6 @@ from .problems import (
     WEAK,
     Problem,
     Unfit,
-    named,
 )
 from .questions import (
     AGAIN,
@@ -468,7 +467,7 @@ def check_wheels(robot: BaseDriver, pulsed: Sequence[float], turning: float) -> 
     duty = max(min(max(3 * max(pulsed, default=high), low), high), turning)
     driven = run(robot, Pair(duty, duty), _STEADY_S)
     if driven.faults:
-        raise Unfit([Problem(FAULTED, detail=named(driven.faults))])
+        raise Unfit([Problem(FAULTED, detail=fault_names(driven.faults))])
     gaps = [side for side in (0, 1) if has_gap(_at_steady_speed(driven, side, duty), side)]
     # Where no edge comes, a wheel seems to start late.
     unequal = _unequal(driven, () if gaps else pulsed)
