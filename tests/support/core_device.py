@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from random import Random
 from typing import Any, TypeVar
 
+from wheelwire_protocol.codec import message_id
 from wheelwire_protocol.codes import Board, RefusalCode, ResetReason, SupervisorState
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Counters, Encoder
@@ -21,6 +23,7 @@ from wheelwire_protocol.types import (
 )
 
 BOARD_ID = 0x240AC4123456
+SETPOINTS = message_id(SetWheelVelocity), message_id(SetDuty)
 Edits = dict[type[Any], dict[str, Any]]
 M = TypeVar("M")
 
@@ -28,7 +31,8 @@ M = TypeVar("M")
 class CoreDevice:
     """A robot whose wheels turn as fast as their duty says: at full duty, `full_speed_tps`.
 
-    Its time is the host's, with an offset and `drift`; it passes in `feed` and `advance`.
+    Its time is the host's, with an offset and `drift`; it passes in `feed` and `advance`. They may
+    be called by another thread than `reset`.
 
     Attributes:
         parameters: Defaults by name, from the next reset on.
@@ -65,10 +69,15 @@ class CoreDevice:
         self.obeyed: list[SetWheelVelocity | SetDuty] = []
         self.left_ticks = self.right_ticks = 0.0
         self._stored = b""
+        self._lock = threading.RLock()
         self.reset()
 
     def reset(self) -> None:
         """Reset the chip: a new boot id; all but the saved parameters is lost."""
+        with self._lock:
+            self._power_on()
+
+    def _power_on(self) -> None:
         self.boot_id = self._random.getrandbits(32)
         self.left_ticks = self.right_ticks = 0.0
         identity = Identity(self.boot_id, self.board, self.board_id, ResetReason.POWER_ON)
@@ -109,6 +118,10 @@ class CoreDevice:
         """The messages of one type that have arrived, without their copies."""
         return list(dict.fromkeys(m for m in self.received if isinstance(m, kind)))
 
+    def count(self, *kinds: type[AnyMessage]) -> int:
+        """How many messages of these types have arrived, copies included."""
+        return sum(isinstance(message, kinds) for message in self.received)
+
     def clock(self, now_us: int) -> int:
         """Its own time."""
         return round(now_us * (1 + self._drift)) + self.clock_offset_us
@@ -119,7 +132,11 @@ class CoreDevice:
 
     def feed(self, data: bytes, now_us: int) -> None:
         """Receive bytes from the line; they are answered at once."""
-        self.advance(now_us)
+        with self._lock:
+            self.advance(now_us)
+            self._receive(data, now_us)
+
+    def _receive(self, data: bytes, now_us: int) -> None:
         messages = self._decoder.feed(data)
         self.received += messages
         if not self.mute:
@@ -133,12 +150,16 @@ class CoreDevice:
 
     def estop(self, now_us: int) -> None:
         """Another host asks for an e-stop."""
-        self.core.feed(Encoder().encode(Estop(0, 0)))
-        self._service(now_us)
+        with self._lock:
+            self.core.feed(Encoder().encode(Estop(0, 0)))
+            self._service(now_us)
 
     def advance(self, now_us: int) -> None:
         """Let time pass: the control steps that are due until then."""
-        due_us = self.clock(now_us)
+        with self._lock:
+            self._run_until(self.clock(now_us))
+
+    def _run_until(self, due_us: int) -> None:
         if self._outputs is None:
             self._step(self.core.start(due_us, *self._ticks()), due_us)
         while self._next_us <= due_us:
@@ -172,10 +193,10 @@ class CoreDevice:
         return self._collect()
 
     def _collect(self) -> set[int]:
-        """Take what the core sends; the numbers of what it refuses."""
+        """Take what the core sends; the numbers of the setpoints that it refuses."""
         refused = set()
         for message in self._sent.feed(self.core.take()):
-            if isinstance(message, Refuse):
+            if isinstance(message, Refuse) and message.message_id in SETPOINTS:
                 refused.add(message.reference)
             elif isinstance(message, WheelState):
                 self._state = message
