@@ -23,24 +23,16 @@ OK, ERROR = DiagnosticStatus.OK, DiagnosticStatus.ERROR
 FIRST, OTHER = 0x240AC4123456, 0x240AC4ABCDEF
 
 
-def replace(port: PtyDevice, board_id: int) -> CoreDevice:
-    """Another board behind the same name."""
-    port.unplug()
-    port.device = CoreDevice(board_id=board_id)
-    port.plug()
-    return port.device
-
-
 def test_another_board_is_told_and_not_driven(graph: Graph, tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port", CoreDevice(board_id=FIRST)) as port:
         diagnostics = Diagnostics(graph)
         with RobotNode(graph, port=port.path):
             graph.wait_active()
             with Repeater(graph.publisher(Twist, "cmd_vel"), lambda: twist(0.2)):
-                other = replace(port, OTHER)
+                other = port.replace(CoreDevice(board_id=OTHER))
                 diagnostics.wait("link", lambda s, _: f"{OTHER:012x}" in s.message)
                 assert not other.obeyed
-                first = replace(port, FIRST)
+                first = port.replace(CoreDevice(board_id=FIRST))
                 diagnostics.wait("link", lambda s, _: s.level == OK)
                 wait(lambda: first.obeyed, "the board of before is driven")
 
@@ -52,10 +44,10 @@ def test_also_when_the_node_is_configured_again(graph: Graph, tmp_path: Path) ->
             graph.wait_active()
             assert graph.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
             assert graph.change_state(NODE, Transition.TRANSITION_CLEANUP)
-            replace(port, OTHER)
+            port.replace(CoreDevice(board_id=OTHER))
             assert not graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
             diagnostics.wait("link", lambda s, _: f"{FIRST:012x}" in s.message)
-            replace(port, FIRST)
+            port.replace(CoreDevice(board_id=FIRST))
             assert graph.change_state(NODE, Transition.TRANSITION_CONFIGURE)
 
 
@@ -68,7 +60,7 @@ def test_any_board_is_driven_where_that_was_asked_for(graph: Graph, tmp_path: Pa
         commands = graph.publisher(Twist, "cmd_vel")
         with Repeater(commands, lambda: twist(0.2)):
             wait(lambda: port.device.obeyed, "the first board is driven")
-            other = replace(port, OTHER)
+            other = port.replace(CoreDevice(board_id=OTHER))
             wait(lambda: "another device was connected: waiting for" in node.errors(), "the line")
             time.sleep(2.0)
             # Whoever goes on commanding motion does not move a robot that was not there before.

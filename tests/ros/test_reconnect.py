@@ -137,12 +137,9 @@ def test_flashed_with_another_release_it_waits_for_the_right_one(tmp_path: Path)
         with RobotNode(graph, port=path) as node:
             graph.wait_active()
             other = {"schema_hash": 1, "refusal": RefusalCode.SCHEMA}
-            right, device.device = device.device, CoreDevice(edits={DeviceHello: other})
-            device.unplug()
-            device.plug()
+            right = device.device
+            device.replace(CoreDevice(edits={DeviceHello: other}))
             diagnostics.wait("link", lambda status, _: "do not match" in status.message)
-            device.device = right
-            device.unplug()
-            device.plug()
+            device.replace(right)
             diagnostics.wait("link", lambda status, _: status.level == OK)
             assert node.process.poll() is None

@@ -56,6 +56,13 @@ class PtyDevice:
             self._thread.join()
             self._thread = None
 
+    def replace(self, device: CoreDevice) -> CoreDevice:
+        """Plug in another device under the same name; returns it."""
+        self.unplug()
+        self.device = device
+        self.plug()
+        return device
+
     def __enter__(self) -> PtyDevice:
         return self
 

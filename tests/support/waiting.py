@@ -6,6 +6,9 @@ import asyncio
 import time
 from collections.abc import Callable
 
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.errors import LinkClosed, LinkLost, RequestTimeout
+
 PERIOD_S = 0.002
 TIMEOUT_S = 30.0
 
@@ -26,3 +29,12 @@ async def until(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < end, "the condition never held"
         await asyncio.sleep(PERIOD_S)
+
+
+def measures(robot: BaseDriver) -> bool:
+    """Whether samples come."""
+    try:
+        robot.read(timeout=0.2)
+    except (RequestTimeout, LinkLost, LinkClosed):
+        return False
+    return True

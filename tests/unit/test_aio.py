@@ -100,9 +100,6 @@ class Place:
         self.device.advance(host_clock_us())
         return self.device.supervisor
 
-    def count(self, kind: type) -> int:
-        return sum(isinstance(message, kind) for message in self.device.received)
-
 
 @pytest.fixture
 def place() -> Place:
@@ -179,12 +176,12 @@ def test_all_parameters_are_known_without_waiting(place: Place) -> None:
     async def use() -> None:
         async with place.opening() as robot:
             parameters = robot.parameters
-            asked = place.count(ParameterGet)
+            asked = place.device.count(ParameterGet)
             assert set(parameters) == set(PARAMETER_BY_NAME)
             assert parameters["wheel_radius"] == 0.033
             assert dict(parameters)["integral_gain"] == gain.default
             assert parameters.get("integral_gian") is None
-            assert place.count(ParameterGet) == asked
+            assert place.device.count(ParameterGet) == asked
             assert await parameters.set("integral_gain", 7.5) == 7.5
             assert parameters["integral_gain"] == 7.5
             with pytest.raises(errors.ParameterOutOfRange):
@@ -297,7 +294,7 @@ def test_another_thread_is_refused(place: Place) -> None:
         async with place.opening() as robot:
             place.device.received.clear()
             await asyncio.to_thread(attempt, robot)
-            assert place.count(SetWheelVelocity) == 0
+            assert place.device.count(SetWheelVelocity) == 0
             await robot.stop()
 
     asyncio.run(use())
@@ -480,7 +477,7 @@ def test_what_is_cancelled_before_it_was_sent_is_not_sent(place: Place) -> None:
             place.device.mute = False
             await first
             await robot.parameters.refresh()
-            assert place.count(ClearEstop) == 0
+            assert place.device.count(ClearEstop) == 0
             assert place.state() is SupervisorState.ESTOPPED
 
     asyncio.run(use())
@@ -492,14 +489,14 @@ def test_what_was_sent_and_cancelled_is_not_sent_again(place: Place) -> None:
             await robot.estop()
             place.device.mute = True
             clearing = asyncio.ensure_future(robot.clear_estop())
-            await until(lambda: place.count(ClearEstop))
+            await until(lambda: place.device.count(ClearEstop))
             clearing.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await clearing
-            sent = place.count(ClearEstop)
+            sent = place.device.count(ClearEstop)
             place.device.mute = False
             await robot.parameters.refresh()  # waits behind another, not for ever
-            assert place.count(ClearEstop) == sent
+            assert place.device.count(ClearEstop) == sent
             assert place.state() is SupervisorState.ESTOPPED
 
     asyncio.run(use())
@@ -510,7 +507,7 @@ def test_a_change_that_is_cancelled_is_still_heard_of(place: Place) -> None:
         async with place.opening() as robot:
             await robot.parameters.list()
             iterations = 0
-            while not place.count(ParameterSet):
+            while not place.device.count(ParameterSet):
                 iterations += 1
                 await cancelled_after(iterations, robot.parameters.set("wheel_radius", 0.05))
             await robot.parameters.refresh("integral_gain")  # comes after it
@@ -843,7 +840,7 @@ def test_the_last_stop_is_repeated_on_a_bad_line(place: Place) -> None:
         async with place.opening() as robot:
             await drive(place, robot)
             place.device.mute = True
-        assert place.count(Stop) > 5
+        assert place.device.count(Stop) > 5
 
     asyncio.run(use())
 

@@ -31,16 +31,9 @@ def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
     return None
 
 
-def replace(robot: PtyDevice, board_id: int) -> CoreDevice:
-    robot.unplug()
-    robot.device = CoreDevice(board_id=board_id)
-    robot.plug()
-    return robot.device
-
-
 def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
-        stranger = replace(robot, STRANGER)
+        stranger = robot.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
         error = error_of(driver)
         assert "240ac4abcdef" in str(error)
@@ -50,20 +43,20 @@ def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> No
             list(iter(lambda: driver.read(timeout=0.1), None))
         assert not [m for m in stranger.received if isinstance(m, (SetWheelVelocity, SetDuty))]
         assert driver.info.device.board_id == "240ac4123456"
-        replace(robot, FIRST)
+        robot.replace(CoreDevice(board_id=FIRST))
         wait_until(lambda: error_of(driver) is None, TIMEOUT_S)
 
 
 def test_another_board_may_be_taken_on_purpose(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path), any_board=True) as driver:
-        stranger = replace(robot, STRANGER)
+        stranger = robot.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed), TIMEOUT_S)
         assert driver.info.device.board_id == "240ac4abcdef"
 
 
 def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
-        replace(robot, STRANGER)
+        robot.replace(CoreDevice(board_id=STRANGER))
         wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
 
         def open_second() -> bool:

@@ -16,7 +16,7 @@ from support.core_device import BOARD_ID, CoreDevice
 from support.processes import interruptible, open_files
 from support.pty_device import PtyDevice
 from support.threads import link_threads
-from support.waiting import wait_until
+from support.waiting import measures, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.transports import SerialTransport
@@ -83,14 +83,6 @@ def test_no_new_sample_is_a_timeout_and_no_old_one(robot: PtyDevice, driver: Ser
         driver.read(timeout=0.05)
 
 
-def measures(driver: SerialDriver) -> bool:
-    try:
-        driver.read(timeout=0.2)
-    except (errors.RequestTimeout, errors.LinkLost, errors.LinkClosed):
-        return False
-    return True
-
-
 def test_ticks_go_on_across_a_wrap_and_a_reset(tmp_path: Path) -> None:
     device = CoreDevice(edits={WheelState: {"left_ticks": 2**31 - 10}})
     with PtyDevice(tmp_path / "robot", device) as pty, SerialDriver(str(pty.path)) as driver:
@@ -138,7 +130,7 @@ def test_the_end_of_the_program_stops_the_robot(robot: PtyDevice, end: str) -> N
     if end == "interrupt":
         process.send_signal(signal.SIGINT)
     process.wait(10)
-    assert any(isinstance(message, Stop) for message in robot.device.received)
+    assert robot.device.count(Stop) > 0
     assert robot.device.supervisor is SupervisorState.IDLE
 
 
@@ -307,7 +299,7 @@ def test_a_wrong_parameter_never_reaches_the_device(robot: PtyDevice, driver: Se
         driver.parameters.set("wheel_radius", math.nan)
     with pytest.raises(errors.ParameterOutOfRange, match="whole"):
         driver.parameters.set("counts_per_revolution", 360.5)
-    assert not any(isinstance(message, ParameterSet) for message in robot.device.received)
+    assert robot.device.count(ParameterSet) == 0
 
 
 def test_a_driver_may_be_shut_down_while_unplugged(robot: PtyDevice) -> None:

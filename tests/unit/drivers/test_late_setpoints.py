@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from support.waiting import wait_until
 from wheelwire import aio
@@ -29,10 +28,6 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 )
 
 
-def received(device: CoreDevice) -> int:
-    return sum(isinstance(message, (SetWheelVelocity, SetDuty)) for message in device.received)
-
-
 def refuse_what_is_too_old(robot: Any) -> None:
     for command in COMMANDS:
         with pytest.raises(Expired, match=r"the command is 0\.3\d* s old and its ttl is 0\.3 s"):
@@ -44,10 +39,10 @@ def refuse_what_is_too_old(robot: Any) -> None:
 def test_a_stamp_too_old_raises_from_that_call_and_nothing_is_sent(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
         refuse_what_is_too_old(robot)
-        assert received(device.device) == 0
+        assert device.device.count(SetWheelVelocity, SetDuty) == 0
         for command in COMMANDS:
             command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
-        wait_until(lambda: received(device.device) >= len(COMMANDS))
+        wait_until(lambda: device.device.count(SetWheelVelocity, SetDuty) >= len(COMMANDS))
         assert robot.statistics.setpoints_expired == robot.health.setpoints_expired == 0
 
 
@@ -55,7 +50,7 @@ def test_the_same_with_asyncio(tmp_path: Path) -> None:
     async def use(device: PtyDevice) -> None:
         async with aio.connect(device.path) as robot:
             refuse_what_is_too_old(robot)
-            assert received(device.device) == 0
+            assert device.device.count(SetWheelVelocity, SetDuty) == 0
             for command in COMMANDS:
                 command(robot, ttl=0.3, stamp=time.monotonic() - 0.1)
 

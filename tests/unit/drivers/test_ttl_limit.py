@@ -50,10 +50,10 @@ def test_the_limit_is_the_devices_and_follows_it(tmp_path: Path) -> None:
 
 def test_asking_for_it_sends_nothing_and_waits_for_nothing(tmp_path: Path) -> None:
     with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        asked = sum(isinstance(m, ParameterGet) for m in device.device.received)
+        asked = device.device.count(ParameterGet)
         for _ in range(5):
             assert robot.ttl_max_s == 1.0
-        assert sum(isinstance(m, ParameterGet) for m in device.device.received) == asked
+        assert device.device.count(ParameterGet) == asked
         device.unplug()
         while robot.is_open:
             pass

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from support.pty_device import PtyDevice
-from support.waiting import wait_until
+from support.waiting import measures, wait_until
 from wheelwire import errors
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire_protocol.types import Stop, WheelState
@@ -109,11 +109,11 @@ def test_the_child_holds_no_file_of_the_link(robot: PtyDevice) -> None:
 
 def test_a_child_keeps_the_port_from_nobody_and_stops_nothing(robot: PtyDevice) -> None:
     driver = SerialDriver(str(robot.path))
-    stops = sum(isinstance(message, Stop) for message in robot.device.received)
+    stops = robot.device.count(Stop)
     child_pid = forked(driver.shutdown)
     try:
         driver.read()
-        assert sum(isinstance(message, Stop) for message in robot.device.received) == stops
+        assert robot.device.count(Stop) == stops
         driver.shutdown()
         with SerialDriver(str(robot.path)) as second:
             second.read()
@@ -151,11 +151,3 @@ def test_a_fork_in_a_signal_handler_ends_the_interrupted_call_in_the_child(
     assert "forked" in os.read(report_read, 1000).decode()
     os.close(report_read)
     assert os.waitpid(children[0], 0)[1] == 0
-
-
-def measures(driver: SerialDriver) -> bool:
-    try:
-        driver.read(timeout=0.2)
-    except errors.RequestTimeout:
-        return False
-    return True

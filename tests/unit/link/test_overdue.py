@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
 from wheelwire import aio
 from wheelwire.drivers import loop_link
@@ -25,11 +24,6 @@ REPEATS_S = 0.5
 """Several repeats would have been due by then."""
 
 
-def sets(device: CoreDevice) -> int:
-    """Copies of the request that have arrived."""
-    return sum(isinstance(message, ParameterSet) for message in device.received)
-
-
 def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
         robot.device.lost.add(ParameterSet)
@@ -38,9 +32,9 @@ def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
             driver.parameters.set("integral_gain", 7.5)
         monkeypatch.undo()
         driver.stop()  # comes after the withdrawal
-        sent = sets(robot.device)
+        sent = robot.device.count(ParameterSet)
         time.sleep(REPEATS_S)
-        assert sets(robot.device) == sent
+        assert robot.device.count(ParameterSet) == sent
         driver.stop()
 
 
@@ -58,7 +52,7 @@ def test_one_that_was_not_begun_is_never_sent(
             driver.parameters.set("integral_gain", 7.5)
         monkeypatch.undo()
         time.sleep(REPEATS_S)
-        assert sets(robot.device) == 0
+        assert robot.device.count(ParameterSet) == 0
         driver.stop()
 
 
@@ -71,9 +65,9 @@ def test_the_same_with_asyncio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
                 await driver.parameters.set("integral_gain", 7.5)
             monkeypatch.undo()
             await driver.stop()  # comes after the withdrawal
-            sent = sets(robot.device)
+            sent = robot.device.count(ParameterSet)
             await asyncio.sleep(REPEATS_S)
-            assert sets(robot.device) == sent
+            assert robot.device.count(ParameterSet) == sent
             await driver.stop()
 
     with PtyDevice(tmp_path / "port") as robot:

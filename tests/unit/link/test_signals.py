@@ -102,11 +102,8 @@ def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path
         device = pty.device
         device.lost.add(ParameterSet)
 
-        def copies() -> int:
-            return sum(isinstance(message, ParameterSet) for message in device.received)
-
         def interrupt_the_wait() -> None:
-            wait_until(lambda: copies() > 0)
+            wait_until(lambda: device.count(ParameterSet) > 0)
             signal.pthread_kill(main, signal.SIGUSR1)
 
         thread = threading.Thread(target=interrupt_the_wait)
@@ -115,9 +112,9 @@ def test_a_request_whose_caller_was_interrupted_is_not_sent_again(tmp_path: Path
             driver.parameters.set("wheel_radius", 0.05)
         thread.join()
         driver.stop()  # its answer comes behind all copies that were sent until now
-        sent = copies()
+        sent = device.count(ParameterSet)
         driver.parameters.refresh("wheel_radius")  # waits until the time of the first is up
-        assert copies() == sent
+        assert device.count(ParameterSet) == sent
 
 
 def test_a_read_in_a_handler_while_a_read_waits(driver: SerialDriver) -> None:
