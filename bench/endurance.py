@@ -6,17 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import spread, table
 from support.endurance import (
     Account,
     across_the_tick_wrap,
     across_the_time_wrap,
     drive_and_interrupt,
 )
-from wheelwire.link.info import quantile
 
 CYCLES = 100
 """Interruptions in one run; each run has its own robot."""
@@ -33,22 +30,18 @@ def main() -> int:
         "the 32-bit time wraps": [across_the_time_wrap(1).finish()],
         "the 32-bit ticks wrap": [across_the_tick_wrap(1).finish()],
     }
-    table = Table(title="Ticks and pose against the plant", title_justify="left")
-    for column in ("run", "samples", "wrong ticks", "unaccounted", "jumps of the pose"):
-        table.add_column(column, justify="left" if column == "run" else "right")
-    for name, of_case in accounts.items():
-        table.add_row(name, *(str(number) for number in _sums(of_case)))
-    console = Console(width=100)
-    console.print(table)
+    header = ("run", "samples", "wrong ticks", "unaccounted", "jumps of the pose")
+    rows = [[name, *map(str, _sums(of_case))] for name, of_case in accounts.items()]
+    sys.stdout.write(f"{table(header, rows)}\n")
     unseen = [unseen for account in accounts["resets and unpluggings"] for unseen in account.unseen]
-    resets = sum(run.robot.resets for run in runs)
-    console.print(f"{resets} resets, {len(runs) * CYCLES - resets} unpluggings")
+    resets = sum(run.resets for run in runs)
+    sys.stdout.write(f"{resets} resets, {len(runs) * CYCLES - resets} unpluggings\n")
     for name, values in (
         ("unseen at a reset, ms", [one.milliseconds for one in unseen]),
         ("driven unseen at a reset, mm", [abs(one.distance_m) * 1e3 for one in unseen]),
     ):
-        numbers = quantile(values, 0.5), quantile(values, 0.99), max(values)
-        console.print(f"{name}: " + " / ".join(f"{number:.1f}" for number in numbers))
+        numbers = " / ".join(f"{number:.1f}" for number in spread(values))
+        sys.stdout.write(f"{name}: {numbers}\n")
     return int(any(any(_sums(of_case)[1:]) for of_case in accounts.values()))
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from random import Random
 from typing import NamedTuple
 
 from wheelwire.errors import WheelwireError
 from wheelwire.link.latest_sample import LatestSample
-from wheelwire.link.session import Phase, Session
+from wheelwire.link.session import Session
 from wheelwire.motion.kinematics import DifferentialDrive
 from wheelwire.motion.odometry import Odometry
 from wheelwire.samples import WheelSample, tick_difference
@@ -70,7 +68,7 @@ class Account:
         return self.true_ticks - self.unseen_left - self.seen_ticks
 
 
-class EnduranceRun:
+class EnduranceRun(ImpairedVirtualRobot):
     """A robot that is driven at random, and its bookkeeping.
 
     The device's clock runs with simulated time, so that each control step, and with it each latch,
@@ -83,9 +81,8 @@ class EnduranceRun:
     """
 
     def __init__(self, seed: int, profile: LineProfile | None = None, /, **settings: float) -> None:
-        self.random = Random(seed)
-        self.robot = ImpairedVirtualRobot(seed, profile, **settings)
-        self.robot.session = Session(lambda: self.random.getrandbits(32), STATE_HZ)
+        super().__init__(seed, profile, **settings)
+        self.session = Session(lambda: self.random.getrandbits(32), STATE_HZ)
         self.account = Account()
         self._latest_sample = LatestSample()
         self._odometry = Odometry(GEOMETRY)
@@ -95,64 +92,37 @@ class EnduranceRun:
         self._last_sample: WheelSample | None = None
         self._last_us = self._started_at = 0
 
-    def open(self) -> EnduranceRun:
-        """Connect, and wait for samples."""
-        self.robot.session.connect(self.robot.now_us)
-        return self.wait_open()
-
-    def wait_open(self) -> EnduranceRun:
-        """Wait for a sample of an open session."""
-        known = self.account.samples
-        self.until(lambda: self.robot.session.phase is Phase.OPEN and self.account.samples > known)
-        return self
-
-    def drive(self, milliseconds: int) -> None:
+    def drive_at_random(self, milliseconds: int) -> None:
         """Drive at a random speed, as far as the link allows."""
         left, right = (self.random.uniform(-TOP_MPS, TOP_MPS) for _ in range(2))
         for elapsed in range(milliseconds):
             if elapsed % COMMAND_MS == 0:
                 with suppress(WheelwireError):
-                    self.robot.set_velocity(left, right, TTL_S)
+                    self.set_velocity(left, right, TTL_S)
             self.step()
 
-    def reset(self) -> None:
+    def reset_and_wait(self) -> None:
         """Reset the chip while driving."""
-        self.robot.reset()
+        self.reset()
         self.wait_open()
 
-    def unplug(self, milliseconds: int) -> None:
+    def unplug_for(self, milliseconds: int) -> None:
         """Unplug the cable for a while, while driving."""
-        self.robot.unplug()
-        for _ in range(milliseconds):
-            self.step()
-        self.robot.plug()
+        self.unplug()
+        self.run(milliseconds / 1e3)
+        self.plug()
         self.wait_open()
-
-    def until(self, condition: Callable[[], bool], timeout_ms: int = 10_000) -> None:
-        """Step until the condition holds; fails if it does not in time."""
-        for _ in range(timeout_ms):
-            if condition():
-                return
-            self.step()
-        raise AssertionError("the condition never held")
 
     def step(self) -> None:
         """Advance one millisecond and process its samples."""
-        sim = self.robot.sim
-        self.robot.step()
-        moment = int(sim.get("boot_id")), int(sim.get("device_us"))
+        known = len(self.samples)
+        super().step()
+        moment = int(self.sim.get("boot_id")), int(self.sim.get("device_us"))
         self._truth[moment] = self._true_ticks()
         while len(self._truth) > TRUTH_KEPT:
             del self._truth[next(iter(self._truth))]
-        for sample in self.robot.samples:
+        for sample in self.samples[known:]:
             self._take(sample)
-        self.robot.samples.clear()
-
-    @property
-    def newest(self) -> WheelSample:
-        """The last sample."""
-        assert self._last_sample is not None
-        return self._last_sample
 
     def finish(self) -> Account:
         """The results of the whole run."""
@@ -162,8 +132,7 @@ class EnduranceRun:
         return self.account
 
     def _true_ticks(self) -> tuple[int, int]:
-        sim = self.robot.sim
-        return int(sim.get("true.left_ticks")), int(sim.get("true.right_ticks"))
+        return int(self.sim.get("true.left_ticks")), int(self.sim.get("true.right_ticks"))
 
     def _take(self, sample: WheelSample) -> None:
         account, true = self.account, self._truth[(sample.boot_id, sample.t_us)]
@@ -174,7 +143,7 @@ class EnduranceRun:
             self._started_at = sample.left_ticks
         elif update.rebased:
             unseen = true[0] - self._last[0], true[1] - self._last[1]
-            milliseconds = (self.robot.now_us - self._last_us) / 1e3
+            milliseconds = (self.now_us - self._last_us) / 1e3
             distance_m = sum(unseen) / 2 * GEOMETRY.metres_per_tick
             account.unseen.append(Unseen(milliseconds, distance_m))
             account.unseen_left += unseen[0]
@@ -188,7 +157,7 @@ class EnduranceRun:
             self._zero = zero
         account.wrong += zero != self._zero
         account.samples += 1
-        self._last, self._last_sample, self._last_us = true, sample, self.robot.now_us
+        self._last, self._last_sample, self._last_us = true, sample, self.now_us
 
 
 def drive_and_interrupt(cycles: int, seed: int) -> EnduranceRun:
@@ -196,20 +165,20 @@ def drive_and_interrupt(cycles: int, seed: int) -> EnduranceRun:
     run = EnduranceRun(seed).open()
     random = run.random
     for _ in range(cycles):
-        run.drive(random.randrange(50, 300))
+        run.drive_at_random(random.randrange(50, 300))
         if random.random() < 0.5:
-            run.reset()
+            run.reset_and_wait()
         else:
-            run.unplug(random.randrange(1, 400))
-    run.drive(100)
+            run.unplug_for(random.randrange(1, 400))
+    run.drive_at_random(100)
     return run
 
 
 def across_the_time_wrap(seed: int) -> EnduranceRun:
     """Drive across the moment at which the 32-bit time in the state frames wraps."""
     run = EnduranceRun(seed)
-    run.robot.sim.advance_us((FIRST_WRAP_US // 1000 - 1000) * 1000)
-    run.open().drive(2500)
+    run.sim.advance_us((FIRST_WRAP_US // 1000 - 1000) * 1000)
+    run.open().drive_at_random(2500)
     return run
 
 
@@ -218,9 +187,9 @@ def across_the_tick_wrap(seed: int) -> EnduranceRun:
     pushed = {"left.load_nm": -0.04, "right.load_nm": -0.04}
     fine = {"counts_per_revolution": 200_000, "motor.no_load_rpm": 2000}
     run = EnduranceRun(seed, None, **pushed, **fine)
-    sim = run.robot.sim
+    sim = run.sim
     while sim.get("true.left_ticks") < FIRST_WRAP_TICKS - 12_000_000:
         sim.advance_us(1_000_000)
     run.open()
-    run.until(lambda: sim.get("true.left_ticks") > FIRST_WRAP_TICKS + 1_000_000)
+    run.run_until(lambda: sim.get("true.left_ticks") > FIRST_WRAP_TICKS + 1_000_000)
     return run
