@@ -8,10 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import table
 from support.clocks import LONG_DELAYS, SHORT_DELAYS, USB, Clocks, Coverage, LineDelays, session
 from wheelwire.link.info import quantile
 
@@ -37,24 +35,19 @@ def main() -> int:
     cases["+200 ppm, a calm line"] = measure(200, SHORT_DELAYS)
     cases["+200 ppm, delays of 50 ms"] = measure(200, LONG_DELAYS)
     cases[f"+50 ppm, {STEPS} steps of {STEP_US / 1e3:g} ms"] = measure(50, USB, STEPS)
-    table = Table(title="Error of a sample's time on the host's clock", title_justify="left")
-    table.add_column("case")
-    for column in ("samples", "within the bound", "error p50", "p99", "bound p50"):
-        table.add_column(column, justify="right")
-    for name, found in cases.items():
-        microseconds = (
-            quantile(found.errors_us, 0.5),
-            quantile(found.errors_us, 0.99),
-            quantile(found.bounds_us, 0.5),
-        )
-        table.add_row(
-            name,
-            str(found.checked),
-            f"{found.share:.3%}",
-            *(f"{number:.0f} us" for number in microseconds),
-        )
-    Console(width=110).print(table)
+    header = ("case", "samples", "within the bound", "error p50", "p99", "bound p50")
+    sys.stdout.write(table(header, [_row(*case) for case in cases.items()]))
     return int(min(found.share for found in cases.values()) < TARGET)
+
+
+def _row(name: str, found: Coverage) -> list[str]:
+    microseconds = (
+        quantile(found.errors_us, 0.5),
+        quantile(found.errors_us, 0.99),
+        quantile(found.bounds_us, 0.5),
+    )
+    numbers = [f"{number:.0f} us" for number in microseconds]
+    return [name, str(found.checked), f"{found.share:.3%}", *numbers]
 
 
 if __name__ == "__main__":

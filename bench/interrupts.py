@@ -30,8 +30,8 @@ def main() -> None:
             ]
         )
         assert not result.unsent, result.unsent
-        # The link's one thread survived the signals, and ended with the driver.
-        assert (report["alive"], report["left"]) == (1, 0), report
+        # The threads of the link and of its tap survived the signals, and ended with the driver.
+        assert (report["alive"], report["left"]) == (2, 0), report
     head = ["the handler", "signals", "calls failed", "succeeded unsent", "longest call, s"]
     sys.stdout.write(table(head, rows) + "\n")
 

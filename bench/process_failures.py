@@ -11,9 +11,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from rich.console import Console
-from rich.table import Table
-
+from support.benchmark import table
 from support.driver_bench.rig import busy
 from support.process_failures import APPLICATION_FAILURES, CORE_FAILURES, FailureTimes, time_failure
 
@@ -28,18 +26,18 @@ def main() -> None:
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     processes = int(sys.argv[2]) if len(sys.argv) > 2 else 4
     drivers = sys.argv[3:] or DRIVERS
-    table = Table(title=f"{runs} runs each, {processes} busy processes; median / longest, ms")
-    for column in ("driver", "what died", "to drive removed", "after the deadline", "to its end"):
-        table.add_column(column, justify="left" if column in ("driver", "what died") else "right")
+    rows = []
     with busy(processes):
         for driver in drivers:
             failures = [*APPLICATION_FAILURES, *(CORE_FAILURES if driver in CORE_DRIVERS else ())]
             for failure in failures:
                 times = [time_failure(driver, failure, run * PHASE_S) for run in range(runs)]
-                table.add_row(driver, failure, *_cells(times, failure))
+                rows.append([driver, failure, *_cells(times, failure)])
                 # At once, for whoever waits: the table comes at the very end.
-                Console(stderr=True).print(driver, failure, *_cells(times, failure), sep=" | ")
-    Console(width=140).print(table)
+                sys.stderr.write(" | ".join(rows[-1]) + "\n")
+    title = f"{runs} runs each, {processes} busy processes; median / longest, ms"
+    header = ("driver", "what died", "to drive removed", "after the deadline", "to its end")
+    sys.stdout.write(f"{title}\n\n{table(header, rows)}")
 
 
 def _cells(times: list[FailureTimes], failure: str) -> tuple[str, str, str]:

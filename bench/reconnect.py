@@ -8,10 +8,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import spread, table
 from support.reconnect import (
     AIM_S,
     TIMEOUT_S,
@@ -72,20 +70,19 @@ def main() -> int:
         returned, reset, boot_s = same_name(Path(folder), arguments.cycles)
         elsewhere = other_names(Path(folder), arguments.cycles)
     corrupted = bad_line(arguments.cycles)
-    table = Table(title=f"To the first fresh sample, {arguments.cycles} each", title_justify="left")
-    for column in ("from", "p50", "p99", "max", "target"):
-        table.add_column(column)
-    table.add_row("the port's return", *_numbers(returned), f"p99 <= {AIM_S * 1e3:g} ms")
-    table.add_row("... under another name, by board_id", *_numbers(elsewhere), "")
-    table.add_row(f"a reset, less the {boot_s * 1e3:g} ms of boot", *_numbers(reset), "")
-    table.add_row("... with 1 % of the bytes corrupted", *_numbers(corrupted), "")
-    Console(width=100).print(table)
+    rows = [
+        ["the port's return", *_numbers(returned), f"p99 <= {AIM_S * 1e3:g} ms"],
+        ["... under another name, by board_id", *_numbers(elsewhere), ""],
+        [f"a reset, less the {boot_s * 1e3:g} ms of boot", *_numbers(reset), ""],
+        ["... with 1 % of the bytes corrupted", *_numbers(corrupted), ""],
+    ]
+    header = (f"to the first fresh sample, {arguments.cycles} each", "p50", "p99", "max", "target")
+    sys.stdout.write(table(header, rows))
     return int(quantile(returned, 0.99) > AIM_S)
 
 
 def _numbers(values: list[float]) -> list[str]:
-    numbers = quantile(values, 0.5), quantile(values, 0.99), max(values)
-    return [f"{number * 1e3:.0f} ms" for number in numbers]
+    return [f"{number * 1e3:.0f} ms" for number in spread(values)]
 
 
 if __name__ == "__main__":

@@ -10,10 +10,8 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from support.benchmark import Target, table_of_targets
 from support.soak import CORRUPT, STATE_HZ, Lap, run
 from wheelwire.link.info import quantile
 
@@ -29,33 +27,35 @@ def growth_kib(laps: list[Lap], process: int) -> int:
     return round(statistics.median(resident[-third:]) - statistics.median(resident[third:-third]))
 
 
-def rows(laps: list[Lap]) -> list[tuple[str, str, str, bool]]:
-    """(measure, value, target, reached) of a run."""
+def rows(laps: list[Lap]) -> list[Target]:
+    """What was measured in a run."""
     uncounted = sum(abs(number) for lap in laps for number in lap.uncounted)
     ticks = sum(abs(lap.ticks_wrong) for lap in laps)
     sessions = sum(lap.sessions for lap in laps)
     resets = sum(lap.incident == "reset" for lap in laps)
     found = [
-        ("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
-        ("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
-        ("... of which are in no counter", str(uncounted), "0", uncounted == 0),
-        ("ticks lost or invented", str(ticks), "0", ticks == 0),
-        ("sessions lost without an incident", str(sessions), "0", sessions == 0),
+        Target("frames given to the line", str(sum(lap.frames for lap in laps)), "", True),
+        Target("... lost or damaged there", str(sum(lap.hit for lap in laps)), "", True),
+        Target("... of which are in no counter", str(uncounted), "0", uncounted == 0),
+        Target("ticks lost or invented", str(ticks), "0", ticks == 0),
+        Target("sessions lost without an incident", str(sessions), "0", sessions == 0),
         # Each lap has the sum so far.
-        ("setpoints that came too late", str(laps[-1].expired), "", True),
-        ("resets, unpluggings", f"{resets}, {len(laps) - resets}", "", True),
+        Target("setpoints that came too late", str(laps[-1].expired), "", True),
+        Target("resets, unpluggings", f"{resets}, {len(laps) - resets}", "", True),
     ]
     for incident in ("reset", "unplug"):
         times = [lap.recovery_s for lap in laps if lap.incident == incident]
         value = f"p50 {quantile(times, 0.5):.3f} s, max {max(times, default=0):.3f} s"
-        found.append((f"recovered from {incident}", value, "", True))
+        found.append(Target(f"recovered from {incident}", value, "", True))
     for process, name in enumerate(("host", "simulator")):
         grown = growth_kib(laps, process)
         reached = grown < GROWTH_KIB
-        found.append((f"growth of the {name}", f"{grown} KiB", f"< {GROWTH_KIB} KiB", reached))
+        limit = f"< {GROWTH_KIB} KiB"
+        found.append(Target(f"growth of the {name}", f"{grown} KiB", limit, reached))
     for name in ("threads", "files"):
         counts = {getattr(lap, name) for lap in laps}
-        found.append((f"{name} of the host", str(sorted(counts)), "one number", len(counts) == 1))
+        numbers = str(sorted(counts))
+        found.append(Target(f"{name} of the host", numbers, "one number", len(counts) == 1))
     return found
 
 
@@ -68,14 +68,9 @@ def main() -> int:
     arguments = parser.parse_args()
     laps = run(arguments.minutes, lambda lap: _log(lap, arguments.log))
     title = f"{arguments.minutes:g} min at {STATE_HZ} Hz, {CORRUPT:.0%} of all bytes corrupted"
-    table = Table(title=title, title_justify="left")
-    for column in ("measure", "value", "target"):
-        table.add_column(column)
     found = rows(laps)
-    for measure, value, target, reached in found:
-        table.add_row(measure, value if reached else f"[red]{value}[/]", target)
-    Console(width=100).print(table)
-    return 0 if all(reached for *_, reached in found) else 1
+    sys.stdout.write(f"{title}\n\n{table_of_targets(found)}")
+    return 0 if all(target.reached for target in found) else 1
 
 
 def _log(lap: Lap, path: Path | None) -> None:

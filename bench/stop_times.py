@@ -6,13 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import stop_host, stop_times
+from support.benchmark import spread, table
 from support.stop_times import FAILURES, PERIOD_US, TTL_S, StopTime
-from wheelwire.link.info import quantile
 
 COLUMNS = (
     "deadline to drive removed",
@@ -55,8 +52,8 @@ def main() -> int:
     _print(f"{arguments.real} runs each in real time", real)
     watched = _real(arguments.real, watched=True)
     _print(f"{arguments.real} runs each in real time, recorded, a program attached", watched)
-    tables = (virtual, real, watched)
-    late = [time for table in tables for times in table.values() for time in times]
+    runs = (virtual, real, watched)
+    late = [time for run in runs for times in run.values() for time in times]
     return 0 if all(in_time(time) for time in late) else 1
 
 
@@ -69,18 +66,13 @@ def _real(runs: int, *, watched: bool) -> dict[str, list[StopTime]]:
 
 def _print(title: str, times: dict[str, list[StopTime]]) -> None:
     limit = f"ttl {TTL_S:g} s, target: removed at most {PERIOD_US / 1e3:g} ms after the deadline"
-    table = Table(title=f"{title} (p50 / p99 / max; {limit})", title_justify="left")
-    table.add_column("what happened")
-    for column in COLUMNS:
-        table.add_column(column, justify="right")
-    for name, measured in times.items():
-        table.add_row(name, *row(measured))
-    Console(width=140).print(table)
+    rows = [[name, *row(measured)] for name, measured in times.items()]
+    found = table(("what happened", *COLUMNS), rows)
+    sys.stdout.write(f"{title} (p50 / p99 / max; {limit})\n\n{found}\n")
 
 
 def _cell(values: list[float], unit: str) -> str:
-    numbers = (quantile(values, 0.5), quantile(values, 0.99), max(values))
-    return " / ".join(f"{number:.1f}" for number in numbers) + f" {unit}"
+    return " / ".join(f"{number:.1f}" for number in spread(values)) + f" {unit}"
 
 
 if __name__ == "__main__":

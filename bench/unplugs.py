@@ -7,8 +7,6 @@ import logging
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import unplugs
 
@@ -20,15 +18,15 @@ def main() -> int:
     arguments = parser.parse_args()
     # Each unplug is a warning of the link's.
     logging.getLogger("wheelwire").setLevel(logging.CRITICAL)
-    console, failed = Console(highlight=False), False
+    failed = False
     for run in (unplugs.with_threads, unplugs.with_asyncio):
         outcome = unplugs.in_parallel(run, arguments.unplugs, arguments.seed)
         ends = ", ".join(f"{count} {end}" for end, count in outcome.ends.most_common())
-        console.print(f"{run.__name__}: {ends}; the longest call took {outcome.longest_s:.2f} s")
-        for line in outcome.unbounded:
-            console.print(f"  not bounded: {line}")
-        for line in outcome.unheard:
-            console.print(f"  not reported: {line}")
+        longest = f"the longest call took {outcome.longest_s:.2f} s"
+        lines = [f"{run.__name__}: {ends}; {longest}"]
+        lines += [f"  not bounded: {line}" for line in outcome.unbounded]
+        lines += [f"  not reported: {line}" for line in outcome.unheard]
+        sys.stdout.write("\n".join([*lines, ""]))
         failed = failed or bool(outcome.unbounded or outcome.unheard)
     return int(failed)
 

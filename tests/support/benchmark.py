@@ -13,6 +13,8 @@ from statistics import median
 from time import perf_counter, process_time
 from typing import NamedTuple
 
+from wheelwire.link.info import quantile
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -33,6 +35,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
+
+
+def spread(values: Sequence[float]) -> tuple[float, float, float]:
+    """The median, the 99th percentile and the greatest."""
+    return quantile(values, 0.5), quantile(values, 0.99), max(values)
 
 
 class Target(NamedTuple):
