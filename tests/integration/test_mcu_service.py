@@ -85,7 +85,7 @@ def test_ctrl_c_stops_the_wheels_and_ends_the_service(
 ) -> None:
     with service(daemon, tmp_path) as (process, address), SerialDriver(address) as driver:
         driver.set_velocity(0.2, 0.0, ttl=5)
-        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]))
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         assert process.wait(TIMEOUT_S) == 0
         assert not daemon.truth()["driven"]
@@ -95,10 +95,10 @@ def test_a_lost_host_ends_the_drive_and_not_the_service(
     daemon: PigpioProcess, address: str
 ) -> None:
     with subprocess.Popen([sys.executable, "-c", DRIVING, address]) as host:
-        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]))
         host.send_signal(signal.SIGKILL)
         killed_us = time.monotonic_ns() // 1000
-    wait_until(lambda: not daemon.truth()["driven"], TIMEOUT_S)
+    wait_until(lambda: not daemon.truth()["driven"])
     assert daemon.truth()["driven_changed_us"] - killed_us < AT_ONCE_US
     with SerialDriver(address) as driver:
         first = driver.info.device.boot_id
@@ -106,13 +106,13 @@ def test_a_lost_host_ends_the_drive_and_not_the_service(
         assert driver.info.device.boot_id == first
         assert driver.geometry.wheel_radius == 0.04
         driver.set_velocity(0.2, 0.0)
-        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]))
 
 
 def test_it_has_one_host_at_a_time(daemon: PigpioProcess, address: str) -> None:
     with SerialDriver(address) as driver:
         driver.set_velocity(0.2, 0.0, ttl=5)
-        wait_until(lambda: bool(daemon.truth()["driven"]), TIMEOUT_S)
+        wait_until(lambda: bool(daemon.truth()["driven"]))
         with pytest.raises(errors.PortUnavailable, match="another program uses it"):
             SerialDriver(address, connect_timeout=0.5)
         assert daemon.truth()["driven"]

@@ -27,7 +27,6 @@ from support.waiting import wait_until
 from wheelwire.files.pins import Pins
 from wheelwire.linux_mcu.settings import McuSettings
 
-TIMEOUT_S = 30.0
 LIFE_US = 4_500_000
 """Of the last setpoint: longer than all that is measured here."""
 CORE_TIMEOUT_US = 500_000
@@ -66,12 +65,12 @@ class Scene:
 
     def removal(self) -> Removal:
         """Wait for the end of the drive, and of what follows it."""
-        wait_until(lambda: not self.stand_in.truth()["driven"], TIMEOUT_S, "the end of the drive")
+        wait_until(lambda: not self.stand_in.truth()["driven"], what="the end of the drive")
         if isinstance(self.stand_in, PigpioProcess):
             us, _, _, writer = self._since_the_drive()[1]
             return Removal(us, SCRIPT if writer == "script" else CORE)
         # A core brakes after each drive, and a guard never does: it needs no process for that.
-        wait_until(lambda: self._braked() or self._is_off(), TIMEOUT_S, "a brake or the pins' end")
+        wait_until(lambda: self._braked() or self._is_off(), what="a brake or the pins' end")
         us, _, _, writer = self._since_the_drive()[1]
         if self.pwm is None:
             by = {self.core: CORE, self.mcu.guard: GUARD}[int(writer)]
@@ -129,7 +128,7 @@ def process_on(chip: GpioChip, monkeypatch: pytest.MonkeyPatch) -> Iterator[McuP
 def scene(chip: GpioChip, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
     with process_on(chip, monkeypatch) as mcu:
         mcu.open().drive(LIFE_US)
-        wait_until(lambda: chip.truth()["driven"], TIMEOUT_S, "the drive")
+        wait_until(lambda: chip.truth()["driven"], what="the drive")
         yield Scene(
             chip, mcu, mcu.core, chip.pwm_directory if chip.pwm_directory.exists() else None
         )
@@ -176,7 +175,7 @@ def test_a_core_whose_guard_dies_stops_and_ends(scene: Scene) -> None:
     removal = scene.removal()
     assert removal.by == CORE
     assert 0 < removal.us - failed_us < BUSY_US
-    wait_until(lambda: ended(core), TIMEOUT_S, "the core's end")
+    wait_until(lambda: ended(core), what="the core's end")
     os.close(core)
 
 
@@ -198,7 +197,7 @@ def test_the_setpoint_of_a_frozen_application_ends_at_its_deadline(scene: Scene)
     for number in range(ATTEMPTS):
         # The deadline falls anywhere in a control period.
         sent_us, deadline_us = now_us(), scene.mcu.drive(200_000 + 1_700 * number)
-        wait_until(lambda: scene.ended_after(sent_us), TIMEOUT_S, "the end of the drive")  # noqa: B023
+        wait_until(lambda: scene.ended_after(sent_us), what="the end of the drive")  # noqa: B023
         removal = scene.removal()
         assert removal.by == CORE
         late_us.append(removal.us - deadline_us)
@@ -217,7 +216,7 @@ def test_nobody_hears_of_a_start_before_the_guard_is_ready(
         process_on(chip, monkeypatch) as mcu,
     ):
         pulls = chip.truth()["pulls"]
-        wait_until(lambda: chip.truth()["pulls"] != pulls, TIMEOUT_S, "the core's pins")
+        wait_until(lambda: chip.truth()["pulls"] != pulls, what="the core's pins")
         assert not mcu.answers(UNGUARDED_S)
         gate.touch()
         mcu.open()
@@ -243,7 +242,7 @@ def behind_pigpiod(request: pytest.FixtureRequest) -> Iterator[Scene]:
         )
         with McuProcess(settings) as mcu:
             mcu.open().drive(LIFE_US)
-            wait_until(lambda: daemon.truth()["driven"], TIMEOUT_S, "the drive")
+            wait_until(lambda: daemon.truth()["driven"], what="the drive")
             yield Scene(daemon, mcu, mcu.core)
 
 
@@ -261,7 +260,7 @@ def test_behind_a_pigpiod_the_script_in_it_stops_the_wheels(
 
 def test_behind_a_pigpiod_a_setpoint_ends_at_its_deadline(behind_pigpiod: Scene) -> None:
     sent_us, deadline_us = now_us(), behind_pigpiod.mcu.drive(200_000)
-    wait_until(lambda: behind_pigpiod.ended_after(sent_us), TIMEOUT_S, "the end of the drive")
+    wait_until(lambda: behind_pigpiod.ended_after(sent_us), what="the end of the drive")
     removal = behind_pigpiod.removal()
     assert removal.by == CORE
     assert -behind_pigpiod.mcu.error_us < removal.us - deadline_us < BUSY_US

@@ -6,8 +6,6 @@ from wheelwire.link.attached import Holder, find_holder
 
 from .waiting import wait_until
 
-TIMEOUT_S = 30.0
-
 
 def holder_of(port: str, board_id: str | None = None) -> Holder:
     """Who holds a port, or a board, once that offers its link."""
@@ -17,7 +15,7 @@ def holder_of(port: str, board_id: str | None = None) -> Holder:
         found.extend(filter(None, [find_holder(port, board_id)]))
         return bool(found)
 
-    wait_until(is_found, TIMEOUT_S, f"a holder of {port}")
+    wait_until(is_found, what=f"a holder of {port}")
     return found[0]
 
 

@@ -74,7 +74,7 @@ class McuProcess:
     @property
     def core(self) -> int:
         """The id of the process that steps the core."""
-        wait_until(lambda: children(self.guard), TIMEOUT_S, "the core's process")
+        wait_until(lambda: children(self.guard), what="the core's process")
         return children(self.guard)[0]
 
     def answers(self, timeout_s: float) -> bool:

@@ -238,7 +238,7 @@ class SerialRobot(ObservedRobot):
         return driven
 
     def removed_us(self) -> int:
-        wait_until(lambda: not self.is_driven() and self._removed_us, TIMEOUT_S)
+        wait_until(lambda: not self.is_driven() and self._removed_us)
         return self._removed_us
 
 
@@ -327,13 +327,13 @@ def time_failure(
     with directory as name, open_robot(driver, Path(name), core_timeout_ms) as robot:
         application = Application(robot.driver, robot.options, behaviour, Path(name), ttl_s)
         try:
-            wait_until(lambda: robot.is_up_to_speed(application), TIMEOUT_S, "the drive")
+            wait_until(lambda: robot.is_up_to_speed(application), what="the drive")
             time.sleep(0.2 + phase_s)
             ends = failure not in UNDETECTED_FAILURES and robot.driver != "serial"
             child = os.pidfd_open(application.child) if ends else None
             failed_us = now_us()
             inject(application)
-            wait_until(lambda: not robot.is_driven(), TIMEOUT_S, "the end of the drive")
+            wait_until(lambda: not robot.is_driven(), what="the end of the drive")
             removed_us = robot.removed_us()
             ended_us = None if child is None else _end(child) - failed_us
         finally:

@@ -49,4 +49,4 @@ def _first_fresh(robot: SerialDriver, since: float) -> float:
 
 
 def _wait_lost(robot: SerialDriver) -> None:
-    wait_until(lambda: not robot.is_open, TIMEOUT_S, "the loss of the port")
+    wait_until(lambda: not robot.is_open, what="the loss of the port")

@@ -13,7 +13,6 @@ from wheelwire.drivers.serial import SerialDriver
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.types import SetDuty, SetWheelVelocity
 
-TIMEOUT_S = 30.0
 FIRST, STRANGER = 0x240AC4123456, 0x240AC4ABCDEF
 
 
@@ -34,7 +33,7 @@ def error_of(driver: SerialDriver) -> errors.WheelwireError | None:
 def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         stranger = robot.replace(CoreDevice(board_id=STRANGER))
-        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard))
         error = error_of(driver)
         assert "240ac4abcdef" in str(error)
         assert "240ac4123456" in str(error)
@@ -44,20 +43,20 @@ def test_a_driver_stays_with_the_board_that_it_met_first(robot: PtyDevice) -> No
         assert not [m for m in stranger.received if isinstance(m, (SetWheelVelocity, SetDuty))]
         assert driver.info.device.board_id == "240ac4123456"
         robot.replace(CoreDevice(board_id=FIRST))
-        wait_until(lambda: error_of(driver) is None, TIMEOUT_S)
+        wait_until(lambda: error_of(driver) is None)
 
 
 def test_another_board_may_be_taken_on_purpose(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path), any_board=True) as driver:
         stranger = robot.replace(CoreDevice(board_id=STRANGER))
-        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed), TIMEOUT_S)
+        wait_until(lambda: error_of(driver) is None and bool(stranger.obeyed))
         assert driver.info.device.board_id == "240ac4abcdef"
 
 
 def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         robot.replace(CoreDevice(board_id=STRANGER))
-        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard), TIMEOUT_S)
+        wait_until(lambda: isinstance(error_of(driver), errors.WrongBoard))
 
         def open_second() -> bool:
             try:
@@ -66,7 +65,7 @@ def test_the_port_of_a_wrong_board_is_left_to_others(robot: PtyDevice) -> None:
                 return False
             return True
 
-        wait_until(open_second, TIMEOUT_S)
+        wait_until(open_second)
 
 
 def board_of(link: Path | None = None) -> str:
@@ -86,4 +85,4 @@ def test_a_driver_goes_on_when_a_simulator_is_started_again_at_its_link(tmp_path
     with Simulator(link=link) as simulator, SerialDriver(simulator.port) as driver:
         simulator.close()
         with Simulator(link=link):
-            wait_until(lambda: error_of(driver) is None, TIMEOUT_S)
+            wait_until(lambda: error_of(driver) is None)

@@ -59,25 +59,25 @@ def test_the_link_comes_back_after_another_program_changed_the_settings(
         ours = settings(robot.path)
         stty(robot.path, *change)
         assert settings(robot.path) != ours
-        wait_until(lambda: settings(robot.path) == ours, TIMEOUT_S)
-        wait_until(lambda: drives(driver), TIMEOUT_S)
+        wait_until(lambda: settings(robot.path) == ours)
+        wait_until(lambda: drives(driver))
         assert driver.statistics.reconnects >= 1
 
 
 def test_the_link_comes_back_at_the_devices_baud_rate() -> None:
     with Simulator(baud_rate=115_200) as simulator, SerialDriver(simulator.port) as driver:
         stty(simulator.port, "9600")
-        wait_until(lambda: driver.statistics.reconnects >= 1, TIMEOUT_S)
-        wait_until(lambda: drives(driver), TIMEOUT_S)
+        wait_until(lambda: driver.statistics.reconnects >= 1)
+        wait_until(lambda: drives(driver))
         assert driver.info.baud_rate == 115_200
 
 
 def test_a_device_that_no_longer_answers_has_its_port_opened_anew(robot: PtyDevice) -> None:
     with SerialDriver(str(robot.path)) as driver:
         robot.device.mute = True
-        wait_until(lambda: driver.statistics.reconnects >= 1, TIMEOUT_S)
+        wait_until(lambda: driver.statistics.reconnects >= 1)
         robot.device.mute = False
-        wait_until(lambda: drives(driver), TIMEOUT_S)
+        wait_until(lambda: drives(driver))
 
 
 def test_a_device_that_comes_back_at_another_baud_rate_is_found(
@@ -92,7 +92,7 @@ def test_a_device_that_comes_back_at_another_baud_rate_is_found(
             robot.device.mute = baud_rate != 460_800
 
         monkeypatch.setattr(SerialTransport, "set_baud_rate", set_and_hear)
-        wait_until(lambda: drives(driver), TIMEOUT_S)
+        wait_until(lambda: drives(driver))
         assert driver.info.baud_rate == 460_800
 
 
