@@ -335,6 +335,11 @@ class Blocked(Rig):
     def taken(self) -> bytes:
         return b"".join(self.narrow.written[self._mark :])
 
+    @property
+    def first_write(self) -> bytes:
+        """What the port took at once, as the first since it was blocked."""
+        return self.narrow.written[self._mark]
+
     def _next(self, _done: object, now_us: int) -> None:
         # A busy computer may get to two calls in one turn: the second one then waits for the next.
         is_next_turn, self._now_us = now_us != self._now_us, now_us
@@ -410,6 +415,34 @@ def test_setpoints_that_wait_are_written_in_their_order(part: int) -> None:
     numbers = [message.command_seq for message in messages if isinstance(message, SetDuty)]
     assert numbers == sorted(numbers)
     assert len(set(numbers)) == 3  # the loop may repeat the last one
+
+
+def test_setpoints_that_wait_are_written_all_at_once() -> None:
+    """So the newest one is not late by one pass of the loop for each that waited before it."""
+
+    def drive(rig: Blocked) -> None:
+        for left in (0.1, 0.2, 0.3):
+            rig.send(left)
+        rig.narrow.room = WIDE
+
+    rig = Blocked(drive)
+    rig.run()
+    first = Decoder().feed(rig.first_write)
+    assert [isinstance(message, SetDuty) for message in first] == [True] * 3
+
+
+def test_a_setpoint_that_has_to_wait_wakes_the_loop() -> None:
+    """It waits for the port's data alone, and only from its next turn on for room."""
+    woken: list[bool] = []
+
+    def look(rig: Blocked) -> None:
+        wake_ups = rig.loop._wake_read
+        rig.loop._drain_wake_ups()
+        rig.send(0.1)
+        woken.append(bool(select.select([wake_ups], [], [], 0)[0]))
+
+    Blocked(look).run()
+    assert woken == [True]
 
 
 def test_a_setpoint_waits_behind_the_stop_that_came_before_it() -> None:
