@@ -1,5 +1,6 @@
 #include "board_rules.hpp"
 
+#include <iterator>
 #include <vector>
 
 #include "check.hpp"
@@ -203,4 +204,32 @@ TEST(board_damaged_anywhere_is_not_read) {
   }
   BoardDescription back;
   CHECK(read_board(bytes, sizeof bytes - 1, back) == BoardFault::kDamaged);
+}
+
+/// By hand: the inputs that let a motor coast when they are low; the others of a stage only choose
+/// a direction.
+TEST(the_pins_to_release_are_standby_and_those_of_both_wheels_that_coast) {
+  BoardDescription board = good();
+  board.left_pwm = 2;
+  board.left_dir = 5;
+  board.right_pwm = 12;
+  board.right_dir = 15;
+  const PinMask enables = mask_of(25) | mask_of(33);
+  const PinMask ins = mask_of(26) | mask_of(27) | mask_of(32) | mask_of(4);
+  const PinMask pwms = mask_of(2) | mask_of(12);
+  const struct {
+    Stage stage;
+    PinMask pins;
+  } rows[] = {
+      {Stage::kEnableIn1In2, enables},      {Stage::kPwmIn1In2, ins | pwms}, {Stage::kInIn, ins},
+      {Stage::kHalfBridges, enables | ins}, {Stage::kPwmDir, pwms},
+  };
+  static_assert(std::size(rows) == kStages);
+  for (const auto& row : rows) {
+    board.stage = row.stage;
+    board.standby = -1;
+    CHECK(release_pins(board) == row.pins);
+    board.standby = 22;
+    CHECK(release_pins(board) == (row.pins | mask_of(22)));
+  }
 }
