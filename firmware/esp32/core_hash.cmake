@@ -1,7 +1,8 @@
-# A hash of the core's sources, by which a black box knows the only core that can re-run it. CMake
-# runs again when one of them changes.
+# A hash of the sources that a re-run carries out, by which a black box knows the only core that can
+# do so. CMake runs again when one of them changes.
 file(GLOB wheelwire_hashed CONFIGURE_DEPENDS ${CMAKE_CURRENT_LIST_DIR}/core/*.cpp
-     ${CMAKE_CURRENT_LIST_DIR}/core/*.hpp)
+     ${CMAKE_CURRENT_LIST_DIR}/core/*.hpp ${CMAKE_CURRENT_LIST_DIR}/sensors/*.cpp
+     ${CMAKE_CURRENT_LIST_DIR}/sensors/*.hpp)
 list(SORT wheelwire_hashed)
 set(wheelwire_hashes "")
 foreach(source IN LISTS wheelwire_hashed)

@@ -122,6 +122,7 @@ class Group(DocumentedEnum):
     BOARD = 1, "Boards: which pins lead to which power stage and encoders."
     RECORDER = 2, "Black boxes and ledger: what the device recorded of its stops."
     STORE = 3, "What the device has stored: which parameters a reset would change."
+    SENSOR = 4, "Sensors, inputs and reflexes: what the board's peripherals measure and forbid."
 
 
 class StopMode(DocumentedEnum):

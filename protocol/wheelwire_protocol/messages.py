@@ -41,6 +41,19 @@ from .codes import (
     TrialAction,
 )
 from .message import Field, Message, field
+from .sensors import (
+    MOST_PERIPHERALS,
+    Axis,
+    BatteryLevel,
+    PeripheralFlag,
+    PeripheralKind,
+    PeripheralsState,
+    Place,
+    Reflex,
+    SensorChip,
+    SensorEventCode,
+    SensorState,
+)
 from .units import Unit
 
 PROTOCOL_VERSION = 2
@@ -78,6 +91,28 @@ def board_fields() -> list[Field]:
 
 BOARD = Struct(*board_fields())
 BOARD_SIZE: int = BOARD.sizeof()
+
+
+def peripheral_fields() -> list[Field]:
+    """The packed struct in which one peripheral is sent and stored: its fields, in order."""
+    return [
+        field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
+        field("chip", Int8ul, Unit.NONE, "Of IMU and POWER.", SensorChip),
+        field("place", Int8ul, Unit.NONE, "Where it is.", Place),
+        field("flags", Int8ul, Unit.NONE, "Of its pin.", PeripheralFlag),
+        _pin("pin_a"),
+        _pin("pin_b"),
+        _pin("pin_c"),
+        field("address", Int8ul, Unit.NONE, "On the I2C bus; 0: the chip's usual one."),
+        field("forward", Int8ul, Unit.NONE, "Of IMU: the axis that points forward.", Axis),
+        field("up", Int8ul, Unit.NONE, "Of IMU: the axis that points up.", Axis),
+        field("value_a", Int16ul, Unit.NONE, "By kind; see SPEC.md."),
+        field("value_b", Int16ul, Unit.NONE, "By kind."),
+        field("value_c", Int16ul, Unit.NONE, "By kind."),
+    ]
+
+
+PERIPHERAL_SIZE: int = Struct(*peripheral_fields()).sizeof()
 
 
 BOX_PART_SIZE = 56
@@ -368,6 +403,72 @@ UNSAVED_GET = Message(
     doc="Asks which parameters a reset would change; the answer is UnsavedValue.",
     body=Struct(_session(), _request()),
     group=Group.STORE,
+)
+
+# --- sensors, from the host: ids 0x50 to 0x5f ----------------------------------------------------
+
+SENSOR_STREAM = Message(
+    id=0x50,
+    name="SensorStream",
+    doc="Asks for a SensorInfo of each channel, and for samples in this session.",
+    body=Struct(
+        _session(),
+        _request(),
+        field(
+            "rate_hz",
+            Int16ul,
+            Unit.HERTZ,
+            "Of the IMU at most; the others have their own. 0: no samples.",
+        ),
+    ),
+    group=Group.SENSOR,
+)
+PERIPHERAL_GET = Message(
+    id=0x51,
+    name="PeripheralGet",
+    doc="Asks for an entry of the active list; the answer is PeripheralValue.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
+    ),
+    group=Group.SENSOR,
+)
+PERIPHERAL_SET = Message(
+    id=0x52,
+    name="PeripheralSet",
+    doc="Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("channel", Int8ul, Unit.NONE, "Index of the entry, from 0."),
+        *peripheral_fields(),
+    ),
+    group=Group.SENSOR,
+)
+PERIPHERALS_WRITE = Message(
+    id=0x53,
+    name="PeripheralsWrite",
+    doc="Stores the list, to be tried from the next restart on. Only while stopped.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("channel_count", Int8ul, Unit.NONE, "How many entries count; 0: an empty list."),
+        field("board", Int32ul, Unit.NONE, "Fingerprint of the board that they are connected to."),
+        field("crc", Int32ul, Unit.NONE, "Of the list: see SPEC.md."),
+    ),
+    group=Group.SENSOR,
+)
+PERIPHERALS_CONFIRM = Message(
+    id=0x54,
+    name="PeripheralsConfirm",
+    doc="Confirms the list on trial, and lets the robot drive. Only while stopped.",
+    body=Struct(
+        _session(),
+        _request(),
+        field("crc", Int32ul, Unit.NONE, "Of the list that is meant."),
+    ),
+    group=Group.SENSOR,
 )
 
 # --- from the device ---------------------------------------------------------------------------
@@ -695,6 +796,128 @@ UNSAVED_VALUE = Message(
     group=Group.STORE,
 )
 
+# --- sensors, from the device: ids 0xd0 to 0xdf --------------------------------------------------
+
+
+def _channel() -> Field:
+    return field("channel", Int8ul, Unit.NONE, "Index of the peripheral's entry.")
+
+
+def _taken() -> list[Field]:
+    return [
+        _boot(),
+        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock, as in WheelState."),
+        _channel(),
+    ]
+
+
+def _axes(name: str, doc: str) -> list[Field]:
+    return [field(f"{name}_{axis}", Int16sl, Unit.COUNT, doc) for axis in "xyz"]
+
+
+SENSOR_INFO = Message(
+    id=0xD0,
+    name="SensorInfo",
+    doc="What a channel is, and in which units it measures.",
+    body=Struct(
+        _session(),
+        _channel(),
+        field("channel_count", Int8ul, Unit.NONE, "How many channels there are."),
+        field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
+        field("chip", Int8ul, Unit.NONE, "Which chip.", SensorChip),
+        field("place", Int8ul, Unit.NONE, "Where it is.", Place),
+        field("forward", Int8ul, Unit.NONE, "Of an IMU: the axis that points forward.", Axis),
+        field("up", Int8ul, Unit.NONE, "Of an IMU: the axis that points up.", Axis),
+        field("state", Int8ul, Unit.NONE, "Whether its samples can be used.", SensorState),
+        field("rate_hz", Int16ul, Unit.HERTZ, "At which samples are sent; 0: on a change."),
+        field("gyro_scale", Float32l, Unit.RADIAN_PER_SECOND, "Of one count."),
+        field("accelerometer_scale", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Of one count."),
+        field("gyro_noise", Float32l, Unit.RADIAN_PER_SECOND, "Standard deviation."),
+        field(
+            "accelerometer_noise", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Standard deviation."
+        ),
+    ),
+    group=Group.SENSOR,
+)
+IMU = Message(
+    id=0xD1,
+    name="Imu",
+    doc="One sample of an IMU, in the axes of its chip. Never sent twice.",
+    body=Struct(
+        *_taken(),
+        field("sample", Int16ul, Unit.NONE, "Counts the samples that the chip gave. Wraps."),
+        field(
+            "bound_us",
+            Int16ul,
+            Unit.MICROSECOND,
+            "It was measured at t_us, give or take so much.",
+        ),
+        *_axes("gyro", "Times gyro_scale of SensorInfo."),
+        *_axes("accelerometer", "Times accelerometer_scale of SensorInfo."),
+        field("temperature_cdeg", Int16sl, Unit.CENTIDEGREE_CELSIUS, "Of the chip."),
+    ),
+    group=Group.SENSOR,
+)
+POWER = Message(
+    id=0xD2,
+    name="Power",
+    doc="The supply: of a power sensor, or of the board's battery divider.",
+    body=Struct(
+        *_taken(),
+        field("voltage_mv", Int16ul, Unit.MILLIVOLT, "Measured."),
+        field("current_ma", Int32sl, Unit.MILLIAMPERE, "Drawn; 0 if nothing measures it."),
+        field("used_mah", Float32l, Unit.MILLIAMPERE_HOUR, "Drawn since the device started."),
+        field("level", Int8ul, Unit.NONE, "Of the battery.", BatteryLevel),
+    ),
+    group=Group.SENSOR,
+)
+INPUTS = Message(
+    id=0xD3,
+    name="Inputs",
+    doc="All digital inputs, and what the sensors forbid. Sent on a change, and each second.",
+    body=Struct(
+        _boot(),
+        field("t_us", Int32ul, Unit.MICROSECOND, "Device clock, as in WheelState."),
+        field("levels", Int16ul, Unit.NONE, "Bit n: the level at the pin of channel n."),
+        field("triggered", Int16ul, Unit.NONE, "Bit n: channel n acts on the robot."),
+        field("stale", Int16ul, Unit.NONE, "Bit n: the samples of channel n cannot be used."),
+        field("reflexes", Int8ul, Unit.NONE, "What is forbidden now.", Reflex),
+        field("level", Int8ul, Unit.NONE, "Of the battery.", BatteryLevel),
+        *(
+            field(f"edges_{n}", Int16ul, Unit.NONE, f"Edges at channel {n} since reset. Wraps.")
+            for n in range(MOST_PERIPHERALS)
+        ),
+    ),
+    group=Group.SENSOR,
+)
+SENSOR_EVENT = Message(
+    id=0xD4,
+    name="SensorEvent",
+    doc="Something happened to a channel, or its reflex acted.",
+    body=Struct(
+        *_taken(),
+        field("code", Int8ul, Unit.NONE, "What.", SensorEventCode),
+        field("value", Int16ul, Unit.NONE, "By code."),
+    ),
+    group=Group.SENSOR,
+)
+PERIPHERAL_VALUE = Message(
+    id=0xD5,
+    name="PeripheralValue",
+    doc="An entry of the active list; of kind NONE if it is shorter.",
+    body=Struct(
+        _session(),
+        _request(),
+        _channel(),
+        field("channel_count", Int8ul, Unit.NONE, "How many entries the list has."),
+        field("state", Int8ul, Unit.NONE, "Where the list is from.", PeripheralsState),
+        field("board", Int32ul, Unit.NONE, "Fingerprint of the board that it is for."),
+        field("crc", Int32ul, Unit.NONE, "Of the list."),
+        *peripheral_fields(),
+    ),
+    group=Group.SENSOR,
+)
+
 # The order counts: each group's hash covers its layouts in this order.
 MESSAGES: tuple[Message, ...] = (
     HELLO,
@@ -724,6 +947,11 @@ MESSAGES: tuple[Message, ...] = (
     BOX_READ,
     LEDGER_GET,
     UNSAVED_GET,
+    SENSOR_STREAM,
+    PERIPHERAL_GET,
+    PERIPHERAL_SET,
+    PERIPHERALS_WRITE,
+    PERIPHERALS_CONFIRM,
     DEVICE_HELLO,
     WHEEL_STATE,
     REFUSE,
@@ -741,6 +969,12 @@ MESSAGES: tuple[Message, ...] = (
     BOX_PART,
     LEDGER_VALUE,
     UNSAVED_VALUE,
+    SENSOR_INFO,
+    IMU,
+    POWER,
+    INPUTS,
+    SENSOR_EVENT,
+    PERIPHERAL_VALUE,
 )
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders

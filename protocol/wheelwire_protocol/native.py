@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 
 from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
+from .sensors import PeripheralFault
 from .types import SCHEMA_HASH
 
-ABI = 9
+ABI = 10
+"""Version of `wheelwire_core.h`; a library with another one is refused."""
 RECORDER_SIZE = 320 * 1024
 """Of what `Core.keep_recorder` has written, in bytes."""
-"""Version of `wheelwire_core.h`; a library with another one is refused."""
 
 ENVIRONMENT = "WHEELWIRE_CORE"
 LIBRARY = f"libwheelwire_core.{'dylib' if sys.platform == 'darwin' else 'so'}"
@@ -308,6 +309,31 @@ def check_board(packed: bytes) -> list[BoardIssue]:
     return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
 
 
+class PeripheralIssue(NamedTuple):
+    """One thing that is wrong with peripherals: the values for the sentence of `fault`."""
+
+    fault: PeripheralFault
+    channel: int
+    """Index of the entry; -1: the fault is of none."""
+    pin: int
+    """GPIO; -1: of none."""
+    value: int
+    limit: int
+
+
+def check_peripherals(packed: bytes, board: bytes) -> list[PeripheralIssue]:
+    """What is wrong with a packed list for this packed board; empty if it can be used.
+
+    Raises:
+        NativeMissingError: The library is missing or of another release.
+    """
+    issues = (_PeripheralIssue * _MOST_ISSUES)()
+    count = load().wheelwire_peripherals_check(
+        packed, len(packed), board, len(board), issues, _MOST_ISSUES
+    )
+    return [issue.values() for issue in issues[: min(count, _MOST_ISSUES)]]
+
+
 def locate(name: str, package: Path) -> Path:
     """The path of a native part: in a checkout's build, else in the installed package.
 
@@ -476,6 +502,21 @@ class _BoardIssue(ctypes.Structure):
         )
 
 
+class _PeripheralIssue(ctypes.Structure):
+    _fields_ = (
+        ("value", ctypes.c_uint32),
+        ("limit", ctypes.c_uint32),
+        ("channel", ctypes.c_int16),
+        ("pin", ctypes.c_int16),
+        ("fault", ctypes.c_uint8),
+    )
+
+    def values(self) -> PeripheralIssue:
+        return PeripheralIssue(
+            PeripheralFault(self.fault), self.channel, self.pin, self.value, self.limit
+        )
+
+
 class Counters64(ctypes.Structure):
     """The fields of `framing.Counters`, in the same order."""
 
@@ -590,6 +631,17 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "wheelwire_board_check": (
         ctypes.c_size_t,
         (ctypes.c_char_p, ctypes.c_size_t, ctypes.POINTER(_BoardIssue), ctypes.c_size_t),
+    ),
+    "wheelwire_peripherals_check": (
+        ctypes.c_size_t,
+        (
+            ctypes.c_char_p,
+            ctypes.c_size_t,
+            ctypes.c_char_p,
+            ctypes.c_size_t,
+            ctypes.POINTER(_PeripheralIssue),
+            ctypes.c_size_t,
+        ),
     ),
     "wheelwire_core_hash": (ctypes.c_uint32, ()),
     "wheelwire_box_open": (

@@ -366,6 +366,91 @@ class UnsavedGet(NamedTuple):
     """Counts up in a session; the answer returns it."""
 
 
+class SensorStream(NamedTuple):
+    """Asks for a SensorInfo of each channel, and for samples in this session."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    rate_hz: int
+    """Of the IMU at most; the others have their own. 0: no samples. [Hz]"""
+
+
+class PeripheralGet(NamedTuple):
+    """Asks for an entry of the active list; the answer is PeripheralValue."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the entry, from 0."""
+
+
+class PeripheralSet(NamedTuple):
+    """Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the entry, from 0."""
+    kind: int
+    """What it is. See `codes.PeripheralKind`."""
+    chip: int
+    """Of IMU and POWER. See `codes.SensorChip`."""
+    place: int
+    """Where it is. See `codes.Place`."""
+    flags: int
+    """Of its pin. See `codes.PeripheralFlag`."""
+    pin_a: int
+    """GPIO; -1: none."""
+    pin_b: int
+    """GPIO; -1: none."""
+    pin_c: int
+    """GPIO; -1: none."""
+    address: int
+    """On the I2C bus; 0: the chip's usual one."""
+    forward: int
+    """Of IMU: the axis that points forward. See `codes.Axis`."""
+    up: int
+    """Of IMU: the axis that points up. See `codes.Axis`."""
+    value_a: int
+    """By kind; see SPEC.md."""
+    value_b: int
+    """By kind."""
+    value_c: int
+    """By kind."""
+
+
+class PeripheralsWrite(NamedTuple):
+    """Stores the list, to be tried from the next restart on. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel_count: int
+    """How many entries count; 0: an empty list."""
+    board: int
+    """Fingerprint of the board that they are connected to."""
+    crc: int
+    """Of the list: see SPEC.md."""
+
+
+class PeripheralsConfirm(NamedTuple):
+    """Confirms the list on trial, and lets the robot drive. Only while stopped."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    crc: int
+    """Of the list that is meant."""
+
+
 class DeviceHello(NamedTuple):
     """Answers Hello: who this is, and whether the session is open."""
 
@@ -775,6 +860,186 @@ class UnsavedValue(NamedTuple):
     """Bit n: the parameter with id n + 1."""
 
 
+class SensorInfo(NamedTuple):
+    """What a channel is, and in which units it measures."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    channel: int
+    """Index of the peripheral's entry."""
+    channel_count: int
+    """How many channels there are."""
+    kind: int
+    """What it is. See `codes.PeripheralKind`."""
+    chip: int
+    """Which chip. See `codes.SensorChip`."""
+    place: int
+    """Where it is. See `codes.Place`."""
+    forward: int
+    """Of an IMU: the axis that points forward. See `codes.Axis`."""
+    up: int
+    """Of an IMU: the axis that points up. See `codes.Axis`."""
+    state: int
+    """Whether its samples can be used. See `codes.SensorState`."""
+    rate_hz: int
+    """At which samples are sent; 0: on a change. [Hz]"""
+    gyro_scale: float
+    """Of one count. [rad/s]"""
+    accelerometer_scale: float
+    """Of one count. [m/s^2]"""
+    gyro_noise: float
+    """Standard deviation. [rad/s]"""
+    accelerometer_noise: float
+    """Standard deviation. [m/s^2]"""
+
+
+class Imu(NamedTuple):
+    """One sample of an IMU, in the axes of its chip. Never sent twice."""
+
+    boot_id: int
+    """Random at reset. A new value voids all earlier ticks."""
+    t_us: int
+    """Device clock, as in WheelState. [us]"""
+    channel: int
+    """Index of the peripheral's entry."""
+    sample: int
+    """Counts the samples that the chip gave. Wraps."""
+    bound_us: int
+    """It was measured at t_us, give or take so much. [us]"""
+    gyro_x: int
+    """Times gyro_scale of SensorInfo. [count]"""
+    gyro_y: int
+    """Times gyro_scale of SensorInfo. [count]"""
+    gyro_z: int
+    """Times gyro_scale of SensorInfo. [count]"""
+    accelerometer_x: int
+    """Times accelerometer_scale of SensorInfo. [count]"""
+    accelerometer_y: int
+    """Times accelerometer_scale of SensorInfo. [count]"""
+    accelerometer_z: int
+    """Times accelerometer_scale of SensorInfo. [count]"""
+    temperature_cdeg: int
+    """Of the chip. [0.01 degC]"""
+
+
+class Power(NamedTuple):
+    """The supply: of a power sensor, or of the board's battery divider."""
+
+    boot_id: int
+    """Random at reset. A new value voids all earlier ticks."""
+    t_us: int
+    """Device clock, as in WheelState. [us]"""
+    channel: int
+    """Index of the peripheral's entry."""
+    voltage_mv: int
+    """Measured. [mV]"""
+    current_ma: int
+    """Drawn; 0 if nothing measures it. [mA]"""
+    used_mah: float
+    """Drawn since the device started. [mAh]"""
+    level: int
+    """Of the battery. See `codes.BatteryLevel`."""
+
+
+class Inputs(NamedTuple):
+    """All digital inputs, and what the sensors forbid. Sent on a change, and each second."""
+
+    boot_id: int
+    """Random at reset. A new value voids all earlier ticks."""
+    t_us: int
+    """Device clock, as in WheelState. [us]"""
+    levels: int
+    """Bit n: the level at the pin of channel n."""
+    triggered: int
+    """Bit n: channel n acts on the robot."""
+    stale: int
+    """Bit n: the samples of channel n cannot be used."""
+    reflexes: int
+    """What is forbidden now. See `codes.Reflex`."""
+    level: int
+    """Of the battery. See `codes.BatteryLevel`."""
+    edges_0: int
+    """Edges at channel 0 since reset. Wraps."""
+    edges_1: int
+    """Edges at channel 1 since reset. Wraps."""
+    edges_2: int
+    """Edges at channel 2 since reset. Wraps."""
+    edges_3: int
+    """Edges at channel 3 since reset. Wraps."""
+    edges_4: int
+    """Edges at channel 4 since reset. Wraps."""
+    edges_5: int
+    """Edges at channel 5 since reset. Wraps."""
+    edges_6: int
+    """Edges at channel 6 since reset. Wraps."""
+    edges_7: int
+    """Edges at channel 7 since reset. Wraps."""
+    edges_8: int
+    """Edges at channel 8 since reset. Wraps."""
+    edges_9: int
+    """Edges at channel 9 since reset. Wraps."""
+
+
+class SensorEvent(NamedTuple):
+    """Something happened to a channel, or its reflex acted."""
+
+    boot_id: int
+    """Random at reset. A new value voids all earlier ticks."""
+    t_us: int
+    """Device clock, as in WheelState. [us]"""
+    channel: int
+    """Index of the peripheral's entry."""
+    code: int
+    """What. See `codes.SensorEventCode`."""
+    value: int
+    """By code."""
+
+
+class PeripheralValue(NamedTuple):
+    """An entry of the active list; of kind NONE if it is shorter."""
+
+    session_id: int
+    """Nonce XOR boot_id of the session."""
+    request_id: int
+    """Counts up in a session; the answer returns it."""
+    channel: int
+    """Index of the peripheral's entry."""
+    channel_count: int
+    """How many entries the list has."""
+    state: int
+    """Where the list is from. See `codes.PeripheralsState`."""
+    board: int
+    """Fingerprint of the board that it is for."""
+    crc: int
+    """Of the list."""
+    kind: int
+    """What it is. See `codes.PeripheralKind`."""
+    chip: int
+    """Of IMU and POWER. See `codes.SensorChip`."""
+    place: int
+    """Where it is. See `codes.Place`."""
+    flags: int
+    """Of its pin. See `codes.PeripheralFlag`."""
+    pin_a: int
+    """GPIO; -1: none."""
+    pin_b: int
+    """GPIO; -1: none."""
+    pin_c: int
+    """GPIO; -1: none."""
+    address: int
+    """On the I2C bus; 0: the chip's usual one."""
+    forward: int
+    """Of IMU: the axis that points forward. See `codes.Axis`."""
+    up: int
+    """Of IMU: the axis that points up. See `codes.Axis`."""
+    value_a: int
+    """By kind; see SPEC.md."""
+    value_b: int
+    """By kind."""
+    value_c: int
+    """By kind."""
+
+
 AnyMessage = (
     Hello
     | Stop
@@ -803,6 +1068,11 @@ AnyMessage = (
     | BoxRead
     | LedgerGet
     | UnsavedGet
+    | SensorStream
+    | PeripheralGet
+    | PeripheralSet
+    | PeripheralsWrite
+    | PeripheralsConfirm
     | DeviceHello
     | WheelState
     | Refuse
@@ -820,6 +1090,12 @@ AnyMessage = (
     | BoxPart
     | LedgerValue
     | UnsavedValue
+    | SensorInfo
+    | Imu
+    | Power
+    | Inputs
+    | SensorEvent
+    | PeripheralValue
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -850,6 +1126,11 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0x31, BoxRead, "LHLL"),
     (0x32, LedgerGet, "LH"),
     (0x40, UnsavedGet, "LH"),
+    (0x50, SensorStream, "LHH"),
+    (0x51, PeripheralGet, "LHB"),
+    (0x52, PeripheralSet, "LHBBBBBbbbBBBHHH"),
+    (0x53, PeripheralsWrite, "LHBLL"),
+    (0x54, PeripheralsConfirm, "LHL"),
     (0x80, DeviceHello, "LHLBLQBBQLBBBL"),
     (0x81, WheelState, "LLllffhhLBHHH"),
     (0x82, Refuse, "LBBL"),
@@ -867,6 +1148,12 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0xB1, BoxPart, "LHLLB56s"),
     (0xB2, LedgerValue, "LHLLLLLLLLLLLLLL"),
     (0xC0, UnsavedValue, "LHQ"),
+    (0xD0, SensorInfo, "LBBBBBBBBHffff"),
+    (0xD1, Imu, "LLBHHhhhhhhh"),
+    (0xD2, Power, "LLBHlfB"),
+    (0xD3, Inputs, "LLHHHBBHHHHHHHHHH"),
+    (0xD4, SensorEvent, "LLBBH"),
+    (0xD5, PeripheralValue, "LHBBBLLBBBBbbbBBBHHH"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
@@ -905,11 +1192,29 @@ BOARD_LAYOUT: tuple[tuple[str, str], ...] = (
 )
 """Of the packed board: each field and its format characters."""
 
+PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (
+    ("kind", "B"),
+    ("chip", "B"),
+    ("place", "B"),
+    ("flags", "B"),
+    ("pin_a", "b"),
+    ("pin_b", "b"),
+    ("pin_c", "b"),
+    ("address", "B"),
+    ("forward", "B"),
+    ("up", "B"),
+    ("value_a", "H"),
+    ("value_b", "H"),
+    ("value_c", "H"),
+)
+"""Of the packed peripheral: each field and its format characters."""
+
 GROUP_HASHES: dict[Group, int] = {
     Group.BASE: 0x5D587965,
     Group.BOARD: 0x4CD2F265,
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,
+    Group.SENSOR: 0x01D1A031,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
@@ -921,10 +1226,21 @@ GROUPS: dict[type[AnyMessage], Group] = {
     BoxRead: Group.RECORDER,
     LedgerGet: Group.RECORDER,
     UnsavedGet: Group.STORE,
+    SensorStream: Group.SENSOR,
+    PeripheralGet: Group.SENSOR,
+    PeripheralSet: Group.SENSOR,
+    PeripheralsWrite: Group.SENSOR,
+    PeripheralsConfirm: Group.SENSOR,
     BoardValue: Group.BOARD,
     BoxValue: Group.RECORDER,
     BoxPart: Group.RECORDER,
     LedgerValue: Group.RECORDER,
     UnsavedValue: Group.STORE,
+    SensorInfo: Group.SENSOR,
+    Imu: Group.SENSOR,
+    Power: Group.SENSOR,
+    Inputs: Group.SENSOR,
+    SensorEvent: Group.SENSOR,
+    PeripheralValue: Group.SENSOR,
 }
 """Of the messages that not every device has."""

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 9
+#define WHEELWIRE_ABI 10
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -143,6 +143,22 @@ typedef struct wheelwire_board_issue {
  * writes the first `capacity` of them to `issues`. */
 WHEELWIRE_EXPORT size_t wheelwire_board_check(const uint8_t* board, size_t size,
                                               wheelwire_board_issue* issues, size_t capacity);
+
+/* What is wrong with a list of peripherals; the codes are those of
+ * protocol/wheelwire_protocol/sensors.py. */
+typedef struct wheelwire_peripheral_issue {
+  uint32_t value;
+  uint32_t limit;
+  int16_t channel; /* Index of the entry; -1: the fault is of none. */
+  int16_t pin;     /* GPIO; -1: of none. */
+  uint8_t fault;   /* PeripheralFault */
+} wheelwire_peripheral_issue;
+
+/* Checks a packed list against the packed board that it is for, as wheelwire_board_check. */
+WHEELWIRE_EXPORT size_t wheelwire_peripherals_check(const uint8_t* list, size_t list_size,
+                                                    const uint8_t* board, size_t board_size,
+                                                    wheelwire_peripheral_issue* issues,
+                                                    size_t capacity);
 
 /* A black box: what a robot was given in the last second or two, and what it did. */
 typedef struct wheelwire_box wheelwire_box;

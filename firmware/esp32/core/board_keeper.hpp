@@ -1,36 +1,12 @@
-// Which board is active. A board that was written is tried once the host restarts the device, and
-// saved only if the host then confirms it; otherwise the previous one returns. Nothing is driven on
-// a board that nobody confirmed.
+// Which board is active: see `TrialStore`. Nothing is driven on a board that nobody confirmed.
 #pragma once
 
 #include "board_rules.hpp"
-#include "hal.hpp"
+#include "trial_store.hpp"
 
 namespace wheelwire {
 
-/// Within this after the start a board on trial is confirmed, or the device restarts with the
-/// previous one.
-constexpr uint64_t kBoardTrialUs = 10'000'000;
-
-/// What the store holds: both boards and how far the trial is, replaced as a whole. So a cut of the
-/// power leaves what was before a write, or what is after it.
-struct BoardBlock {
-  /// kWritten: no restart was asked for yet. kRequested: the next start tries it.
-  enum class Candidate : uint8_t { kNone, kWritten, kTried, kRequested };
-
-  static constexpr uint8_t kFormat = 1;
-  static constexpr size_t kHeaderSize = 4;
-  static constexpr size_t kSize = kHeaderSize + 2 * BoardDescription::kSize + 4;
-
-  Candidate candidate_state = Candidate::kNone;
-  bool has_confirmed = false;
-  uint8_t confirmed[BoardDescription::kSize]{};
-  uint8_t candidate[BoardDescription::kSize]{};
-
-  void encode(uint8_t* out) const;
-  /// False if it is damaged, or of another format.
-  static bool decode(const uint8_t* data, size_t size, BoardBlock& out);
-};
+using BoardStore = TrialStore<BoardDescription::kSize>;
 
 /// Whether somebody said that this is the board, at least for a trial. Otherwise no pin is driven,
 /// and what the board's inputs read means nothing.
@@ -63,7 +39,7 @@ class BoardKeeper {
   bool on_trial() const { return state_ == BoardState::kTrial; }
   /// Whether a trial was not confirmed in time.
   bool is_overdue(uint64_t since_start_us) const {
-    return on_trial() && since_start_us >= kBoardTrialUs;
+    return on_trial() && since_start_us >= kStoreTrialUs;
   }
 
   // Each returns kNone, or why it was refused.
@@ -72,34 +48,33 @@ class BoardKeeper {
   /// Saves the board that is on trial, or the image's own, which drives from the next start on.
   RefusalCode confirm(uint32_t fingerprint);
   /// A restart was asked for: a board that was written in this session is tried.
-  RefusalCode request_trial();
+  RefusalCode request_trial() { return store_.request_trial(); }
 
   /// Whether a restart would try another board.
-  bool has_candidate() const { return is_fresh_; }
+  bool has_candidate() const { return store_.has_candidate(); }
   /// A new session: what the previous one wrote and did not restart for is not tried.
-  void drop_candidate() { is_fresh_ = false; }
+  void drop_candidate() { store_.drop_candidate(); }
 
   template <typename Visitor>
   void visit(Visitor& visit) {
     visit("chip", chip_);
     visit("state", state_);
-    visit("is_fresh", is_fresh_);
+    bool is_fresh = store_.has_candidate();
+    visit("is_fresh", is_fresh);
+    store_.restore_candidate(is_fresh);
     visit("fingerprint", fingerprint_);
   }
 
  private:
-  bool take(const uint8_t* packed, BoardState state);
+  bool read(const uint8_t* packed, BoardDescription& board) const;
+  void take(const uint8_t* packed, BoardState state);
   void take_built_in();
-  bool fits(const BoardDescription& board) const;
-  bool save();
 
-  ParameterStore& store_;
+  BoardStore store_;
   Board chip_;
   const BoardDescription* built_in_;
   BuiltIn confirmation_;
-  bool is_fresh_ = false;  ///< The candidate was written in this session.
   uint32_t fingerprint_ = 0;
-  BoardBlock block_;
   BoardDescription board_;
   BoardState state_ = BoardState::kNone;
 };

@@ -16,10 +16,20 @@ BoardFacts Device::facts_of(const BoardKeeper* keeper) {
 /// nothing while the contact is open.
 void Device::step(uint64_t now_us) {
   if (recorder() != nullptr) prepare_recorder();
+  if (sensors_ != nullptr) robot_.note_reflexes(sensors_->update(now_us));
   robot_.begin_step(now_us);
   server_.service_link(now_us);
   robot_.finish_step(now_us);
   server_.stream_state(now_us);
+  if (sensors_ != nullptr) sensors_->stream(now_us);
+}
+
+void Device::sense(SensorMessages& sensors) {
+  sensors.attach(server_);
+  server_.offer(sensors);
+  if (!sensors.is_active()) return;
+  sensors_ = &sensors;
+  robot_.expect_sensors();
 }
 
 /// What follows does not belong to the step before it.

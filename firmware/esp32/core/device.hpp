@@ -22,6 +22,9 @@ class Device {
   Device(const Device&) = delete;  // The two halves refer to each other.
   Device& operator=(const Device&) = delete;
 
+  /// The board's peripherals, which hosts may read and replace. Call it before the start; it must
+  /// outlive the device.
+  void sense(SensorMessages& sensors);
   /// Loads the parameters and leaves BOOT. Call once the hardware is ready.
   void start(uint64_t now_us) { robot_.start(now_us); }
   /// From now on all is recorded. Call it after the start; the recorder must outlive the device.
@@ -39,6 +42,7 @@ class Device {
   void report_driver_failure() { robot_.report_failure(fault::kDriverFailed); }
 
   // A control step in its parts, for a re-run: it has messages instead of a line.
+  void note_reflexes(uint8_t reflexes) { robot_.note_reflexes(reflexes); }
   void begin_step(uint64_t now_us) { robot_.begin_step(now_us); }
   void serve(const Frame& frame, uint64_t now_us) { server_.serve(frame, now_us); }
   void finish_step(uint64_t now_us) { robot_.finish_step(now_us); }
@@ -65,6 +69,8 @@ class Device {
   uint32_t faults() const { return robot_.faults(); }
   uint64_t last_step_us() const { return robot_.last_step_us(); }
   bool has_session() const { return server_.has_session(); }
+  /// What the sensors forbid, as flags of `reflex`.
+  uint8_t reflexes() const { return robot_.reflexes(); }
   /// When the active setpoint expires, device clock; 0: there is none.
   uint64_t deadline_us() const { return robot_.deadline_us(); }
 
@@ -73,6 +79,7 @@ class Device {
   Recorder* recorder() const { return robot_.recorder(); }
   void prepare_recorder();
 
+  SensorMessages* sensors_ = nullptr;  // First, as those of Robot that each step uses.
   MessageServer server_;
   Robot robot_;
 };

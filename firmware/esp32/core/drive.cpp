@@ -112,6 +112,8 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
     slewed_ = mode == ControlMode::kVelocity
                   ? WheelPair{plausible(left_.velocity_umps()), plausible(right_.velocity_umps())}
                   : WheelPair{left_.driven_q15(), right_.driven_q15()};
+    // Not from a speed in the direction that is forbidden: the wheels would be driven at it.
+    if (forbids(reflexes_, slewed_)) slewed_ = {};
     command_ = slewed_;
     direction_ = {};
   }
@@ -132,7 +134,8 @@ void Drive::follow(ControlMode mode, WheelPair target, const ControlConfig& conf
 void Drive::follow_velocity(WheelPair target, const ControlConfig& config) {
   const int32_t slew = config.velocity_slew_umps;
   slewed_ = approach(slewed_, target, slew);
-  const WheelPair wanted = config.path.follows() ? corrected(config) : slewed_;
+  WheelPair wanted = config.path.follows() ? corrected(config) : slewed_;
+  if (reflexes_ != 0 && forbids(reflexes_, wanted)) wanted = slewed_;
   // Slewed once more, and last: a correction may jump, for example when one wheel is released, or
   // when it is switched off.
   command_ = {step_towards(command_.left, wanted.left, slew),

@@ -13,6 +13,15 @@ WheelPair scale_to_limit(WheelPair target, int32_t limit);
 /// One slew-limited step from `from` towards `to`: both wheels arrive at the same time.
 WheelPair approach(WheelPair from, WheelPair to, int32_t max_step);
 
+/// Whether what the sensors forbid, as flags of `reflex`, keeps the robot from doing this: driving
+/// towards a bumper, and turning on the spot, which would sweep it along the obstacle.
+constexpr bool forbids(uint8_t reflexes, WheelPair wheels) {
+  if (reflexes == 0) return false;
+  const int64_t body = static_cast<int64_t>(wheels.left) + wheels.right;
+  return ((reflexes & reflex::kNoForward) != 0 && body >= 0) ||
+         ((reflexes & reflex::kNoReverse) != 0 && body <= 0);
+}
+
 class Drive {
  public:
   Drive(MotorPort& left, MotorPort& right) : left_(left), right_(right) {}
@@ -25,8 +34,16 @@ class Drive {
   /// Present battery voltage; 0: not measured.
   void note_battery(uint16_t millivolts, const ControlConfig& config);
 
-  /// One control step towards the target, in um/s or q15 by the mode.
+  /// What the sensors forbid from the next control step on, as flags of `reflex`.
+  void note_reflexes(uint8_t reflexes) { reflexes_ = reflexes; }
+  /// One control step towards the target, in um/s or q15 by the mode. The target is one that the
+  /// reflexes allow.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
+  bool is_following() const { return following_; }
+  /// Whether it still slews in a direction that the reflexes do not allow.
+  bool goes_against_reflexes() const {
+    return following_ && (slewed_.left != 0 || slewed_.right != 0) && forbids(reflexes_, slewed_);
+  }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows.
   void begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config);
@@ -54,6 +71,7 @@ class Drive {
     visit("encoders_swapped", encoders_swapped_);
     visit("mode", mode_);
     visit("following", following_);
+    visit("reflexes", reflexes_);
     visit("slewed", slewed_);
     visit("command", command_);
     visit("direction", direction_);
@@ -76,6 +94,7 @@ class Drive {
   bool motors_swapped_ = false;
   bool encoders_swapped_ = false;
   ControlMode mode_ = ControlMode::kVelocity;
+  uint8_t reflexes_ = 0;
   bool following_ = false;  // False: the next setpoint starts from the wheels' present speed.
   WheelPair slewed_{};
   WheelPair command_{};    // The setpoint with the correction of the following error.

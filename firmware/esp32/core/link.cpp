@@ -45,4 +45,13 @@ bool Link::carries(uint32_t rate_hz, size_t body_size) const {
   return capacity == 0 || rate_hz * frame_size(body_size) * 5 <= capacity * 4;
 }
 
+uint32_t Link::rate_beside(uint32_t taken, size_t body_size, uint32_t wanted_hz) const {
+  const uint32_t capacity = line_.bytes_per_second();
+  if (capacity == 0) return wanted_hz;
+  const uint32_t usable = capacity / 5 * 4;
+  const uint32_t left = taken < usable ? usable - taken : 0;
+  const auto possible_hz = static_cast<uint32_t>(left / frame_size(body_size));
+  return possible_hz < wanted_hz ? possible_hz : wanted_hz;
+}
+
 }  // namespace wheelwire

@@ -27,6 +27,9 @@ class Link {
 
   /// True if the line can carry `rate_hz` frames of this body size with a fifth to spare.
   bool carries(uint32_t rate_hz, size_t body_size) const;
+  /// How many frames a second of this body size the line carries beside `taken` bytes a second, at
+  /// most `wanted_hz`, with a fifth to spare.
+  uint32_t rate_beside(uint32_t taken, size_t body_size, uint32_t wanted_hz) const;
 
   const ReceiveCounters& received() const { return decoder_.counters(); }
   uint32_t frames_sent() const { return frames_sent_; }

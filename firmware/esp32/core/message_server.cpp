@@ -18,6 +18,7 @@ void MessageServer::service_link(uint64_t now_us) {
 void MessageServer::hang_up(uint64_t now_us) {
   session_.close();
   state_interval_us_ = 0;
+  if (sensors_ != nullptr) sensors_->end_session();
   robot_.end_session(SupervisorEvent::kStop, now_us);
 }
 
@@ -84,6 +85,12 @@ void MessageServer::serve(const Frame& frame, uint64_t now_us) {
       return once(LedgerGet::decode(frame.body), now_us);
     case UnsavedGet::kId:
       return once(UnsavedGet::decode(frame.body), now_us);
+    case SensorStream::kId:
+    case PeripheralGet::kId:
+    case PeripheralSet::kId:
+    case PeripheralsWrite::kId:
+    case PeripheralsConfirm::kId:
+      return serve_sensors(frame, now_us);
   }
 }
 
@@ -101,6 +108,7 @@ void MessageServer::on(const Hello& hello, uint64_t now_us) {
     session_.open(hello.nonce, identity_.boot_id);
     link_.restart_sequence();
     if (keeper_ != nullptr) keeper_->drop_candidate();
+    if (sensors_ != nullptr) sensors_->end_session();
     robot_.end_session(SupervisorEvent::kSession, now_us);
   }
   link_.send(DeviceHello{
@@ -176,17 +184,25 @@ bool MessageServer::is_newest(const Message& message, uint64_t now_us) {
 template <typename Message>
 void MessageServer::obey(const Message& message, ControlMode mode, WheelPair wheels,
                          uint64_t now_us) {
-  RefusalCode refusal = RefusalCode::kClockUnsynchronised;
-  if (keeper_ != nullptr && keeper_->state() == BoardState::kBuiltIn) {
-    refusal = RefusalCode::kBoardUnconfirmed;
-  } else if (keeper_ != nullptr && keeper_->on_trial()) {
-    refusal = RefusalCode::kBoardOnTrial;
+  RefusalCode refusal = keeper_ != nullptr ? board_refusal() : RefusalCode::kNone;
+  if (refusal == RefusalCode::kNone && sensors_ != nullptr) refusal = sensors_->refusal();
+  if (refusal != RefusalCode::kNone) {
+    // Nobody knows what is wired to the pins.
   } else if (restart_us_ != 0) {
     refusal = RefusalCode::kBooting;
-  } else if (session_.clock_synchronised()) {
+  } else if (!session_.clock_synchronised()) {
+    refusal = RefusalCode::kClockUnsynchronised;
+  } else {
     refusal = robot_.obey({mode, wheels, message.expiry_us, message.command_seq}, now_us);
   }
   if (refusal != RefusalCode::kNone) refuse_setpoint(message, refusal, now_us);
+}
+
+/// Why nothing may drive on this board, or with these peripherals.
+RefusalCode MessageServer::board_refusal() const {
+  if (keeper_->state() == BoardState::kBuiltIn) return RefusalCode::kBoardUnconfirmed;
+  if (keeper_->on_trial()) return RefusalCode::kBoardOnTrial;
+  return RefusalCode::kNone;
 }
 
 template <typename Message>
@@ -381,6 +397,8 @@ bool MessageServer::is_served(Group group) const {
       return archive_ != nullptr;
     case Group::kStore:
       return true;
+    case Group::kSensor:
+      return sensors_ != nullptr;
   }
   return false;
 }
@@ -396,12 +414,19 @@ void MessageServer::on(const GroupGet& request, uint64_t) {
 void MessageServer::on(const Restart& request, uint64_t now_us) {
   RefusalCode refusal = robot_.check_stopped();
   if (!(identity_.capabilities & capability::kRestart)) refusal = RefusalCode::kNotSupported;
-  if (refusal == RefusalCode::kNone && keeper_ != nullptr && keeper_->has_candidate()) {
+  const bool tries_board = keeper_ != nullptr && keeper_->has_candidate();
+  const bool tries_peripherals = sensors_ != nullptr && sensors_->has_candidate();
+  if (refusal == RefusalCode::kNone && (tries_board || tries_peripherals))
     refusal = robot_.check_estop(now_us);
-    if (refusal == RefusalCode::kNone) {
-      refusal = keeper_->request_trial();
-      note_board_write(refusal);
-    }
+  // The peripherals first: if the board's write then fails, they are those of another board, which
+  // are not tried.
+  if (refusal == RefusalCode::kNone && tries_peripherals) {
+    refusal = sensors_->request_trial();
+    note_board_write(refusal);
+  }
+  if (refusal == RefusalCode::kNone && tries_board) {
+    refusal = keeper_->request_trial();
+    note_board_write(refusal);
   }
   if (refusal == RefusalCode::kNone) restart_us_ = now_us + kRestartDelayUs;
   conclude(request.kId, request.request_id, refusal);
@@ -419,10 +444,10 @@ void MessageServer::on(const BoardGet& request, uint64_t) {
   answer_afresh(BoardValue::kId, request.request_id, body, sizeof body);
 }
 
-/// Why the board cannot be changed now. Else a board without the contact that is open would be a
-/// way around it.
-RefusalCode MessageServer::check_board_change(uint64_t now_us) {
-  if (keeper_ == nullptr) return RefusalCode::kNotSupported;
+/// Why what `keeper` keeps, a board or its peripherals, cannot be changed now. Else a board without
+/// the contact that is open would be a way around it.
+RefusalCode MessageServer::check_board_change(const void* keeper, uint64_t now_us) {
+  if (keeper == nullptr) return RefusalCode::kNotSupported;
   const RefusalCode refusal = robot_.check_stopped();
   return refusal == RefusalCode::kNone ? robot_.check_estop(now_us) : refusal;
 }
@@ -436,7 +461,7 @@ void MessageServer::note_board_write(RefusalCode refusal) {
 void MessageServer::on(const BoardWrite& request, uint64_t now_us) {
   uint8_t body[BoardWrite::kSize];
   request.encode(body);
-  RefusalCode refusal = check_board_change(now_us);
+  RefusalCode refusal = check_board_change(keeper_, now_us);
   if (refusal == RefusalCode::kNone) {
     refusal = keeper_->write(body + BoardWrite::kSize - BoardDescription::kSize);
     note_board_write(refusal);
@@ -445,7 +470,7 @@ void MessageServer::on(const BoardWrite& request, uint64_t now_us) {
 }
 
 void MessageServer::on(const BoardConfirm& request, uint64_t now_us) {
-  RefusalCode refusal = check_board_change(now_us);
+  RefusalCode refusal = check_board_change(keeper_, now_us);
   if (refusal == RefusalCode::kNone) {
     refusal = keeper_->confirm(request.fingerprint);
     note_board_write(refusal);
@@ -511,6 +536,20 @@ void MessageServer::on(const UnsavedGet& request, uint64_t) {
                                           .parameters = robot_.unsaved_parameters()});
 }
 
+// --- sensors -------------------------------------------------------------------------------------
+
+/// Each of them begins as any request does.
+void MessageServer::serve_sensors(const Frame& frame, uint64_t now_us) {
+  const uint8_t* at = frame.body;
+  uint32_t session_id;
+  uint16_t request_id;
+  wire::get(at, session_id);
+  wire::get(at, request_id);
+  if (!is_new(frame.id, session_id, request_id)) return;
+  if (sensors_ == nullptr) return conclude(frame.id, request_id, RefusalCode::kNotSupported);
+  sensors_->serve(frame, request_id, now_us);
+}
+
 // --- what is sent unasked ------------------------------------------------------------------------
 
 void MessageServer::on_transition(Transition transition, uint64_t now_us) {
@@ -543,6 +582,7 @@ void MessageServer::send_event(EventCode code, Transition transition, uint64_t t
 void MessageServer::set_stream_rate(uint32_t rate_hz, uint64_t now_us) {
   state_interval_us_ = rate_hz == 0 ? 0 : 1'000'000 / rate_hz;
   next_state_us_ = now_us;
+  if (sensors_ != nullptr) sensors_->fit_to_line(rate_hz, now_us);
 }
 
 void MessageServer::stream_state(uint64_t now_us) {

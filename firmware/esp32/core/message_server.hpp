@@ -24,6 +24,41 @@ struct Identity {
   uint32_t git_hash;
 };
 
+class MessageServer;
+
+/// What serves the messages of the group SENSOR; see `SensorServer`. Through an interface, so that
+/// a device without peripherals does not carry it.
+class SensorMessages {
+ public:
+  /// Called once, before the device serves a message.
+  virtual void attach(MessageServer& server) = 0;
+  /// Whether anything is read.
+  virtual bool is_active() const = 0;
+  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`.
+  virtual uint8_t update(uint64_t now_us) = 0;
+  /// Carries out a request that is new in this session, and answers it.
+  virtual void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) = 0;
+  /// Sends what is due.
+  virtual void stream(uint64_t now_us) = 0;
+  /// The states take so much of the line from now on.
+  virtual void fit_to_line(uint32_t state_hz, uint64_t now_us) = 0;
+  virtual void end_session() = 0;
+
+  /// Why nothing may drive with these peripherals; kNone if it may.
+  virtual RefusalCode refusal() const = 0;
+  virtual bool has_candidate() const = 0;
+  virtual RefusalCode request_trial() = 0;
+  virtual bool is_overdue(uint64_t now_us) const = 0;
+
+  /// What decides what later requests do, as words: see the recorder's `StateWriter`.
+  virtual size_t state_words() const = 0;
+  virtual uint32_t state_word(size_t index) const = 0;
+  virtual void set_state_word(size_t index, uint32_t word) = 0;
+
+ protected:
+  ~SensorMessages() = default;
+};
+
 class MessageServer final : public RobotObserver {
  public:
   /// `robot` is not used before the first message: it may be constructed later. `keeper`: nullptr
@@ -33,6 +68,8 @@ class MessageServer final : public RobotObserver {
 
   /// From now on hosts may read what a recorder has stored.
   void offer(BoxArchive& archive) { archive_ = &archive; }
+  /// From now on hosts may read sensors, and read and replace the list of peripherals.
+  void offer(SensorMessages& sensors) { sensors_ = &sensors; }
   /// Reads and answers what the host has sent.
   void service_link(uint64_t now_us);
   /// Carries out one message.
@@ -46,10 +83,12 @@ class MessageServer final : public RobotObserver {
   /// Whether the device is to restart: its host asked for it, or a board was not confirmed in time.
   bool is_restart_due(uint64_t now_us) const {
     return (restart_us_ != 0 && now_us >= restart_us_) ||
-           (keeper_ != nullptr && keeper_->is_overdue(now_us));
+           (keeper_ != nullptr && keeper_->is_overdue(now_us)) ||
+           (sensors_ != nullptr && sensors_->is_overdue(now_us));
   }
 
   bool has_keeper() const { return keeper_ != nullptr; }
+  bool has_sensors() const { return sensors_ != nullptr; }
   bool has_archive() const { return archive_ != nullptr; }
   template <typename Visitor>
   void visit(Visitor& visit) {
@@ -58,12 +97,27 @@ class MessageServer final : public RobotObserver {
     visit("session", session_);
     visit("restart_us", restart_us_);
     if (keeper_ != nullptr) visit("keeper", *keeper_);
+    for (size_t i = 0; sensors_ != nullptr && i < sensors_->state_words(); ++i) {
+      uint32_t word = sensors_->state_word(i);
+      visit("peripherals", word);
+      sensors_->set_state_word(i, word);
+    }
     visit("robot", robot_);
   }
 
   void on_transition(Transition transition, uint64_t now_us) override;
   void on_trial_expired(uint64_t now_us) override;
   void on_rolling(int32_t speed_umps, uint64_t now_us) override;
+
+  // For SensorMessages.
+  void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
+  void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
+  RefusalCode check_board_change(const void* keeper, uint64_t now_us);
+  void note_board_write(RefusalCode refusal);
+  Link& link() { return link_; }
+  uint32_t session_id() const { return session_.id(); }
+  uint32_t boot_id() const { return identity_.boot_id; }
+  uint32_t state_interval_us() const { return state_interval_us_; }
 
  private:
   void note_message(const Frame& frame, uint64_t now_us);
@@ -98,6 +152,7 @@ class MessageServer final : public RobotObserver {
   void on(const BoxRead& request, uint64_t now_us);
   void on(const LedgerGet& request, uint64_t now_us);
   void on(const UnsavedGet& request, uint64_t now_us);
+  void serve_sensors(const Frame& frame, uint64_t now_us);
 
   template <typename Message>
   bool is_newest(const Message& message, uint64_t now_us);
@@ -109,16 +164,13 @@ class MessageServer final : public RobotObserver {
 
   template <typename Message>
   void answer(uint16_t request_id, const Message& message);
-  void answer_afresh(uint8_t id, uint16_t request_id, const uint8_t* body, size_t size);
   void answer_value(uint16_t request_id, uint8_t parameter);
-  void conclude(uint8_t message_id, uint16_t request_id, RefusalCode refusal);
   void refuse(uint8_t message_id, uint32_t session_id, uint32_t reference, RefusalCode code);
 
   void set_stream_rate(uint32_t rate_hz, uint64_t now_us);
   void report_store();
   void send_event(EventCode code, Transition transition, uint64_t t_us, float speed_mps = 0.0f);
-  RefusalCode check_board_change(uint64_t now_us);
-  void note_board_write(RefusalCode refusal);
+  RefusalCode board_refusal() const;
   bool is_served(Group group) const;
   bool is_readable(uint8_t message_id, uint16_t request_id);
 
@@ -132,6 +184,7 @@ class MessageServer final : public RobotObserver {
   uint32_t refused_ = 0;
   uint32_t state_interval_us_ = 0;  // 0: not streaming
   uint64_t next_state_us_ = 0;
+  SensorMessages* sensors_ = nullptr;
 };
 
 }  // namespace wheelwire

@@ -77,6 +77,7 @@ enum class Group : uint8_t {
   kBoard = 1,     ///< Boards: which pins lead to which power stage and encoders.
   kRecorder = 2,  ///< Black boxes and ledger: what the device recorded of its stops.
   kStore = 3,     ///< What the device has stored: which parameters a reset would change.
+  kSensor = 4,  ///< Sensors, inputs and reflexes: what the board's peripherals measure and forbid.
 };
 
 enum class StopMode : uint8_t {
@@ -203,6 +204,8 @@ constexpr uint32_t hash_of(Group group) {
       return 0x20fc1481;
     case Group::kStore:
       return 0x7b6bfe88;
+    case Group::kSensor:
+      return 0x01d1a031;
   }
   return 0;
 }
@@ -326,6 +329,133 @@ enum class BoxCause : uint8_t {
   kEstop = 2,    ///< An emergency stop.
   kReset = 3,    ///< A panic or a watchdog reset the device.
 };
+
+enum class PeripheralKind : uint8_t {
+  kNone = 0,     ///< Nothing; the end of the list.
+  kImu = 1,      ///< Gyroscope and accelerometer on an I2C bus.
+  kPower = 2,    ///< Voltage and current of the supply, by a chip on an I2C bus.
+  kBattery = 3,  ///< Levels of the battery at which the robot warns, slows down and stops.
+  kBumper = 4,   ///< A normally closed switch to ground: no driving towards it while it is open.
+  kCliff = 5,    ///< A digital sensor that sees no floor: the robot stops.
+  kStageFault =
+      6,  ///< The fault output of a power stage, low when it has tripped: the robot stops.
+};
+
+enum class SensorChip : uint8_t {
+  kNone = 0,        ///< Not a chip.
+  kMpu6050 = 1,     ///< InvenSense MPU-6050, as on the GY-521.
+  kMpu6500 = 2,     ///< InvenSense MPU-6500.
+  kMpu9250 = 3,     ///< InvenSense MPU-9250, without its magnetometer.
+  kLsm6ds3 = 4,     ///< ST LSM6DS3.
+  kIna219 = 5,      ///< TI INA219.
+  kIna226 = 6,      ///< TI INA226.
+  kLsm6ds3trC = 7,  ///< ST LSM6DS3TR-C.
+};
+
+enum class Place : uint8_t {
+  kNone = 0,        ///< Nowhere in particular.
+  kFront = 1,       ///< At the front.
+  kFrontLeft = 2,   ///< At the front, left.
+  kFrontRight = 3,  ///< At the front, right.
+  kRear = 4,        ///< At the rear.
+  kRearLeft = 5,    ///< At the rear, left.
+  kRearRight = 6,   ///< At the rear, right.
+};
+
+enum class Axis : uint8_t {
+  kX = 0,       ///< +x
+  kY = 1,       ///< +y
+  kZ = 2,       ///< +z
+  kMinusX = 3,  ///< -x
+  kMinusY = 4,  ///< -y
+  kMinusZ = 5,  ///< -z
+};
+
+enum class PeripheralsState : uint8_t {
+  kEmpty = 0,     ///< None was ever stored: nothing is measured, and no reflex acts.
+  kStored = 1,    ///< It was confirmed.
+  kTrial = 2,     ///< It was written, and waits for its confirmation: nothing drives.
+  kUnusable = 3,  ///< The stored one is damaged, or not of this board: nothing drives.
+};
+
+enum class SensorState : uint8_t {
+  kUnread = 0,  ///< Not read since the start.
+  kOk = 1,      ///< Its newest sample is fresh.
+  kAbsent = 2,  ///< It does not answer, or another chip does.
+  kHung = 3,    ///< Its bus is stuck: a line is held low, or a transfer does not end.
+  kReset = 4,   ///< It has lost its settings, as after a dip of its supply; it is set up again.
+  kMissed = 5,  ///< No new sample came within two periods.
+  kFrozen = 6,  ///< It repeats one raw sample: the chip no longer measures.
+  kZero = 7,    ///< A divider reads 0 mV, as with a broken wire.
+};
+
+enum class BatteryLevel : uint8_t {
+  kUnknown = 0,  ///< Not judged: there is no entry for it, or no measurement yet.
+  kOk = 1,       ///< Above the level of the warning.
+  kWarn = 2,     ///< Below the level of the warning.
+  kLimit = 3,    ///< Below the level from which on the robot drives at half its speed at most.
+  kStop = 4,     ///< Below the level at which it stops, until it is charged.
+};
+
+enum class SensorEventCode : uint8_t {
+  kState = 0,      ///< The sensor's state changed; `value` is the SensorState.
+  kTriggered = 1,  ///< The input triggered; `value` is what its reflex does.
+  kReleased = 2,   ///< The input is free again; `value` is what its reflex did.
+  kBattery = 3,    ///< The battery's level changed; `value` is the BatteryLevel.
+  kReduced = 4,    ///< The line is too slow for the rate asked for; `value` is the rate [Hz].
+};
+
+enum class PeripheralFault : uint8_t {
+  kNone = 0,     ///< Nothing is wrong.
+  kFormat = 1,   ///< the list has format {value}, this firmware knows {limit}: update the older one
+  kDamaged = 2,  ///< its checksum is wrong: write it again
+  kOtherBoard = 3,    ///< it is for another board: write the board and its peripherals together
+  kTooMany = 4,       ///< {value} entries: a board takes {limit} at most
+  kKind = 5,          ///< {entry}: this firmware knows no such kind: update it
+  kChip = 6,          ///< {entry}: chip: no such chip is known for this kind
+  kPlace = 7,         ///< {entry}: place: a bumper is at the front or at the rear; name where
+  kTwice = 8,         ///< {entry}: there is already one of this kind at this place; remove one
+  kPinMissing = 9,    ///< {entry}: a pin is missing
+  kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
+  kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
+  kPinOfMemory = 12,  ///< {entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another
+  kPinOfLink = 13,  ///< {entry}: {pin}: GPIO {pin} carries the line to the computer; choose another
+  kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
+                       ///< starts; choose another
+  kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; an I2C bus drives its pins
+  kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and
+                 ///< write `pull: external`, or choose another
+  kOrientation = 17,  ///< {entry}: forward and up: choose two different axes
+  kLevels = 18,       ///< {entry}: the levels must fall: warn_v above limit_v above stop_v above 0;
+                      ///< leave all three out to measure only
+  kNoBattery = 19,    ///< {entry}: the board has no battery divider, and the list no power sensor
+  kShunt = 20,        ///< {entry}: shunt_mohm = {value}: choose 1 to {limit}
+  kCode = 21,         ///< {entry}: a code is unknown to this firmware: update it
+  kNormallyOpen = 22,   ///< {entry}: a bumper must be normally closed: a broken wire stops it, too
+  kNotOnThisChip = 23,  ///< the chip of this board reads no peripherals
+};
+
+namespace peripheralflag {
+/// A digital input triggers at the low level; otherwise at the high one.
+constexpr uint32_t kTriggeredLow = 1;
+/// The chip's own pull-up holds the pin.
+constexpr uint32_t kPullUp = 2;
+/// The chip's own pull-down holds the pin.
+constexpr uint32_t kPullDown = 4;
+}  // namespace peripheralflag
+
+namespace reflex {
+/// A front bumper: the robot may only back out.
+constexpr uint32_t kNoForward = 1;
+/// A rear bumper: the robot may only drive forward.
+constexpr uint32_t kNoReverse = 2;
+/// A cliff, a power stage or the battery: nothing drives; EXTERNAL.
+constexpr uint32_t kStop = 4;
+/// The battery is low: half of the speed at most.
+constexpr uint32_t kLimit = 8;
+/// A sensor that can stop the robot was not read since the start.
+constexpr uint32_t kUnread = 16;
+}  // namespace reflex
 
 /// Opens a session. Repeating it with the same nonce changes nothing.
 struct Hello {
@@ -1165,6 +1295,191 @@ struct UnsavedGet {
   }
 };
 
+/// Asks for a SensorInfo of each channel, and for samples in this session.
+struct SensorStream {
+  static constexpr uint8_t kId = 0x50;
+  static constexpr size_t kSize = 8;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint16_t rate_hz{};     ///< Of the IMU at most; the others have their own. 0: no samples. [Hz]
+
+  bool operator==(const SensorStream&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, rate_hz);
+  }
+
+  /// Reads kSize bytes.
+  static SensorStream decode(const uint8_t* in) {
+    SensorStream message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.rate_hz);
+    return message;
+  }
+};
+
+/// Asks for an entry of the active list; the answer is PeripheralValue.
+struct PeripheralGet {
+  static constexpr uint8_t kId = 0x51;
+  static constexpr size_t kSize = 7;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};      ///< Index of the entry, from 0.
+
+  bool operator==(const PeripheralGet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralGet decode(const uint8_t* in) {
+    PeripheralGet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    return message;
+  }
+};
+
+/// Sets an entry of the list that PeripheralsWrite stores. Nothing changes before that.
+struct PeripheralSet {
+  static constexpr uint8_t kId = 0x52;
+  static constexpr size_t kSize = 23;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};      ///< Index of the entry, from 0.
+  PeripheralKind kind{};  ///< What it is.
+  SensorChip chip{};      ///< Of IMU and POWER.
+  Place place{};          ///< Where it is.
+  uint8_t flags{};        ///< Of its pin.
+  int8_t pin_a{};         ///< GPIO; -1: none.
+  int8_t pin_b{};         ///< GPIO; -1: none.
+  int8_t pin_c{};         ///< GPIO; -1: none.
+  uint8_t address{};      ///< On the I2C bus; 0: the chip's usual one.
+  Axis forward{};         ///< Of IMU: the axis that points forward.
+  Axis up{};              ///< Of IMU: the axis that points up.
+  uint16_t value_a{};     ///< By kind; see SPEC.md.
+  uint16_t value_b{};     ///< By kind.
+  uint16_t value_c{};     ///< By kind.
+
+  bool operator==(const PeripheralSet&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+    wire::put(out, kind);
+    wire::put(out, chip);
+    wire::put(out, place);
+    wire::put(out, flags);
+    wire::put(out, pin_a);
+    wire::put(out, pin_b);
+    wire::put(out, pin_c);
+    wire::put(out, address);
+    wire::put(out, forward);
+    wire::put(out, up);
+    wire::put(out, value_a);
+    wire::put(out, value_b);
+    wire::put(out, value_c);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralSet decode(const uint8_t* in) {
+    PeripheralSet message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    wire::get(in, message.kind);
+    wire::get(in, message.chip);
+    wire::get(in, message.place);
+    wire::get(in, message.flags);
+    wire::get(in, message.pin_a);
+    wire::get(in, message.pin_b);
+    wire::get(in, message.pin_c);
+    wire::get(in, message.address);
+    wire::get(in, message.forward);
+    wire::get(in, message.up);
+    wire::get(in, message.value_a);
+    wire::get(in, message.value_b);
+    wire::get(in, message.value_c);
+    return message;
+  }
+};
+
+/// Stores the list, to be tried from the next restart on. Only while stopped.
+struct PeripheralsWrite {
+  static constexpr uint8_t kId = 0x53;
+  static constexpr size_t kSize = 15;
+
+  uint32_t session_id{};    ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};    ///< Counts up in a session; the answer returns it.
+  uint8_t channel_count{};  ///< How many entries count; 0: an empty list.
+  uint32_t board{};         ///< Fingerprint of the board that they are connected to.
+  uint32_t crc{};           ///< Of the list: see SPEC.md.
+
+  bool operator==(const PeripheralsWrite&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel_count);
+    wire::put(out, board);
+    wire::put(out, crc);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralsWrite decode(const uint8_t* in) {
+    PeripheralsWrite message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel_count);
+    wire::get(in, message.board);
+    wire::get(in, message.crc);
+    return message;
+  }
+};
+
+/// Confirms the list on trial, and lets the robot drive. Only while stopped.
+struct PeripheralsConfirm {
+  static constexpr uint8_t kId = 0x54;
+  static constexpr size_t kSize = 10;
+
+  uint32_t session_id{};  ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
+  uint32_t crc{};         ///< Of the list that is meant.
+
+  bool operator==(const PeripheralsConfirm&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, crc);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralsConfirm decode(const uint8_t* in) {
+    PeripheralsConfirm message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.crc);
+    return message;
+  }
+};
+
 /// Answers Hello: who this is, and whether the session is open.
 struct DeviceHello {
   static constexpr uint8_t kId = 0x80;
@@ -1977,6 +2292,345 @@ struct UnsavedValue {
   }
 };
 
+/// What a channel is, and in which units it measures.
+struct SensorInfo {
+  static constexpr uint8_t kId = 0xd0;
+  static constexpr size_t kSize = 30;
+
+  uint32_t session_id{};        ///< Nonce XOR boot_id of the session.
+  uint8_t channel{};            ///< Index of the peripheral's entry.
+  uint8_t channel_count{};      ///< How many channels there are.
+  PeripheralKind kind{};        ///< What it is.
+  SensorChip chip{};            ///< Which chip.
+  Place place{};                ///< Where it is.
+  Axis forward{};               ///< Of an IMU: the axis that points forward.
+  Axis up{};                    ///< Of an IMU: the axis that points up.
+  SensorState state{};          ///< Whether its samples can be used.
+  uint16_t rate_hz{};           ///< At which samples are sent; 0: on a change. [Hz]
+  float gyro_scale{};           ///< Of one count. [rad/s]
+  float accelerometer_scale{};  ///< Of one count. [m/s^2]
+  float gyro_noise{};           ///< Standard deviation. [rad/s]
+  float accelerometer_noise{};  ///< Standard deviation. [m/s^2]
+
+  bool operator==(const SensorInfo&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, channel);
+    wire::put(out, channel_count);
+    wire::put(out, kind);
+    wire::put(out, chip);
+    wire::put(out, place);
+    wire::put(out, forward);
+    wire::put(out, up);
+    wire::put(out, state);
+    wire::put(out, rate_hz);
+    wire::put(out, gyro_scale);
+    wire::put(out, accelerometer_scale);
+    wire::put(out, gyro_noise);
+    wire::put(out, accelerometer_noise);
+  }
+
+  /// Reads kSize bytes.
+  static SensorInfo decode(const uint8_t* in) {
+    SensorInfo message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.channel);
+    wire::get(in, message.channel_count);
+    wire::get(in, message.kind);
+    wire::get(in, message.chip);
+    wire::get(in, message.place);
+    wire::get(in, message.forward);
+    wire::get(in, message.up);
+    wire::get(in, message.state);
+    wire::get(in, message.rate_hz);
+    wire::get(in, message.gyro_scale);
+    wire::get(in, message.accelerometer_scale);
+    wire::get(in, message.gyro_noise);
+    wire::get(in, message.accelerometer_noise);
+    return message;
+  }
+};
+
+/// One sample of an IMU, in the axes of its chip. Never sent twice.
+struct Imu {
+  static constexpr uint8_t kId = 0xd1;
+  static constexpr size_t kSize = 27;
+
+  uint32_t boot_id{};          ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};             ///< Device clock, as in WheelState. [us]
+  uint8_t channel{};           ///< Index of the peripheral's entry.
+  uint16_t sample{};           ///< Counts the samples that the chip gave. Wraps.
+  uint16_t bound_us{};         ///< It was measured at t_us, give or take so much. [us]
+  int16_t gyro_x{};            ///< Times gyro_scale of SensorInfo. [count]
+  int16_t gyro_y{};            ///< Times gyro_scale of SensorInfo. [count]
+  int16_t gyro_z{};            ///< Times gyro_scale of SensorInfo. [count]
+  int16_t accelerometer_x{};   ///< Times accelerometer_scale of SensorInfo. [count]
+  int16_t accelerometer_y{};   ///< Times accelerometer_scale of SensorInfo. [count]
+  int16_t accelerometer_z{};   ///< Times accelerometer_scale of SensorInfo. [count]
+  int16_t temperature_cdeg{};  ///< Of the chip. [0.01 degC]
+
+  bool operator==(const Imu&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, boot_id);
+    wire::put(out, t_us);
+    wire::put(out, channel);
+    wire::put(out, sample);
+    wire::put(out, bound_us);
+    wire::put(out, gyro_x);
+    wire::put(out, gyro_y);
+    wire::put(out, gyro_z);
+    wire::put(out, accelerometer_x);
+    wire::put(out, accelerometer_y);
+    wire::put(out, accelerometer_z);
+    wire::put(out, temperature_cdeg);
+  }
+
+  /// Reads kSize bytes.
+  static Imu decode(const uint8_t* in) {
+    Imu message;
+    wire::get(in, message.boot_id);
+    wire::get(in, message.t_us);
+    wire::get(in, message.channel);
+    wire::get(in, message.sample);
+    wire::get(in, message.bound_us);
+    wire::get(in, message.gyro_x);
+    wire::get(in, message.gyro_y);
+    wire::get(in, message.gyro_z);
+    wire::get(in, message.accelerometer_x);
+    wire::get(in, message.accelerometer_y);
+    wire::get(in, message.accelerometer_z);
+    wire::get(in, message.temperature_cdeg);
+    return message;
+  }
+};
+
+/// The supply: of a power sensor, or of the board's battery divider.
+struct Power {
+  static constexpr uint8_t kId = 0xd2;
+  static constexpr size_t kSize = 20;
+
+  uint32_t boot_id{};     ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};        ///< Device clock, as in WheelState. [us]
+  uint8_t channel{};      ///< Index of the peripheral's entry.
+  uint16_t voltage_mv{};  ///< Measured. [mV]
+  int32_t current_ma{};   ///< Drawn; 0 if nothing measures it. [mA]
+  float used_mah{};       ///< Drawn since the device started. [mAh]
+  BatteryLevel level{};   ///< Of the battery.
+
+  bool operator==(const Power&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, boot_id);
+    wire::put(out, t_us);
+    wire::put(out, channel);
+    wire::put(out, voltage_mv);
+    wire::put(out, current_ma);
+    wire::put(out, used_mah);
+    wire::put(out, level);
+  }
+
+  /// Reads kSize bytes.
+  static Power decode(const uint8_t* in) {
+    Power message;
+    wire::get(in, message.boot_id);
+    wire::get(in, message.t_us);
+    wire::get(in, message.channel);
+    wire::get(in, message.voltage_mv);
+    wire::get(in, message.current_ma);
+    wire::get(in, message.used_mah);
+    wire::get(in, message.level);
+    return message;
+  }
+};
+
+/// All digital inputs, and what the sensors forbid. Sent on a change, and each second.
+struct Inputs {
+  static constexpr uint8_t kId = 0xd3;
+  static constexpr size_t kSize = 36;
+
+  uint32_t boot_id{};    ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};       ///< Device clock, as in WheelState. [us]
+  uint16_t levels{};     ///< Bit n: the level at the pin of channel n.
+  uint16_t triggered{};  ///< Bit n: channel n acts on the robot.
+  uint16_t stale{};      ///< Bit n: the samples of channel n cannot be used.
+  uint8_t reflexes{};    ///< What is forbidden now.
+  BatteryLevel level{};  ///< Of the battery.
+  uint16_t edges_0{};    ///< Edges at channel 0 since reset. Wraps.
+  uint16_t edges_1{};    ///< Edges at channel 1 since reset. Wraps.
+  uint16_t edges_2{};    ///< Edges at channel 2 since reset. Wraps.
+  uint16_t edges_3{};    ///< Edges at channel 3 since reset. Wraps.
+  uint16_t edges_4{};    ///< Edges at channel 4 since reset. Wraps.
+  uint16_t edges_5{};    ///< Edges at channel 5 since reset. Wraps.
+  uint16_t edges_6{};    ///< Edges at channel 6 since reset. Wraps.
+  uint16_t edges_7{};    ///< Edges at channel 7 since reset. Wraps.
+  uint16_t edges_8{};    ///< Edges at channel 8 since reset. Wraps.
+  uint16_t edges_9{};    ///< Edges at channel 9 since reset. Wraps.
+
+  bool operator==(const Inputs&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, boot_id);
+    wire::put(out, t_us);
+    wire::put(out, levels);
+    wire::put(out, triggered);
+    wire::put(out, stale);
+    wire::put(out, reflexes);
+    wire::put(out, level);
+    wire::put(out, edges_0);
+    wire::put(out, edges_1);
+    wire::put(out, edges_2);
+    wire::put(out, edges_3);
+    wire::put(out, edges_4);
+    wire::put(out, edges_5);
+    wire::put(out, edges_6);
+    wire::put(out, edges_7);
+    wire::put(out, edges_8);
+    wire::put(out, edges_9);
+  }
+
+  /// Reads kSize bytes.
+  static Inputs decode(const uint8_t* in) {
+    Inputs message;
+    wire::get(in, message.boot_id);
+    wire::get(in, message.t_us);
+    wire::get(in, message.levels);
+    wire::get(in, message.triggered);
+    wire::get(in, message.stale);
+    wire::get(in, message.reflexes);
+    wire::get(in, message.level);
+    wire::get(in, message.edges_0);
+    wire::get(in, message.edges_1);
+    wire::get(in, message.edges_2);
+    wire::get(in, message.edges_3);
+    wire::get(in, message.edges_4);
+    wire::get(in, message.edges_5);
+    wire::get(in, message.edges_6);
+    wire::get(in, message.edges_7);
+    wire::get(in, message.edges_8);
+    wire::get(in, message.edges_9);
+    return message;
+  }
+};
+
+/// Something happened to a channel, or its reflex acted.
+struct SensorEvent {
+  static constexpr uint8_t kId = 0xd4;
+  static constexpr size_t kSize = 12;
+
+  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
+  uint8_t channel{};       ///< Index of the peripheral's entry.
+  SensorEventCode code{};  ///< What.
+  uint16_t value{};        ///< By code.
+
+  bool operator==(const SensorEvent&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, boot_id);
+    wire::put(out, t_us);
+    wire::put(out, channel);
+    wire::put(out, code);
+    wire::put(out, value);
+  }
+
+  /// Reads kSize bytes.
+  static SensorEvent decode(const uint8_t* in) {
+    SensorEvent message;
+    wire::get(in, message.boot_id);
+    wire::get(in, message.t_us);
+    wire::get(in, message.channel);
+    wire::get(in, message.code);
+    wire::get(in, message.value);
+    return message;
+  }
+};
+
+/// An entry of the active list; of kind NONE if it is shorter.
+struct PeripheralValue {
+  static constexpr uint8_t kId = 0xd5;
+  static constexpr size_t kSize = 33;
+
+  uint32_t session_id{};     ///< Nonce XOR boot_id of the session.
+  uint16_t request_id{};     ///< Counts up in a session; the answer returns it.
+  uint8_t channel{};         ///< Index of the peripheral's entry.
+  uint8_t channel_count{};   ///< How many entries the list has.
+  PeripheralsState state{};  ///< Where the list is from.
+  uint32_t board{};          ///< Fingerprint of the board that it is for.
+  uint32_t crc{};            ///< Of the list.
+  PeripheralKind kind{};     ///< What it is.
+  SensorChip chip{};         ///< Of IMU and POWER.
+  Place place{};             ///< Where it is.
+  uint8_t flags{};           ///< Of its pin.
+  int8_t pin_a{};            ///< GPIO; -1: none.
+  int8_t pin_b{};            ///< GPIO; -1: none.
+  int8_t pin_c{};            ///< GPIO; -1: none.
+  uint8_t address{};         ///< On the I2C bus; 0: the chip's usual one.
+  Axis forward{};            ///< Of IMU: the axis that points forward.
+  Axis up{};                 ///< Of IMU: the axis that points up.
+  uint16_t value_a{};        ///< By kind; see SPEC.md.
+  uint16_t value_b{};        ///< By kind.
+  uint16_t value_c{};        ///< By kind.
+
+  bool operator==(const PeripheralValue&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, session_id);
+    wire::put(out, request_id);
+    wire::put(out, channel);
+    wire::put(out, channel_count);
+    wire::put(out, state);
+    wire::put(out, board);
+    wire::put(out, crc);
+    wire::put(out, kind);
+    wire::put(out, chip);
+    wire::put(out, place);
+    wire::put(out, flags);
+    wire::put(out, pin_a);
+    wire::put(out, pin_b);
+    wire::put(out, pin_c);
+    wire::put(out, address);
+    wire::put(out, forward);
+    wire::put(out, up);
+    wire::put(out, value_a);
+    wire::put(out, value_b);
+    wire::put(out, value_c);
+  }
+
+  /// Reads kSize bytes.
+  static PeripheralValue decode(const uint8_t* in) {
+    PeripheralValue message;
+    wire::get(in, message.session_id);
+    wire::get(in, message.request_id);
+    wire::get(in, message.channel);
+    wire::get(in, message.channel_count);
+    wire::get(in, message.state);
+    wire::get(in, message.board);
+    wire::get(in, message.crc);
+    wire::get(in, message.kind);
+    wire::get(in, message.chip);
+    wire::get(in, message.place);
+    wire::get(in, message.flags);
+    wire::get(in, message.pin_a);
+    wire::get(in, message.pin_b);
+    wire::get(in, message.pin_c);
+    wire::get(in, message.address);
+    wire::get(in, message.forward);
+    wire::get(in, message.up);
+    wire::get(in, message.value_a);
+    wire::get(in, message.value_b);
+    wire::get(in, message.value_c);
+    return message;
+  }
+};
+
 /// Body size of the message with this id; -1 where there is none.
 constexpr int body_size(uint8_t id) {
   switch (id) {
@@ -2034,6 +2688,16 @@ constexpr int body_size(uint8_t id) {
       return LedgerGet::kSize;
     case UnsavedGet::kId:
       return UnsavedGet::kSize;
+    case SensorStream::kId:
+      return SensorStream::kSize;
+    case PeripheralGet::kId:
+      return PeripheralGet::kSize;
+    case PeripheralSet::kId:
+      return PeripheralSet::kSize;
+    case PeripheralsWrite::kId:
+      return PeripheralsWrite::kSize;
+    case PeripheralsConfirm::kId:
+      return PeripheralsConfirm::kSize;
     case DeviceHello::kId:
       return DeviceHello::kSize;
     case WheelState::kId:
@@ -2068,6 +2732,18 @@ constexpr int body_size(uint8_t id) {
       return LedgerValue::kSize;
     case UnsavedValue::kId:
       return UnsavedValue::kSize;
+    case SensorInfo::kId:
+      return SensorInfo::kSize;
+    case Imu::kId:
+      return Imu::kSize;
+    case Power::kId:
+      return Power::kSize;
+    case Inputs::kId:
+      return Inputs::kSize;
+    case SensorEvent::kId:
+      return SensorEvent::kSize;
+    case PeripheralValue::kId:
+      return PeripheralValue::kSize;
     default:
       return -1;
   }

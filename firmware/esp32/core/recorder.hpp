@@ -46,6 +46,8 @@ class Recorder {
   virtual void note_failure(uint32_t faults) = 0;
   /// Whether the emergency-stop contact stops the robot: it was looked at.
   virtual void note_contact(bool open) = 0;
+  /// What the sensors forbid from the step on that follows, as flags of `reflex`.
+  virtual void note_reflexes(uint8_t reflexes) = 0;
   /// The processor was held up: a late step is no fault.
   virtual void note_stall() = 0;
   /// Something was to be written to flash, or removed from it.

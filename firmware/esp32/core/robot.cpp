@@ -42,12 +42,23 @@ void Robot::begin_step(uint64_t now_us) {
   if (parameters_changed_) apply_parameters();
   if (config_.encoders_swapped) counts_ = counts_.exchanged();
   drive_.note_battery(battery_mv, config_);
-  trip(drive_.latch(counts_, config_) | check_timing(now_us), now_us);
+  uint32_t faults = drive_.latch(counts_, config_) | check_timing(now_us);
+  if (stopped_by_sensors() && supervisor_.may_drive()) faults |= fault::kExternal;
+  trip(faults, now_us);
+}
+
+void Robot::note_reflexes(uint8_t reflexes) {
+  if (reflexes == reflexes_) return;
+  if (recorder_ != nullptr) recorder_->note_reflexes(reflexes);
+  reflexes_ = reflexes;
+  drive_.note_reflexes(reflexes);
+  target_ = limited(setpoint_);
 }
 
 void Robot::finish_step(uint64_t now_us) {
-  check_contact(now_us);
-  check_deadline(now_us);
+  if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
+  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
+    apply(SupervisorEvent::kDeadline, now_us);
   actuate(now_us);
 }
 
@@ -90,11 +101,10 @@ uint32_t Robot::check_timing(uint64_t now_us) {
   return fails ? fault::kControlOverrun : 0;
 }
 
-void Robot::trip(uint32_t faults, uint64_t now_us) {
-  faults |= lasting_faults();
+void Robot::latch_faults(uint32_t faults, uint64_t now_us) {
   const bool is_new = (faults & ~faults_) != 0;
   faults_ |= faults;
-  if (faults_ != 0) apply(SupervisorEvent::kFault, now_us);
+  apply(SupervisorEvent::kFault, now_us);
   if (!is_new) return;
   ++faults_tripped_;
   note_latches();
@@ -110,26 +120,24 @@ void Robot::check_contact(uint64_t now_us) {
   if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
 }
 
-void Robot::check_deadline(uint64_t now_us) {
-  if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
-    apply(SupervisorEvent::kDeadline, now_us);
-}
-
-/// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
-/// robot would drive in a way that nobody set up.
-uint32_t Robot::lasting_faults() const { return store_faults_ | failures_; }
-
 void Robot::actuate(uint64_t now_us) {
-  if (supervisor_.may_drive()) {
-    rolling_.reset();
-    drive_.follow(setpoint_.mode, target_, config_);
-  } else {
-    drive_.keep_stopped(now_us);
-    watch_standstill(now_us);
-  }
+  if (!supervisor_.may_drive()) return stand_still(now_us);
+  rolling_.reset();
+  if (reflexes_ != 0) return actuate_within_reflexes(now_us);
+  drive_.follow(setpoint_.mode, target_, config_);
 }
 
-void Robot::watch_standstill(uint64_t now_us) {
+/// A reflex keeps the drive off although the robot is DRIVING: also while the setpoint is allowed
+/// already and the wheels still slew from one that is not.
+void Robot::actuate_within_reflexes(uint64_t now_us) {
+  if (!forbids(reflexes_, target_) && !drive_.goes_against_reflexes())
+    return drive_.follow(setpoint_.mode, target_, config_);
+  if (drive_.is_following()) drive_.begin_stop(StopMode::kConfigured, now_us, config_);
+  drive_.keep_stopped(now_us);
+}
+
+void Robot::stand_still(uint64_t now_us) {
+  drive_.keep_stopped(now_us);
   const int32_t speed_umps = drive_.speed_umps();
   sync_latches(now_us);
   if (rolling_.update(speed_umps, now_us, config_.rolling_umps))
@@ -168,8 +176,10 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
   if (trial_.refusal() != RefusalCode::kNone) return trial_.refusal();
   const RefusalCode refusal = setpoint_refusal(supervisor_.state());
   if (refusal != RefusalCode::kNone) return refusal;
-  if (contradictions_ != 0) return RefusalCode::kContradiction;
-  if (!arm(setpoint, now_us)) return RefusalCode::kUnarmed;
+  // The sensors' in one condition with it, for this is the path of each setpoint.
+  if ((contradictions_ | (reflexes_ & (reflex::kUnread | reflex::kStop))) != 0)
+    return standing_refusal(now_us);
+  if (unarmed_ && !arm(setpoint, now_us)) return RefusalCode::kUnarmed;
   const uint64_t latest_us = now_us + config_.ttl_max_us;
   setpoint_ = {
       .mode = setpoint.mode,
@@ -178,14 +188,20 @@ RefusalCode Robot::obey(const Setpoint& setpoint, uint64_t now_us) {
       .command_seq = setpoint.command_seq,
   };
   target_ = limited(setpoint);
-  apply(SupervisorEvent::kSetpoint, now_us);
+  if (!supervisor_.may_drive()) apply(SupervisorEvent::kSetpoint, now_us);
   return RefusalCode::kNone;
+}
+
+RefusalCode Robot::standing_refusal(uint64_t now_us) {
+  if (contradictions_ != 0) return RefusalCode::kContradiction;
+  if ((reflexes_ & reflex::kUnread) != 0) return RefusalCode::kBooting;
+  trip(fault::kExternal, now_us);
+  return RefusalCode::kFault;
 }
 
 /// Whether the robot may drive again after a clear: a clear alone must not restart motion (ISO
 /// 13850), so a program that goes on sending has to ask for standstill first, or to pause.
 bool Robot::arm(const Setpoint& setpoint, uint64_t now_us) {
-  if (!unarmed_) return true;
   const bool is_zero = setpoint.wheels.left == 0 && setpoint.wheels.right == 0;
   if (!is_zero && now_us - quiet_since_us_ < config_.rearm_gap_us) return false;
   unarmed_ = false;
@@ -211,9 +227,10 @@ void Robot::end_session(SupervisorEvent cause, uint64_t now_us) {
 }
 
 WheelPair Robot::limited(const Setpoint& setpoint) const {
-  return scale_to_limit(setpoint.wheels, setpoint.mode == ControlMode::kVelocity
-                                             ? config_.max_velocity_umps
-                                             : config_.gains.limit_q15);
+  int32_t limit =
+      setpoint.mode == ControlMode::kVelocity ? config_.max_velocity_umps : config_.gains.limit_q15;
+  if ((reflexes_ & reflex::kLimit) != 0) limit /= 2;
+  return scale_to_limit(setpoint.wheels, limit);
 }
 
 // --- clearing ------------------------------------------------------------------------------------
@@ -229,7 +246,8 @@ RefusalCode Robot::clear_estop(uint64_t now_us) {
 }
 
 RefusalCode Robot::clear_fault(uint64_t now_us) {
-  if (lasting_faults() != 0) return RefusalCode::kCausePresent;
+  const bool lasts = (faults_ & fault::kExternal) != 0 && stopped_by_sensors();
+  if (lasts || lasting_faults() != 0) return RefusalCode::kCausePresent;
   if (supervisor_.state() == SupervisorState::kFault) disarm(now_us);
   faults_ = 0;
   apply(SupervisorEvent::kClearFault, now_us);

@@ -79,6 +79,11 @@ class Robot {
   void begin_step(uint64_t now_us);
   /// Second half, after they are read: e-stop contact, deadline, outputs.
   void finish_step(uint64_t now_us);
+  /// What the sensors forbid from the next control step on, as flags of `reflex`.
+  void note_reflexes(uint8_t reflexes);
+  /// There are sensors that can stop the robot. Call it before the start: nothing drives before the
+  /// first step has their state.
+  void expect_sensors() { note_reflexes(reflex::kUnread); }
   /// FAULT until the next reset, as flags of `fault`: a motor or encoder peripheral did not start,
   /// or there is no board.
   void report_failure(uint32_t faults);
@@ -145,6 +150,8 @@ class Robot {
   /// By the wheels, as latched by the last step.
   const EncoderCounts& encoder_counts() const { return counts_; }
   uint16_t battery_mv() const { return hal_.battery.millivolts(); }
+  /// What the sensors forbid, as flags of `reflex`.
+  uint8_t reflexes() const { return reflexes_; }
   /// nullptr: nothing is recorded.
   Recorder* recorder() const { return recorder_; }
   void record(Recorder& recorder) { recorder_ = &recorder; }
@@ -162,6 +169,7 @@ class Robot {
     visit("supervisor", supervisor_);
     visit("parameters_changed", parameters_changed_);
     visit("unarmed", unarmed_);
+    visit("reflexes", reflexes_);
     visit("stalled", stalled_);
     visit("failures", failures_);
     visit("store_faults", store_faults_);
@@ -185,13 +193,21 @@ class Robot {
   void latch();
   void note_step(uint64_t now_us, uint16_t battery_mv);
   uint32_t check_timing(uint64_t now_us);
-  void trip(uint32_t faults, uint64_t now_us);
+  void trip(uint32_t faults, uint64_t now_us) {
+    faults |= lasting_faults();
+    if ((faults | faults_) != 0) latch_faults(faults, now_us);
+  }
+  void latch_faults(uint32_t faults, uint64_t now_us);
   bool contact_is_open();
   void check_contact(uint64_t now_us);
-  void check_deadline(uint64_t now_us);
-  uint32_t lasting_faults() const;
+  void actuate_within_reflexes(uint64_t now_us);
+  RefusalCode standing_refusal(uint64_t now_us);
+  bool stopped_by_sensors() const { return (reflexes_ & reflex::kStop) != 0; }
+  /// Faults whose cause lasts. Saved parameters that cannot be read are one: with the defaults the
+  /// robot would drive in a way that nobody set up.
+  uint32_t lasting_faults() const { return store_faults_ | failures_; }
   void actuate(uint64_t now_us);
-  void watch_standstill(uint64_t now_us);
+  void stand_still(uint64_t now_us);
   void sync_latches(uint64_t now_us);
   bool arm(const Setpoint& setpoint, uint64_t now_us);
   void disarm(uint64_t now_us);
@@ -217,6 +233,7 @@ class Robot {
   bool parameters_changed_ = false;  // and not active yet
   bool unarmed_ = false;  // A latch was cleared, and neither a zero setpoint nor a gap followed.
   bool stalled_ = false;
+  uint8_t reflexes_ = 0;
   uint16_t faults_tripped_ = 0;
   uint32_t failures_ = 0;
   uint32_t store_faults_ = 0;
@@ -228,7 +245,7 @@ class Robot {
   uint64_t drove_us_ = 0;        // When the drive was last removed, or the robot started.
   uint64_t quiet_since_us_ = 0;  // A setpoint was last refused then, or a latch was cleared.
   Setpoint setpoint_{};          // with its expiry brought forward to what ttl_max allows
-  WheelPair target_{};           // the setpoint's, within the limits
+  WheelPair target_{};           // the setpoint's, within the limits and those of the reflexes
   EncoderCounts counts_{};
   RollingMonitor rolling_;
   ControlConfig config_;

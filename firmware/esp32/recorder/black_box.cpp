@@ -122,7 +122,8 @@ void BlackBox::note_state(MessageServer& device) {
   uint32_t* const out = memory_ + at_ + 1;
   out[0] = (in_step_ ? box::kInStep : 0) | (open_ ? box::kOpenContact : 0) |
            (device.has_keeper() ? box::kHasKeeper : 0) |
-           (device.has_archive() ? box::kHasArchive : 0);
+           (device.has_archive() ? box::kHasArchive : 0) |
+           (device.has_sensors() ? box::kHasPeripherals : 0);
   StateWriter writer(out + 1, memory_ + end_);
   device.visit(writer);
   // It always fits: a test fills it as far as it goes.
@@ -210,6 +211,13 @@ void BlackBox::note_failure(uint32_t faults) { put(Kind::kFailure, 0, faults); }
 
 void BlackBox::note_stall() {
   if (begin(0) != nullptr) commit(Kind::kStall, 0, 0);
+}
+
+void BlackBox::note_reflexes(uint8_t reflexes) {
+  if (uint32_t* const out = begin(1)) {
+    out[0] = reflexes;
+    commit(Kind::kReflexes, 1, 1);
+  }
 }
 
 void BlackBox::note_contact(bool open) {

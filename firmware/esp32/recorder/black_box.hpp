@@ -48,6 +48,7 @@ class BlackBox final : public Recorder {
   void note_hang_up(uint64_t now_us) override;
   void note_failure(uint32_t faults) override;
   void note_stall() override;
+  void note_reflexes(uint8_t reflexes) override;
   void note_contact(bool open) override;
   void note_store(bool done, uint32_t faults) override;
   void note_parameters(Parameters& parameters, ControlConfig& config,

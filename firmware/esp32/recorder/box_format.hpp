@@ -33,10 +33,11 @@ enum class Kind : uint8_t {
   kWideStep = 9,  ///< A StepNote in full.
   kMessage = 10,
   kParameters = 11,
-  kEnd = 12,    ///< The last one of a box that was closed: time and duties.
-  kStall = 13,  ///< The processor was held up.
+  kEnd = 12,       ///< The last one of a box that was closed: time and duties.
+  kStall = 13,     ///< The processor was held up.
+  kReflexes = 14,  ///< Payload: what the sensors forbid, from the step after it on.
 };
-constexpr uint32_t kLastKnown = 13;
+constexpr uint32_t kLastKnown = 14;
 constexpr uint32_t kFirstLong = 8;
 constexpr size_t kShortWords[kFirstLong] = {0, 2, 0, 1, 1, 1, 2, 1};
 
@@ -53,6 +54,7 @@ constexpr uint32_t kInStep = 1;
 constexpr uint32_t kOpenContact = 2;
 constexpr uint32_t kHasKeeper = 4;
 constexpr uint32_t kHasArchive = 8;
+constexpr uint32_t kHasPeripherals = 16;
 
 /// One more word in a check.
 constexpr uint32_t mix(uint32_t check, uint32_t word) {

@@ -168,6 +168,7 @@ void BoxReader::decode(const uint32_t* record, size_t size, BoxEntry& entry) {
     case Kind::kState:
     case Kind::kParameters:
     case Kind::kStall:
+    case Kind::kReflexes:
       break;
   }
 }

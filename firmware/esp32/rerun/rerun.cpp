@@ -46,6 +46,8 @@ void Rerun::restore() {
     device_.emplace(hal, Identity{});
   }
   if ((flags & box::kHasArchive) != 0) device_->offer(archive_);
+  if ((flags & box::kHasPeripherals) != 0)
+    device_->sense(sensors_.emplace(peripherals_.emplace(store_), nullptr, nullptr));
   contact_ = (flags & box::kOpenContact) != 0;
   is_pending_ = (flags & box::kInStep) != 0;
   StateReader reader(next_.payload + 1, next_.words - 1);
@@ -76,6 +78,10 @@ void Rerun::carry_out() {
     case Kind::kStall:
       finish_step();
       return device_->note_stall();
+    case Kind::kReflexes:
+      finish_step();
+      device_->note_reflexes(static_cast<uint8_t>(next_.words == 0 ? 0 : next_.payload[0]));
+      return;
     case Kind::kContact:
     case Kind::kTransition:
     case Kind::kRefusal:

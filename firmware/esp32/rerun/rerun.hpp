@@ -9,6 +9,7 @@
 #include "box_reader.hpp"
 #include "core_hash.hpp"
 #include "device.hpp"
+#include "sensor_server.hpp"
 
 namespace wheelwire {
 
@@ -45,6 +46,7 @@ class Rerun final : public Recorder {
   void note_hang_up(uint64_t now_us) override;
   void note_failure(uint32_t faults) override;
   void note_stall() override;
+  void note_reflexes(uint8_t) override { advance(); }
   void note_contact(bool open) override;
   void note_store(bool done, uint32_t faults) override;
   void note_parameters(Parameters& parameters, ControlConfig& config,
@@ -134,6 +136,8 @@ class Rerun final : public Recorder {
   Contact estop_{*this};
   Battery battery_;
   std::optional<BoardKeeper> keeper_;
+  std::optional<PeripheralKeeper> peripherals_;
+  std::optional<SensorServer> sensors_;
   std::optional<Device> device_;
 };
 

@@ -9,6 +9,7 @@
 #include "core_hash.hpp"
 #include "rerun.hpp"
 #include "robot_bench.hpp"
+#include "sensor_bench.hpp"
 
 using namespace wheelwire;
 using test::RobotBench;
@@ -75,6 +76,49 @@ TEST(a_drive_is_recorded_with_all_its_inputs_and_re_runs_the_same) {
   Rerun rerun(robot.memory.data());
   CHECK(rerun.run() == Outcome::kSame);
   CHECK(rerun.steps() == 102 && rerun.last_us() == robot.bench.now_us);
+}
+
+/// A bumper, a way back, a cliff; then the messages by which a host writes another list. A box that
+/// begins in the middle has the list's state in its first record.
+TEST(what_sensors_forbid_is_recorded_and_re_runs_the_same) {
+  for (const bool begins_late : {false, true}) {
+    test::SensorBench bench(test::list_of(
+        {test::bumper(Place::kFront),
+         Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 39}}));
+    std::vector<uint32_t> memory(box::kWords);
+    BlackBox black_box(memory.data(), kOrigin);
+    bench.device.start(bench.now_us);
+    if (!begins_late) bench.device.record(black_box);
+    bench.step();
+    bench.send(RobotBench::hello(RobotBench::kNonce));
+    bench.send(Ping{bench.session_id(), ++bench.request_id, 0});
+    bench.step();
+    bench.drive_on(0.2f, 0.2f, 60);
+    bench.refusal(PeripheralSet{.channel = 1, .kind = PeripheralKind::kBumper});
+    bench.set_level(0, true);
+    bench.drive_on(0.2f, 0.2f, 5);
+    if (begins_late) bench.device.record(black_box);
+    bench.drive_on(0.2f, -0.2f, 5);
+    bench.drive_on(-0.2f, -0.2f, 60);
+    bench.set_level(0, false);
+    bench.drive_on(0.2f, 0.2f, 90);
+    bench.device.hang_up(bench.now_us);
+    bench.run(5);
+    CHECK(bench.refusal(PeripheralsWrite{.channel_count = 2, .crc = 1}) != RefusalCode::kNone);
+    bench.send(RobotBench::hello(RobotBench::kNonce + 1));
+    bench.step();
+    Rerun rerun(memory.data());
+    CHECK(rerun.run() == Outcome::kSame);
+    if (!begins_late) CHECK(rerun.steps() > 200);
+    bench.set_level(1, true);
+    bench.run(3);
+    size_t reflexes = 0;
+    BoxReader reader(memory.data());
+    BoxEntry entry;
+    while (reader.next(entry)) reflexes += entry.kind == Kind::kReflexes ? 1 : 0;
+    CHECK(reflexes >= 2);
+    CHECK(Rerun(memory.data()).run() == Outcome::kSame);
+  }
 }
 
 TEST(what_does_not_fit_in_a_packed_step_is_recorded_in_full) {

@@ -133,7 +133,7 @@ TEST(keeper_returns_to_the_previous_board_without_a_confirmation) {
   {
     const Start trial(store);
     CHECK(trial.keeper.on_trial());
-    CHECK(!trial.keeper.is_overdue(kBoardTrialUs - 1) && trial.keeper.is_overdue(kBoardTrialUs));
+    CHECK(!trial.keeper.is_overdue(kStoreTrialUs - 1) && trial.keeper.is_overdue(kStoreTrialUs));
   }
   const Start after(store);
   CHECK(after.keeper.state() == BoardState::kBuiltIn && after.keeper.board() == kBoardOfEsp32);
@@ -154,7 +154,7 @@ TEST(keeper_refuses_what_cannot_be_used) {
 TEST(keeper_of_a_damaged_block_drives_nothing) {
   MemoryStore store;
   Start(store).keeper.write(Packed(variant(21)).bytes);
-  uint8_t block[BoardBlock::kSize];
+  uint8_t block[BoardStore::Block::kSize];
   const size_t size = store.load(block, sizeof block);
   CHECK(size == sizeof block);
   for (size_t i = 0; i < size; ++i) {
@@ -165,7 +165,7 @@ TEST(keeper_of_a_damaged_block_drives_nothing) {
     block[i] ^= 4;
   }
   MemoryStore longer;
-  uint8_t more[BoardBlock::kSize + 1]{};
+  uint8_t more[BoardStore::Block::kSize + 1]{};
   longer.save(more, sizeof more);
   CHECK(Start(longer).keeper.state() == BoardState::kNone);
 }

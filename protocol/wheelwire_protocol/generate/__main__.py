@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from . import board_tables, cpp, cpp_vectors, markdown, python, vectors
+from . import board_tables, cpp, cpp_vectors, markdown, python, sensor_tables, vectors
 
 CHECKOUT = Path(__file__).parents[3]
 HANDMADE = Path("protocol/vectors/handmade.json")
@@ -40,6 +40,9 @@ def outputs(root: Path) -> dict[Path, str]:
         Path("protocol/vectors/generated.json"): generated,
         Path("firmware/esp32/core/protocol.hpp"): _clang_format(root, cpp.generate()),
         Path("firmware/esp32/core/board_tables.hpp"): _clang_format(root, board_tables.generate()),
+        Path("firmware/esp32/sensors/sensor_tables.hpp"): _clang_format(
+            root, sensor_tables.generate()
+        ),
         Path("firmware/esp32/test/vectors.hpp"): _clang_format(root, cpp_vectors_text),
     }
 

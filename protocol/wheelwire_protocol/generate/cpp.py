@@ -10,6 +10,8 @@ from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, Documen
 from ..message import Field, Message
 from ..messages import MAX_PAYLOAD, MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Changes, Kind, Parameter
+from ..sensors import CODES as SENSOR_CODES
+from ..sensors import FLAGS as SENSOR_FLAGS
 from .text import banner, constant_name
 from .wire_layout import layout_hash
 
@@ -95,7 +97,8 @@ def _message(message: Message) -> list[str]:
     ]
 
 
-def _number(value: float) -> str:
+def cpp_number(value: float) -> str:
+    """A float's literal."""
     text = f"{value:.9g}"
     return text + ("f" if any(c in text for c in ".e") else ".0f")
 
@@ -104,7 +107,7 @@ def _parameter_row(parameter: Parameter) -> str:
     kind = constant_name(parameter.kind.value)
     changes = constant_name(parameter.changes.value)
     codes = f"ParameterKind::{kind}, ParameterChanges::{changes}"
-    numbers = ", ".join(map(_number, (parameter.default, parameter.minimum, parameter.maximum)))
+    numbers = ", ".join(map(cpp_number, (parameter.default, parameter.minimum, parameter.maximum)))
     return f"    {{ParameterId::{constant_name(parameter.name)}, {codes}, {numbers}}},"
 
 
@@ -146,7 +149,7 @@ def _parameters() -> list[str]:
 def _platform_defaults() -> list[str]:
     rows = [
         f"    {{Board::{constant_name(board.name)}, ParameterId::{constant_name(name)}, "
-        f"{_number(value)}}},"
+        f"{cpp_number(value)}}},"
         for board, defaults in PLATFORM_DEFAULTS.items()
         for name, value in defaults.items()
     ]
@@ -217,8 +220,10 @@ def generate() -> str:
     for flags in FLAGS:
         lines += _flags(flags)
     lines += _group_hashes()
-    for enumeration in (*BOARD_CODES, *RECORDER_CODES):
+    for enumeration in (*BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES):
         lines += cpp_enumeration(enumeration)
+    for flags in SENSOR_FLAGS:
+        lines += _flags(flags)
     for message in MESSAGES:
         lines += _message(message)
     lines += _body_sizes()

@@ -11,10 +11,12 @@ from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, DocumentedEnum, Documen
 from ..message import Field, Message
 from ..messages import MESSAGES, PROTOCOL_VERSION
 from ..parameters import PARAMETERS, PLATFORM_DEFAULTS, Kind, Parameter
+from ..sensors import CODES as SENSOR_CODES
+from ..sensors import FLAGS as SENSOR_FLAGS
 from .text import banner
 from .wire_layout import layout_hash
 
-_ENUMERATIONS = (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES)
+_ENUMERATIONS = (*ENUMERATIONS, *BOARD_CODES, *RECORDER_CODES, *SENSOR_CODES)
 
 FRAMING_SIZE = 3
 """Bytes a frame has beyond its payload: one COBS code, two delimiters."""
@@ -144,7 +146,7 @@ def _parameters() -> list[str]:
 
 
 def _contents(from_host: list[Message], from_device: list[Message]) -> list[str]:
-    codes = ", ".join(_anchor(e.__name__) for e in (*_ENUMERATIONS, *FLAGS))
+    codes = ", ".join(_anchor(e.__name__) for e in (*_ENUMERATIONS, *FLAGS, *SENSOR_FLAGS))
     return [
         "**From the host**",
         "",
@@ -198,7 +200,7 @@ def generate() -> str:
         "## Codes",
         "",
         *chain.from_iterable(map(_enumeration, _ENUMERATIONS)),
-        *chain.from_iterable(map(_flags, FLAGS)),
+        *chain.from_iterable(map(_flags, (*FLAGS, *SENSOR_FLAGS))),
         *_parameters(),
     ]
     return "\n".join(lines)

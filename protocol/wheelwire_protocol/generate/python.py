@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..codes import Group
 from ..message import CRC_SIZE, HEADER_SIZE, Field, Message
-from ..messages import MESSAGES, PROTOCOL_VERSION, board_fields
+from ..messages import MESSAGES, PROTOCOL_VERSION, board_fields, peripheral_fields
 from .text import banner
 from .wire_layout import layout_hash
 
@@ -67,6 +67,8 @@ def _layouts() -> list[str]:
         "",
         *_board_layout(),
         "",
+        *_peripheral_layout(),
+        "",
         "GROUP_HASHES: dict[Group, int] = {",
         *(f"    Group.{g.name}: 0x{layout_hash(g):08X}," for g in Group),
         "}",
@@ -86,4 +88,13 @@ def _board_layout() -> list[str]:
         *(f'    ("{f.name}", "{f.format}"),' for f in board_fields()),
         ")",
         '"""Of the packed board: each field and its format characters."""',
+    ]
+
+
+def _peripheral_layout() -> list[str]:
+    return [
+        "PERIPHERAL_LAYOUT: tuple[tuple[str, str], ...] = (",
+        *(f'    ("{f.name}", "{f.format}"),' for f in peripheral_fields()),
+        ")",
+        '"""Of the packed peripheral: each field and its format characters."""',
     ]

@@ -32,6 +32,12 @@ _TYPICAL: dict[Unit, int | float] = {
     Unit.HERTZ: 100,
     Unit.NANOSECOND: 1000,
     Unit.MILLIVOLT: 11_800,
+    Unit.MILLIAMPERE: -850,
+    Unit.MILLIAMPERE_HOUR: 420.5,
+    Unit.CENTIDEGREE_CELSIUS: 2534,
+    Unit.RADIAN_PER_SECOND: 0.0625,
+    Unit.METRE_PER_SECOND_SQUARED: 0.125,
+    Unit.COUNT: -300,
 }
 
 
@@ -49,7 +55,8 @@ def _typical(field: Field) -> int | float | bytes:
         return b"Wheelwire".ljust(field.subcon.length, b"\0")
     if field.unit is not Unit.NONE:
         typical = _TYPICAL[field.unit]
-        return typical if field.format == "f" else int(typical)
+        # A field of 16 bits holds no second and a half.
+        return typical if field.format == "f" else min(int(typical), _limits(field)[1])
     if field.enumeration:
         return int(max(field.enumeration))
     return 0.5 if field.format == "f" else 7

@@ -6,7 +6,7 @@ import enum
 import hashlib
 from collections.abc import Iterable
 
-from .. import board
+from .. import board, sensors
 from ..codes import ENUMERATIONS, FLAGS, RECORDER_CODES, Group
 from ..messages import MESSAGES
 from ..parameters import PARAMETERS
@@ -16,6 +16,7 @@ CODES: dict[Group, tuple[type[enum.Enum], ...]] = {
     Group.BOARD: board.CODES,
     Group.RECORDER: RECORDER_CODES,
     Group.STORE: (),
+    Group.SENSOR: (*sensors.CODES, *sensors.FLAGS),
 }
 # A new group is no change of BASE, or each would part all hosts from all devices before it.
 _GROUPS_OF_BASE = (Group.BASE, Group.BOARD)

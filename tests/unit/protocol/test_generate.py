@@ -18,6 +18,7 @@ INPUTS = [
     "protocol",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
+    "firmware/esp32/sensors/sensor_tables.hpp",
     "firmware/esp32/test",
 ]
 OUTPUTS = [
@@ -26,9 +27,10 @@ OUTPUTS = [
     "protocol/vectors/generated.json",
     "firmware/esp32/core/board_tables.hpp",
     "firmware/esp32/core/protocol.hpp",
+    "firmware/esp32/sensors/sensor_tables.hpp",
     "firmware/esp32/test/vectors.hpp",
 ]
-OF_MESSAGES = [name for name in OUTPUTS if "board_tables" not in name]
+OF_MESSAGES = [name for name in OUTPUTS if "_tables" not in name]
 
 
 @pytest.fixture

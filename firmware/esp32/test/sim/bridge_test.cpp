@@ -17,7 +17,7 @@ constexpr double kWinding = 5.0;  // [Ohm]
 constexpr int16_t kHalf = kHigh_q15 / 2 + 1;
 
 /// Keeps the inputs that a stage would get.
-class Inputs final : public StagePort {
+class StageLevels final : public StagePort {
  public:
   void set(const StageOutputs& outputs) override { last = outputs; }
   StageOutputs last;
@@ -102,8 +102,8 @@ TEST(bridge_of_every_stage_does_what_the_core_asks) {
 TEST(bridge_counts_a_reversal_without_a_pause) {
   for (size_t i = 0; i < kStages; ++i) {
     Bridge bridge(static_cast<Stage>(i));
-    Inputs forward_inputs;
-    Inputs reverse_inputs;
+    StageLevels forward_inputs;
+    StageLevels reverse_inputs;
     PowerStage to_forward(forward_inputs, kStageTables[i]);
     PowerStage to_reverse(reverse_inputs, kStageTables[i]);
     to_forward.drive(kHalf);

@@ -24,9 +24,12 @@ struct FakeMatrix {
 
   std::map<uint32_t, uint32_t> registers;
   // What a reset of the CPU leaves as it was.
-  std::map<int, bool> levels;   // of plain outputs
-  std::map<int, bool> enabled;  // which pins the chip drives
+  std::map<int, bool> levels;      // of plain outputs
+  std::map<int, bool> enabled;     // which pins the chip drives
+  std::map<int, bool> open_drain;  // inputs that the chip may also pull low
   std::map<int, bool> pulled_up;
+  std::map<int, bool> pulled_down;
+  std::map<int, bool> interrupts;  // on a rising edge
   std::map<uint32_t, Output> outputs;
   bool pwm_runs = false;
   std::set<int> ever_high;

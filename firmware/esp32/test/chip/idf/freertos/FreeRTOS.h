@@ -13,6 +13,7 @@ struct portMUX_TYPE {};
 constexpr BaseType_t pdTRUE = 1;
 constexpr BaseType_t pdFALSE = 0;
 constexpr UBaseType_t configMAX_PRIORITIES = 25;
+constexpr UBaseType_t tskIDLE_PRIORITY = 0;
 
 /// At CONFIG_FREERTOS_HZ = 1000.
 constexpr TickType_t pdMS_TO_TICKS(uint64_t ms) { return static_cast<TickType_t>(ms); }
@@ -22,6 +23,8 @@ constexpr TickType_t pdMS_TO_TICKS(uint64_t ms) { return static_cast<TickType_t>
   }
 #define portENTER_CRITICAL(lock) static_cast<void>(lock)
 #define portEXIT_CRITICAL(lock) static_cast<void>(lock)
+#define portENTER_CRITICAL_ISR(lock) static_cast<void>(lock)
+#define portEXIT_CRITICAL_ISR(lock) static_cast<void>(lock)
 
 /// The core on which the code under test runs.
 inline int fake_core = 0;

@@ -11,13 +11,20 @@ enum eNotifyAction { eSetBits };
 /// Waits in the place of a task: takes the longest time in ticks, and returns the bits that came.
 inline std::function<uint32_t(TickType_t)> fake_wait;
 
+/// A task sleeps for so many ticks.
+inline std::function<void(TickType_t)> fake_sleep;
+/// Of the task that was created last.
+inline UBaseType_t fake_priority = 0;
+
 inline TaskHandle_t xTaskCreateStaticPinnedToCore(void (*run)(void*), const char*, uint32_t,
-                                                  void* context, UBaseType_t, StackType_t*,
+                                                  void* context, UBaseType_t priority, StackType_t*,
                                                   StaticTask_t*, BaseType_t core) {
   fake_core = core;
+  fake_priority = priority;
   run(context);
   return nullptr;
 }
+inline void vTaskDelay(TickType_t ticks) { fake_sleep(ticks); }
 inline TaskHandle_t xTaskGetCurrentTaskHandle() { return nullptr; }
 inline BaseType_t xTaskNotifyFromISR(TaskHandle_t, uint32_t, eNotifyAction, BaseType_t*) {
   return pdTRUE;

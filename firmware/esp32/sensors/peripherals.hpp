@@ -1,0 +1,256 @@
+// The list of a board's peripherals, and the rules that it must obey: the only check, on the chip
+// for one that is written to it, and on a computer through the C interface.
+#pragma once
+
+#include "board_rules.hpp"
+#include "sensor_tables.hpp"
+
+namespace wheelwire {
+
+struct PeripheralList {
+  /// Format, count, two bytes of zeros, the board's fingerprint, the entries, a checksum.
+  static constexpr size_t kSize = 8 + kMostPeripherals * Peripheral::kSize + 4;
+
+  uint8_t count = 0;
+  uint32_t board = 0;  ///< Fingerprint.
+  Peripheral entries[kMostPeripherals]{};
+
+  const Peripheral* begin() const { return entries; }
+  const Peripheral* end() const { return entries + count; }
+};
+
+/// Writes PeripheralList::kSize bytes with the checksum that belongs to them; returns it. It names
+/// the list. Entries that do not count are written as those that are left out.
+uint32_t write_list(const PeripheralList& list, uint8_t* out);
+
+/// Reads a list. Returns kNone, or that it cannot be read; `out` is then unchanged.
+PeripheralFault read_list(const uint8_t* data, size_t size, PeripheralList& out);
+
+/// What is wrong with a list: the values for the sentence of `fault`.
+struct PeripheralIssue {
+  PeripheralFault fault = PeripheralFault::kNone;
+  int channel = -1;  ///< Index of the entry; -1: the fault is of none.
+  int pin = -1;      ///< GPIO; -1: of none.
+  uint32_t value = 0;
+  uint32_t limit = 0;
+};
+
+/// nullptr if it is no IMU that is known.
+constexpr const ImuTable* imu_table_of(SensorChip chip) {
+  for (const ImuTable& table : kImuTables)
+    if (table.chip == chip) return &table;
+  return nullptr;
+}
+
+/// nullptr if it is no power sensor that is known.
+constexpr const PowerTable* power_table_of(SensorChip chip) {
+  for (const PowerTable& table : kPowerTables)
+    if (table.chip == chip) return &table;
+  return nullptr;
+}
+
+constexpr bool is_digital_input(PeripheralKind kind) {
+  return kind == PeripheralKind::kBumper || kind == PeripheralKind::kCliff ||
+         kind == PeripheralKind::kStageFault;
+}
+
+constexpr bool is_on_bus(PeripheralKind kind) {
+  return kind == PeripheralKind::kImu || kind == PeripheralKind::kPower;
+}
+
+/// Whether a battery acts on the robot. Without bounds it is only measured.
+constexpr bool is_guarded(const Peripheral& battery) {
+  return battery.value_a != 0 || battery.value_b != 0 || battery.value_c != 0;
+}
+
+/// Its address on the bus.
+constexpr uint8_t address_of(const Peripheral& entry) {
+  if (entry.address != 0) return entry.address;
+  if (const ImuTable* const imu = imu_table_of(entry.chip)) return imu->address;
+  const PowerTable* const power = power_table_of(entry.chip);
+  return power != nullptr ? power->address : 0;
+}
+
+/// Checks a list against the board that it is for; `report` is called with each PeripheralIssue.
+template <typename Report>
+class PeripheralCheck {
+ public:
+  constexpr PeripheralCheck(const PeripheralList& list, const BoardDescription& board,
+                            const ChipTable& chip, Report& report)
+      : list_(list),
+        board_(board),
+        chip_(chip),
+        memory_(memory_pins(chip, board.module)),
+        report_(report) {}
+
+  constexpr void run() {
+    for (channel_ = 0; channel_ < list_.count; ++channel_) {
+      const Peripheral& entry = list_.entries[channel_];
+      check_kind(entry);
+      check_twice(entry);
+    }
+  }
+
+ private:
+  constexpr void tell(PeripheralFault fault, int pin = -1, uint32_t value = 0, uint32_t limit = 0) {
+    report_(PeripheralIssue{.fault = fault,
+                            .channel = static_cast<int>(channel_),
+                            .pin = pin,
+                            .value = value,
+                            .limit = limit});
+  }
+
+  constexpr void check_kind(const Peripheral& entry) {
+    switch (entry.kind) {
+      case PeripheralKind::kImu:
+        check_bus(entry);
+        if (imu_table_of(entry.chip) == nullptr) tell(PeripheralFault::kChip);
+        return check_orientation(entry);
+      case PeripheralKind::kPower:
+        check_bus(entry);
+        if (power_table_of(entry.chip) == nullptr) tell(PeripheralFault::kChip);
+        if (entry.value_a == 0) tell(PeripheralFault::kShunt, -1, 0, kLargestShunt / 10);
+        return;
+      case PeripheralKind::kBattery:
+        return check_battery(entry);
+      case PeripheralKind::kBumper:
+        if (!is_front(entry.place) && !is_rear(entry.place)) tell(PeripheralFault::kPlace);
+        // To ground: open, as with a broken wire, the pull-up makes it high.
+        if ((entry.flags & peripheralflag::kTriggeredLow) != 0)
+          tell(PeripheralFault::kNormallyOpen);
+        return check_input(entry, true);
+      case PeripheralKind::kCliff:
+      case PeripheralKind::kStageFault:
+        return check_input(entry, false);
+      case PeripheralKind::kNone:
+        break;
+    }
+    tell(PeripheralFault::kKind);
+  }
+
+  constexpr void check_orientation(const Peripheral& entry) {
+    const auto forward = static_cast<uint8_t>(entry.forward);
+    const auto up = static_cast<uint8_t>(entry.up);
+    if (forward > 5 || up > 5) {
+      tell(PeripheralFault::kCode);
+    } else if (forward % 3 == up % 3) {
+      tell(PeripheralFault::kOrientation);
+    }
+  }
+
+  constexpr void check_battery(const Peripheral& entry) {
+    const bool fall =
+        entry.value_a > entry.value_b && entry.value_b > entry.value_c && entry.value_c > 0;
+    if (!fall && is_guarded(entry)) tell(PeripheralFault::kLevels);
+    bool is_measured = board_.battery >= 0;
+    for (size_t i = 0; i < list_.count; ++i)
+      is_measured = is_measured || list_.entries[i].kind == PeripheralKind::kPower;
+    if (!is_measured) tell(PeripheralFault::kNoBattery);
+  }
+
+  constexpr void check_input(const Peripheral& entry, bool needs_pull_up) {
+    if (!check_pin(entry.pin_a)) return;
+    const bool is_pulled =
+        (entry.flags & (peripheralflag::kPullUp | peripheralflag::kPullDown)) != 0;
+    if (is_pulled && (chip_.input_only & mask_of(entry.pin_a)))
+      tell(PeripheralFault::kNoPull, entry.pin_a);
+    if (needs_pull_up && (entry.flags & peripheralflag::kPullDown) != 0)
+      tell(PeripheralFault::kNoPull, entry.pin_a);
+  }
+
+  constexpr void check_bus(const Peripheral& entry) {
+    check_driven_pin(entry.pin_a);
+    check_driven_pin(entry.pin_b);
+    if (entry.pin_c != -1) check_pin(entry.pin_c);
+    if (entry.pin_a == entry.pin_b) tell(PeripheralFault::kPinTaken, entry.pin_b);
+    if (entry.address > 0x77) tell(PeripheralFault::kCode);
+  }
+
+  constexpr void check_driven_pin(int pin) {
+    if (check_pin(pin) && (chip_.input_only & mask_of(pin)))
+      tell(PeripheralFault::kPinInputOnly, pin);
+  }
+
+  /// False if the chip has no such pin at all.
+  constexpr bool check_pin(int pin) {
+    if (pin < 0) {
+      tell(PeripheralFault::kPinMissing);
+      return false;
+    }
+    const PinMask mask = mask_of(pin);
+    if (!(chip_.existing & mask)) {
+      tell(PeripheralFault::kPinAbsent, pin);
+      return false;
+    }
+    if (memory_ & mask) {
+      tell(PeripheralFault::kPinOfMemory, pin);
+    } else if ((chip_.uart | chip_.usb) & mask) {
+      tell(PeripheralFault::kPinOfLink, pin);
+    } else if (chip_.strapping & mask) {
+      tell(PeripheralFault::kPinStrapping, pin);
+    }
+    if (is_of_board(pin) || is_of_another(pin)) tell(PeripheralFault::kPinTaken, pin);
+    return true;
+  }
+
+  constexpr bool is_of_board(int pin) const {
+    for (size_t i = 0; i < kBoardPinCount; ++i)
+      if (board_.pin(static_cast<BoardPin>(i)) == pin) return true;
+    return false;
+  }
+
+  /// Chips may share a bus: its two pins, and each with an address of its own.
+  constexpr bool is_of_another(int pin) const {
+    const Peripheral& entry = list_.entries[channel_];
+    for (size_t i = 0; i < channel_; ++i) {
+      const Peripheral& other = list_.entries[i];
+      const bool shares = is_on_bus(entry.kind) && is_on_bus(other.kind) &&
+                          entry.pin_a == other.pin_a && entry.pin_b == other.pin_b;
+      if (shares && (pin == entry.pin_a || pin == entry.pin_b)) continue;
+      if (pin == other.pin_a || pin == other.pin_b || pin == other.pin_c) return true;
+    }
+    return false;
+  }
+
+  constexpr void check_twice(const Peripheral& entry) {
+    for (size_t i = 0; i < channel_; ++i) {
+      const Peripheral& other = list_.entries[i];
+      const bool same_place = entry.kind == other.kind && entry.place == other.place;
+      const bool same_address =
+          is_on_bus(entry.kind) && is_on_bus(other.kind) && address_of(entry) == address_of(other);
+      if (same_place || same_address) return tell(PeripheralFault::kTwice);
+    }
+  }
+
+  const PeripheralList& list_;
+  const BoardDescription& board_;
+  const ChipTable& chip_;
+  PinMask memory_;
+  Report& report_;
+  size_t channel_ = 0;
+};
+
+/// Calls `report` with each PeripheralIssue; with none for a list that can be used with the board,
+/// whose own issues are not looked at.
+template <typename Report>
+constexpr void check_peripherals(const PeripheralList& list, const BoardDescription& board,
+                                 Report&& report) {
+  const ChipTable* const chip = table_of(board.chip);
+  if (list.count == 0) return;
+  if (chip == nullptr || board.chip == Board::kLinux) {
+    report(PeripheralIssue{.fault = PeripheralFault::kNotOnThisChip});
+  } else {
+    PeripheralCheck(list, board, *chip, report).run();
+  }
+}
+
+/// The first thing that is wrong; `fault` is kNone for a list that can be used.
+constexpr PeripheralIssue first_issue(const PeripheralList& list, const BoardDescription& board) {
+  PeripheralIssue first;
+  check_peripherals(list, board, [&first](const PeripheralIssue& issue) {
+    if (first.fault == PeripheralFault::kNone) first = issue;
+  });
+  return first;
+}
+
+}  // namespace wheelwire

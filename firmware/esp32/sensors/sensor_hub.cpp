@@ -1,0 +1,177 @@
+#include "sensor_hub.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr uint16_t bit(size_t channel) { return static_cast<uint16_t>(1u << channel); }
+
+int find(const PeripheralList& list, PeripheralKind kind) {
+  for (size_t i = 0; i < list.count; ++i)
+    if (list.entries[i].kind == kind) return static_cast<int>(i);
+  return -1;
+}
+
+}  // namespace
+
+void SensorHub::start(SensorPort& port, const PeripheralList& list, bool has_divider) {
+  port_ = &port;
+  list_ = &list;
+  has_divider_ = has_divider;
+  power_channel_ = find(list, PeripheralKind::kPower);
+  battery_channel_ = find(list, PeripheralKind::kBattery);
+  if (battery_channel_ >= 0) battery_.start(list.entries[battery_channel_]);
+  if (power_channel_ < 0) power_channel_ = battery_channel_;
+  for (size_t i = 0; i < list.count; ++i) {
+    if (!is_digital_input(list.entries[i].kind)) continue;
+    inputs_ |= bit(i);
+    if ((list.entries[i].flags & peripheralflag::kTriggeredLow) != 0) low_ |= bit(i);
+  }
+}
+
+uint8_t SensorHub::update(uint16_t battery_mv, uint64_t now_us) {
+  if (!started_) {
+    started_ = true;
+    start_us_ = used_us_ = now_us;
+    for (Channel& channel : channels_) channel.seen_us = now_us;
+    levels_ = static_cast<uint16_t>(port_->levels() & inputs_);
+  }
+  read_inputs(now_us);
+  for (size_t i = 0; i < list_->count; ++i) {
+    switch (list_->entries[i].kind) {
+      case PeripheralKind::kImu:
+        read_imu(i, now_us);
+        break;
+      case PeripheralKind::kPower:
+        read_power(i, now_us);
+        break;
+      default:
+        break;
+    }
+  }
+  // After the power sensor, which may be what measures it.
+  if (battery_channel_ >= 0)
+    read_battery(static_cast<size_t>(battery_channel_), battery_mv, now_us);
+  uint8_t forbidden = 0;
+  for (size_t i = 0; i < list_->count; ++i)
+    if (triggered_ & bit(i)) forbidden |= reflex_of(list_->entries[i]);
+  if (battery_channel_ >= 0 && is_guarded(list_->entries[battery_channel_])) {
+    const SensorState state = channels_[battery_channel_].state;
+    if (state == SensorState::kUnread) {
+      forbidden |= reflex::kUnread;
+    } else if (state != SensorState::kOk || battery_level_ == BatteryLevel::kStop) {
+      forbidden |= reflex::kStop;
+    } else if (battery_level_ == BatteryLevel::kLimit) {
+      forbidden |= reflex::kLimit;
+    }
+  }
+  return reflexes_ = forbidden;
+}
+
+uint8_t SensorHub::reflex_of(const Peripheral& entry) const {
+  if (entry.kind != PeripheralKind::kBumper) return reflex::kStop;
+  if (is_front(entry.place)) return reflex::kNoForward;
+  return reflex::kNoReverse;
+}
+
+void SensorHub::read_inputs(uint64_t now_us) {
+  if (inputs_ == 0) return;
+  const auto levels = static_cast<uint16_t>(port_->levels() & inputs_);
+  const uint16_t changed = levels ^ levels_;
+  levels_ = levels;
+  const uint16_t active = (levels ^ low_) & inputs_;
+  for (size_t i = 0; i < list_->count; ++i) {
+    if (!(inputs_ & bit(i))) continue;
+    Channel& channel = channels_[i];
+    channel.state = SensorState::kOk;  // It was read in this very step.
+    if (changed & bit(i)) ++channel.count;
+    if (active & bit(i)) channel.seen_us = now_us;
+    const bool was_triggered = (triggered_ & bit(i)) != 0;
+    // At once when it triggers; late when it is free again.
+    const bool triggers =
+        (active & bit(i)) || (was_triggered && now_us - channel.seen_us < kReleaseUs);
+    if (triggers == was_triggered) continue;
+    triggered_ ^= bit(i);
+    observer_.on_sensor_event(triggers ? SensorEventCode::kTriggered : SensorEventCode::kReleased,
+                              i, reflex_of(list_->entries[i]), now_us);
+  }
+}
+
+SensorState SensorHub::overdue(size_t channel, uint32_t period_us, uint64_t now_us) const {
+  const Channel& known = channels_[channel];
+  if (known.state == SensorState::kUnread)
+    return now_us - start_us_ < kFirstReadUs ? SensorState::kUnread : SensorState::kMissed;
+  const bool is_late = known.state == SensorState::kOk && now_us - known.seen_us > 2 * period_us;
+  return is_late ? SensorState::kMissed : known.state;
+}
+
+/// True if its newest reading can be used.
+bool SensorHub::note_state(size_t channel, SensorState state, uint64_t now_us) {
+  Channel& known = channels_[channel];
+  if (state != known.state) {
+    known.state = state;
+    observer_.on_sensor_event(SensorEventCode::kState, channel, static_cast<uint16_t>(state),
+                              now_us);
+  }
+  return state == SensorState::kOk;
+}
+
+void SensorHub::read_imu(size_t channel, uint64_t now_us) {
+  ImuReading reading;
+  if (!port_->take(channel, reading)) {
+    note_state(channel, overdue(channel, kImuPeriodUs, now_us), now_us);
+    return;
+  }
+  if (!note_state(channel, reading.state, now_us)) return;
+  channels_[channel].seen_us = now_us;
+  observer_.on_reading(channel, reading, ++channels_[channel].count);
+}
+
+void SensorHub::read_power(size_t channel, uint64_t now_us) {
+  PowerReading reading;
+  if (!port_->take(channel, reading)) {
+    note_state(channel, overdue(channel, kPowerPeriodUs, now_us), now_us);
+    return;
+  }
+  if (!note_state(channel, reading.state, now_us)) return;
+  channels_[channel].seen_us = now_us;
+  power_ = reading;
+  constexpr float kMicrosecondsPerHour = 3.6e9f;
+  used_mah_ += static_cast<float>(reading.current_ma) *
+               static_cast<float>(reading.t_us - used_us_) / kMicrosecondsPerHour;
+  used_us_ = reading.t_us;
+}
+
+void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us) {
+  Channel& battery = channels_[channel];
+  if (!has_divider_) {
+    const SensorState state = channels_[power_channel_].state;
+    const bool is_zero = state == SensorState::kOk && power_.voltage_mv == 0;
+    note_state(channel, is_zero ? SensorState::kZero : state, now_us);
+  } else if (divider_mv != 0) {
+    battery.seen_us = now_us;
+    note_state(channel, SensorState::kOk, now_us);
+    if (power_channel_ == battery_channel_)
+      power_ = {.state = SensorState::kOk, .t_us = now_us, .voltage_mv = divider_mv};
+  } else if (battery.state == SensorState::kUnread) {
+    if (now_us - start_us_ >= kFirstReadUs) note_state(channel, SensorState::kZero, now_us);
+  } else if (now_us - battery.seen_us >= kZeroUs) {
+    note_state(channel, SensorState::kZero, now_us);
+  }
+  if (battery.state != SensorState::kOk) return;
+  const uint16_t millivolts = has_divider_ ? divider_mv : power_.voltage_mv;
+  // A divider's 0 mV that has not lasted yet is no voltage of a battery.
+  if (millivolts == 0 || !is_guarded(list_->entries[channel])) return;
+  if (!battery_.update(millivolts, now_us)) return;
+  battery_level_ = battery_.level();
+  observer_.on_sensor_event(SensorEventCode::kBattery, channel,
+                            static_cast<uint16_t>(battery_level_), now_us);
+}
+
+uint16_t SensorHub::stale() const {
+  uint16_t channels = 0;
+  for (size_t i = 0; i < list_->count; ++i)
+    if (channels_[i].state != SensorState::kOk) channels |= bit(i);
+  return channels;
+}
+
+}  // namespace wheelwire

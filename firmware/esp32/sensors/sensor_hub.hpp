@@ -1,0 +1,94 @@
+// What a board's peripherals measure, whether it can be used, and what it forbids. Called once in
+// each control step; asks no chip and waits for nothing.
+#pragma once
+
+#include "battery_guard.hpp"
+#include "peripherals.hpp"
+#include "sensor_port.hpp"
+
+namespace wheelwire {
+
+/// Called within `update`.
+class SensorObserver {
+ public:
+  virtual void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
+                               uint64_t now_us) = 0;
+  virtual void on_reading(size_t channel, const ImuReading& reading, uint16_t sample) = 0;
+
+ protected:
+  ~SensorObserver() = default;
+};
+
+class SensorHub {
+ public:
+  /// A sensor that was not read within this after the start is not only unread: it is missing.
+  static constexpr uint64_t kFirstReadUs = 1'000'000;
+  /// An input that was triggered is free again when it was free for this long: a switch bounces.
+  static constexpr uint64_t kReleaseUs = 50'000;
+  /// A battery divider reads 0 mV for so long before it counts as broken.
+  static constexpr uint64_t kZeroUs = 100'000;
+  /// From one reading to the next, at most half of what makes a sensor stale.
+  static constexpr uint32_t kImuPeriodUs = 5'000;
+  static constexpr uint32_t kPowerPeriodUs = 100'000;
+
+  explicit SensorHub(SensorObserver& observer) : observer_(observer) {}
+
+  /// Reads these from now on; both must outlive it. `has_divider`: the board measures its battery.
+  void start(SensorPort& port, const PeripheralList& list, bool has_divider);
+
+  /// Reads all. Returns what is forbidden until the next call, as flags of `reflex`.
+  uint8_t update(uint16_t battery_mv, uint64_t now_us);
+
+  const PeripheralList& list() const { return *list_; }
+  SensorState state(size_t channel) const { return channels_[channel].state; }
+  uint8_t reflexes() const { return reflexes_; }
+  uint16_t levels() const { return levels_; }
+  /// The inputs that act on the robot: bit n is that of channel n.
+  uint16_t triggered() const { return triggered_; }
+  uint16_t stale() const;
+  uint16_t edges(size_t channel) const { return channels_[channel].count; }
+  BatteryLevel battery_level() const { return battery_level_; }
+  /// Of the power sensor, or of the divider.
+  const PowerReading& power() const { return power_; }
+  float used_mah() const { return used_mah_; }
+  /// The channel whose Power is sent; -1: none.
+  int power_channel() const { return power_channel_; }
+
+ private:
+  struct Channel {
+    SensorState state = SensorState::kUnread;
+    uint16_t count = 0;  // Of an IMU its samples, of an input its edges.
+    uint64_t seen_us = 0;
+  };
+
+  void read_inputs(uint64_t now_us);
+  void read_imu(size_t channel, uint64_t now_us);
+  void read_power(size_t channel, uint64_t now_us);
+  void read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us);
+  bool note_state(size_t channel, SensorState state, uint64_t now_us);
+  /// The state of a sensor that gave nothing new.
+  SensorState overdue(size_t channel, uint32_t period_us, uint64_t now_us) const;
+  uint8_t reflex_of(const Peripheral& entry) const;
+
+  SensorObserver& observer_;
+  SensorPort* port_ = nullptr;
+  const PeripheralList* list_ = nullptr;
+  bool has_divider_ = false;
+  bool started_ = false;
+  uint8_t reflexes_ = reflex::kUnread;
+  uint16_t inputs_ = 0;  // Channels that are digital inputs,
+  uint16_t low_ = 0;     // and those that trigger at the low level.
+  uint16_t levels_ = 0;
+  uint16_t triggered_ = 0;
+  uint64_t start_us_ = 0;
+  Channel channels_[kMostPeripherals];
+  int power_channel_ = -1;
+  int battery_channel_ = -1;
+  PowerReading power_;
+  float used_mah_ = 0.0f;
+  uint64_t used_us_ = 0;
+  BatteryLevel battery_level_ = BatteryLevel::kUnknown;
+  BatteryGuard battery_;
+};
+
+}  // namespace wheelwire

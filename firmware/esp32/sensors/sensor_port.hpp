@@ -1,0 +1,43 @@
+// What the firmware reads of a board's peripherals. A test can inject a fault into any of it.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "protocol.hpp"
+
+namespace wheelwire {
+
+/// One reading of an IMU, in its chip's axes and counts.
+struct ImuReading {
+  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  uint64_t t_us = 0;                         ///< Device clock when it was measured...
+  uint16_t bound_us = 0;                     ///< ... give or take so much.
+  int16_t gyro[3]{};
+  int16_t accelerometer[3]{};
+  int16_t temperature_cdeg = 0;
+};
+
+/// One reading of a power sensor.
+struct PowerReading {
+  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  uint64_t t_us = 0;
+  uint16_t voltage_mv = 0;
+  int32_t current_ma = 0;
+};
+
+/// A board's peripherals. Inputs are read at once; what is on a bus is read by a task of its own,
+/// which a bus that hangs cannot make the control task wait for.
+class SensorPort {
+ public:
+  /// The levels at the pins of the digital inputs: bit n is that of channel n.
+  virtual uint16_t levels() = 0;
+  /// The newest reading of the channel since the last call; false: there is none.
+  virtual bool take(size_t channel, ImuReading& out) = 0;
+  virtual bool take(size_t channel, PowerReading& out) = 0;
+
+ protected:
+  ~SensorPort() = default;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,219 @@
+#include "sensor_server.hpp"
+
+namespace wheelwire {
+namespace {
+
+constexpr uint64_t kSecondUs = 1'000'000;
+constexpr uint64_t kInputsPeriodUs = kSecondUs;
+/// Inputs that chatter do not fill the line.
+constexpr uint64_t kLeastInputsUs = 20'000;
+constexpr uint16_t kPowerHz = 2;
+
+}  // namespace
+
+SensorServer::SensorServer(PeripheralKeeper& keeper, SensorPort* port, BatterySense* divider)
+    : keeper_(keeper),
+      divider_(divider),
+      is_active_(port != nullptr && keeper.is_active() && keeper.list().count != 0) {
+  if (is_active_) hub_.start(*port, keeper.list(), divider != nullptr);
+}
+
+uint8_t SensorServer::update(uint64_t now_us) {
+  return hub_.update(divider_ != nullptr ? divider_->millivolts() : uint16_t{0}, now_us);
+}
+
+// --- requests ------------------------------------------------------------------------------------
+
+void SensorServer::serve(const Frame& frame, uint16_t request_id, uint64_t now_us) {
+  RefusalCode refusal = RefusalCode::kNone;
+  switch (frame.id) {
+    case SensorStream::kId:
+      return on(SensorStream::decode(frame.body), now_us);
+    case PeripheralGet::kId:
+      return on(PeripheralGet::decode(frame.body));
+    case PeripheralSet::kId:
+      refusal = set(frame);
+      break;
+    case PeripheralsWrite::kId:
+      refusal = write(PeripheralsWrite::decode(frame.body), now_us);
+      break;
+    case PeripheralsConfirm::kId:
+      refusal = confirm(PeripheralsConfirm::decode(frame.body), now_us);
+      break;
+  }
+  server_->conclude(frame.id, request_id, refusal);
+}
+
+void SensorServer::on(const SensorStream& request, uint64_t now_us) {
+  server_->conclude(request.kId, request.request_id, RefusalCode::kNone);
+  streams_ = {};
+  if (!is_active_) return;
+  streams_.asked_hz = request.rate_hz;
+  streams_.infos_left = hub_.list().count;
+  streams_.next_power_us = now_us;
+  const uint32_t interval_us = server_->state_interval_us();
+  fit_to_line(interval_us == 0 ? 0 : static_cast<uint32_t>(kSecondUs) / interval_us, now_us);
+}
+
+void SensorServer::on(const PeripheralGet& request) {
+  const PeripheralList& list = keeper_.list();
+  // The message's last fields are the packed entry's: its bytes are copied as they are.
+  uint8_t body[PeripheralValue::kSize];
+  PeripheralValue{.session_id = server_->session_id(),
+                  .request_id = request.request_id,
+                  .channel = request.channel,
+                  .channel_count = list.count,
+                  .state = keeper_.state(),
+                  .board = list.board,
+                  .crc = keeper_.fingerprint()}
+      .encode(body);
+  const bool exists = request.channel < list.count;
+  (exists ? list.entries[request.channel] : Peripheral{})
+      .encode(body + PeripheralValue::kSize - Peripheral::kSize);
+  server_->answer_afresh(PeripheralValue::kId, request.request_id, body, sizeof body);
+}
+
+RefusalCode SensorServer::set(const Frame& frame) {
+  const uint8_t* const entry = frame.body + PeripheralSet::kSize - Peripheral::kSize;
+  return keeper_.set(PeripheralSet::decode(frame.body).channel, entry);
+}
+
+RefusalCode SensorServer::write(const PeripheralsWrite& request, uint64_t now_us) {
+  RefusalCode refusal = server_->check_board_change(&keeper_, now_us);
+  if (refusal != RefusalCode::kNone) return refusal;
+  refusal = keeper_.write(request.channel_count, request.board, request.crc);
+  server_->note_board_write(refusal);
+  return refusal;
+}
+
+RefusalCode SensorServer::confirm(const PeripheralsConfirm& request, uint64_t now_us) {
+  RefusalCode refusal = server_->check_board_change(&keeper_, now_us);
+  if (refusal != RefusalCode::kNone) return refusal;
+  refusal = keeper_.confirm(request.crc);
+  server_->note_board_write(refusal);
+  return refusal;
+}
+
+void SensorServer::end_session() {
+  keeper_.drop_candidate();
+  streams_ = {};
+}
+
+// --- what is sent unasked ------------------------------------------------------------------------
+
+/// The states come first: what they leave of the line is the IMU's, and so much less of it is sent.
+void SensorServer::fit_to_line(uint32_t state_hz, uint64_t now_us) {
+  if (streams_.asked_hz == 0) return;
+  const uint32_t imu_hz = server_->link().rate_beside(state_hz * frame_size(WheelState::kSize),
+                                                      Imu::kSize, streams_.asked_hz);
+  if (imu_hz == streams_.imu_hz) return;
+  streams_.imu_hz = static_cast<uint16_t>(imu_hz);
+  if (imu_hz == streams_.asked_hz) return;
+  for (size_t i = 0; i < hub_.list().count; ++i)
+    if (hub_.list().entries[i].kind == PeripheralKind::kImu)
+      on_sensor_event(SensorEventCode::kReduced, i, streams_.imu_hz, now_us);
+}
+
+void SensorServer::stream(uint64_t now_us) {
+  // One in a step: all at once might not fit into the line's buffer.
+  if (streams_.infos_left != 0) send_info(--streams_.infos_left);
+  if (streams_.asked_hz == 0) return;
+  send_inputs(now_us);
+  send_power(now_us);
+}
+
+void SensorServer::send_info(size_t channel) {
+  const Peripheral& entry = hub_.list().entries[channel];
+  SensorInfo info{.session_id = server_->session_id(),
+                  .channel = static_cast<uint8_t>(channel),
+                  .channel_count = hub_.list().count,
+                  .kind = entry.kind,
+                  .chip = entry.chip,
+                  .place = entry.place,
+                  .forward = entry.forward,
+                  .up = entry.up,
+                  .state = hub_.state(channel)};
+  const ImuTable* const table = imu_table_of(entry.chip);
+  if (entry.kind == PeripheralKind::kImu && table != nullptr) {
+    info.rate_hz = streams_.imu_hz;
+    info.gyro_scale = table->gyro_radps;
+    info.accelerometer_scale = table->accelerometer_mps2;
+    info.gyro_noise = table->gyro_noise * table->gyro_radps;
+    info.accelerometer_noise = table->accelerometer_noise * table->accelerometer_mps2;
+  } else if (static_cast<int>(channel) == hub_.power_channel()) {
+    info.rate_hz = kPowerHz;
+  }
+  server_->link().send(info);
+}
+
+void SensorServer::send_power(uint64_t now_us) {
+  const int channel = hub_.power_channel();
+  if (channel < 0 || now_us < streams_.next_power_us) return;
+  if (hub_.state(static_cast<size_t>(channel)) != SensorState::kOk) return;
+  streams_.next_power_us = now_us + kSecondUs / kPowerHz;
+  const PowerReading& power = hub_.power();
+  server_->link().send(Power{.boot_id = server_->boot_id(),
+                             .t_us = static_cast<uint32_t>(power.t_us),
+                             .channel = static_cast<uint8_t>(channel),
+                             .voltage_mv = power.voltage_mv,
+                             .current_ma = power.current_ma,
+                             .used_mah = hub_.used_mah(),
+                             .level = hub_.battery_level()});
+}
+
+void SensorServer::send_inputs(uint64_t now_us) {
+  Inputs inputs{.boot_id = server_->boot_id(),
+                .levels = hub_.levels(),
+                .triggered = hub_.triggered(),
+                .stale = hub_.stale(),
+                .reflexes = hub_.reflexes(),
+                .level = hub_.battery_level(),
+                .edges_0 = hub_.edges(0),
+                .edges_1 = hub_.edges(1),
+                .edges_2 = hub_.edges(2),
+                .edges_3 = hub_.edges(3),
+                .edges_4 = hub_.edges(4),
+                .edges_5 = hub_.edges(5),
+                .edges_6 = hub_.edges(6),
+                .edges_7 = hub_.edges(7),
+                .edges_8 = hub_.edges(8),
+                .edges_9 = hub_.edges(9)};
+  const bool changed = inputs != streams_.inputs;
+  if (now_us < (changed ? streams_.inputs_us + kLeastInputsUs : streams_.next_inputs_us)) return;
+  streams_.inputs = inputs;
+  streams_.inputs_us = now_us;
+  streams_.next_inputs_us = now_us + kInputsPeriodUs;
+  inputs.t_us = static_cast<uint32_t>(now_us);
+  server_->link().send(inputs);
+}
+
+void SensorServer::on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
+                                   uint64_t now_us) {
+  if (streams_.asked_hz == 0) return;
+  server_->link().send(SensorEvent{.boot_id = server_->boot_id(),
+                                   .t_us = static_cast<uint32_t>(now_us),
+                                   .channel = static_cast<uint8_t>(channel),
+                                   .code = code,
+                                   .value = value});
+}
+
+void SensorServer::on_reading(size_t channel, const ImuReading& reading, uint16_t sample) {
+  if (streams_.imu_hz == 0 || reading.t_us < streams_.next_imu_us) return;
+  // Where all are wanted a chip whose clock is fast must lose none.
+  const uint64_t interval_us = kSecondUs / streams_.imu_hz;
+  streams_.next_imu_us = reading.t_us + interval_us - interval_us / 16;
+  server_->link().send(Imu{.boot_id = server_->boot_id(),
+                           .t_us = static_cast<uint32_t>(reading.t_us),
+                           .channel = static_cast<uint8_t>(channel),
+                           .sample = sample,
+                           .bound_us = reading.bound_us,
+                           .gyro_x = reading.gyro[0],
+                           .gyro_y = reading.gyro[1],
+                           .gyro_z = reading.gyro[2],
+                           .accelerometer_x = reading.accelerometer[0],
+                           .accelerometer_y = reading.accelerometer[1],
+                           .accelerometer_z = reading.accelerometer[2],
+                           .temperature_cdeg = reading.temperature_cdeg});
+}
+
+}  // namespace wheelwire

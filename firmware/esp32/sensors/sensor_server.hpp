@@ -1,0 +1,66 @@
+// Sensors, inputs and reflexes of a device: reads its peripherals, and serves the messages of the
+// group SENSOR. See protocol/SPEC.md, "Sensors".
+#pragma once
+
+#include "message_server.hpp"
+#include "peripheral_keeper.hpp"
+#include "sensor_hub.hpp"
+
+namespace wheelwire {
+
+class SensorServer final : public SensorMessages, public SensorObserver {
+ public:
+  /// `keeper`: started. `port`: nullptr where nothing is read, as in a re-run. `divider`: what
+  /// measures the battery; nullptr: the board does not. All must outlive it.
+  SensorServer(PeripheralKeeper& keeper, SensorPort* port, BatterySense* divider);
+
+  void attach(MessageServer& server) override { server_ = &server; }
+  bool is_active() const override { return is_active_; }
+  uint8_t update(uint64_t now_us) override;
+  void serve(const Frame& frame, uint16_t request_id, uint64_t now_us) override;
+  void stream(uint64_t now_us) override;
+  void fit_to_line(uint32_t state_hz, uint64_t now_us) override;
+  void end_session() override;
+  RefusalCode refusal() const override { return keeper_.refusal(); }
+  bool has_candidate() const override { return keeper_.has_candidate(); }
+  RefusalCode request_trial() override { return keeper_.request_trial(); }
+  bool is_overdue(uint64_t now_us) const override { return keeper_.is_overdue(now_us); }
+  size_t state_words() const override { return PeripheralKeeper::kStateWords; }
+  uint32_t state_word(size_t index) const override { return keeper_.state_word(index); }
+  void set_state_word(size_t index, uint32_t word) override { keeper_.set_state_word(index, word); }
+
+  void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
+                       uint64_t now_us) override;
+  void on_reading(size_t channel, const ImuReading& reading, uint16_t sample) override;
+
+ private:
+  /// What a host has asked for, and when the next of each is due.
+  struct Streams {
+    uint16_t asked_hz = 0;   // Of the IMU; 0: nothing is sent.
+    uint16_t imu_hz = 0;     // What the line carries beside the states.
+    uint8_t infos_left = 0;  // Channels whose SensorInfo is to be sent, from the last one on.
+    uint64_t next_imu_us = 0;
+    uint64_t next_power_us = 0;
+    uint64_t next_inputs_us = 0;
+    uint64_t inputs_us = 0;  // When they were last sent,
+    Inputs inputs{};         // and what.
+  };
+
+  void on(const SensorStream& request, uint64_t now_us);
+  void on(const PeripheralGet& request);
+  RefusalCode set(const Frame& frame);
+  RefusalCode write(const PeripheralsWrite& request, uint64_t now_us);
+  RefusalCode confirm(const PeripheralsConfirm& request, uint64_t now_us);
+  void send_info(size_t channel);
+  void send_power(uint64_t now_us);
+  void send_inputs(uint64_t now_us);
+
+  PeripheralKeeper& keeper_;
+  BatterySense* divider_;
+  bool is_active_;
+  MessageServer* server_ = nullptr;
+  SensorHub hub_{*this};
+  Streams streams_;
+};
+
+}  // namespace wheelwire

@@ -1,0 +1,218 @@
+// The board's peripherals at the chip's pins, and the task that reads a bus.
+#include "sensors.hpp"
+
+#include "check.hpp"
+#include "driver/gpio.h"
+#include "esp_timer.h"
+#include "freertos/task.h"
+#include "pin_chip.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::test;
+
+namespace {
+
+constexpr int kData = 16;
+constexpr int kClock = 17;
+constexpr int kInterrupt = 35;
+constexpr UBaseType_t kControlPriority = configMAX_PRIORITIES - 1;
+
+struct End {};
+
+PeripheralList list_of(std::initializer_list<Peripheral> entries) {
+  PeripheralList list;
+  for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
+  return list;
+}
+
+constexpr Peripheral kImu{.kind = PeripheralKind::kImu,
+                          .chip = SensorChip::kMpu6050,
+                          .pin_a = kData,
+                          .pin_b = kClock,
+                          .pin_c = kInterrupt};
+
+/// Levels of the pins; a chip on two of them.
+class World {
+ public:
+  World() {
+    fake_matrix = {};
+    fake_gpio_interrupts.clear();
+    fake_isr_services = 0;
+    fake_priority = 0;
+    fake_core = -1;
+    fake_time_us = 1'000'000;
+    fake_level = [this](gpio_num_t pin) {
+      ++fake_time_us;
+      if (pin == kData) return data() ? 1 : 0;
+      if (pin == kClock) return clock() ? 1 : 0;
+      return levels[pin];
+    };
+    fake_on_set = [this](gpio_num_t) {
+      if (fake_matrix.open_drain[kData] && fake_matrix.open_drain[kClock])
+        chip.follow(clock(), data());
+    };
+    chip.registers[0x75] = 0x68;
+  }
+  World(const World&) = delete;
+  World& operator=(const World&) = delete;
+  ~World() {
+    fake_level = nullptr;
+    fake_on_set = nullptr;
+    fake_sleep = nullptr;
+  }
+
+  std::map<int, int> levels;
+  PinChip chip;
+  bool data_shorted = false;
+  int sleeps = 0;
+
+  /// Runs the task for so long; the chip measures 200 times a second, and `each_ms` is called each
+  /// millisecond.
+  void run_task(Sensors& sensors, const PeripheralList& list, int milliseconds,
+                const std::function<void()>& each_ms) {
+    fake_sleep = [&, milliseconds](TickType_t ticks) {
+      CHECK(ticks == 1);
+      if (++sleeps > milliseconds) throw End{};
+      fake_time_us = (fake_time_us / 1000 + 1) * 1000;
+      if (sleeps % 5 == 0) measure();
+      each_ms();
+    };
+    try {
+      sensors.start(list);
+      CHECK(false);  // Its task never ends.
+    } catch (const End&) {
+    }
+  }
+
+ private:
+  bool data() { return released(kData) && !chip.pulls_data && !data_shorted; }
+  bool clock() { return released(kClock); }
+  static bool released(int pin) { return !fake_matrix.open_drain[pin] || fake_matrix.levels[pin]; }
+
+  void measure() {
+    ++chip.registers[0x48];
+    const auto interrupt = fake_gpio_interrupts.find(kInterrupt);
+    if (interrupt != fake_gpio_interrupts.end() && chip.registers[0x38] == 1)
+      interrupt->second.handler(interrupt->second.context);
+  }
+};
+
+}  // namespace
+
+TEST(inputs_have_the_pulls_of_their_entries_and_no_task) {
+  World world;
+  world.levels = {{34, 1}, {13, 0}, {14, 1}};
+  Sensors sensors;
+  CHECK(sensors.start(list_of(
+      {{.kind = PeripheralKind::kBattery},
+       {.kind = PeripheralKind::kBumper, .pin_a = 34},
+       {.kind = PeripheralKind::kCliff, .flags = peripheralflag::kPullUp, .pin_a = 13},
+       {.kind = PeripheralKind::kStageFault, .flags = peripheralflag::kPullDown, .pin_a = 14}})));
+  CHECK(!fake_matrix.pulled_up[34] && !fake_matrix.pulled_down[34]);
+  CHECK(fake_matrix.pulled_up[13] && !fake_matrix.pulled_down[13]);
+  CHECK(!fake_matrix.pulled_up[14] && fake_matrix.pulled_down[14]);
+  CHECK(sensors.levels() == 0b1010);
+  CHECK(fake_core == -1);  // No task was created.
+}
+
+TEST(a_level_has_changed_when_two_samples_say_so) {
+  World world;
+  world.levels[34] = 0;
+  Sensors sensors;
+  CHECK(sensors.start(list_of({{.kind = PeripheralKind::kBumper, .pin_a = 34}})));
+  std::vector<int> samples;
+  fake_level = [&samples](gpio_num_t) {
+    const int level = samples.front();
+    samples.erase(samples.begin());
+    return level;
+  };
+  samples = {1, 0};  // A spike.
+  CHECK(sensors.levels() == 0 && samples.empty());
+  samples = {1, 1};
+  CHECK(sensors.levels() == 1 && samples.empty());
+  samples = {1};
+  CHECK(sensors.levels() == 1 && samples.empty());
+  samples = {0, 1};
+  CHECK(sensors.levels() == 1 && samples.empty());
+  samples = {0, 0};
+  CHECK(sensors.levels() == 0 && samples.empty());
+}
+
+TEST(a_bus_is_open_drain_and_its_pins_never_drive_high) {
+  World world;
+  Sensors sensors;
+  world.run_task(sensors, list_of({kImu}), 300, [] {});
+  CHECK(fake_matrix.open_drain[kData] && fake_matrix.open_drain[kClock]);
+  CHECK(fake_matrix.pulled_up[kData] && fake_matrix.pulled_up[kClock]);
+  CHECK(!fake_matrix.ever_high.contains(kData) && !fake_matrix.ever_high.contains(kClock));
+  CHECK(fake_core == 0 && fake_priority < kControlPriority);
+}
+
+TEST(the_task_reads_an_imu_at_its_interrupt_s_time) {
+  World world;
+  Sensors sensors;
+  std::vector<ImuReading> readings;
+  int64_t edge_us = 0;
+  world.run_task(sensors, list_of({{.kind = PeripheralKind::kBattery}, kImu}), 500, [&] {
+    ImuReading reading;
+    if (!sensors.take(1, reading)) return;
+    CHECK(reading.state == SensorState::kOk && reading.bound_us == ImuDriver::kEdgeBoundUs);
+    CHECK(readings.empty() || reading.gyro[2] - readings.back().gyro[2] == 1);
+    edge_us = static_cast<int64_t>(reading.t_us);
+    CHECK(edge_us <= fake_time_us && edge_us > fake_time_us - 8'000);
+    readings.push_back(reading);
+  });
+  CHECK(world.chip.registers[0x1b] == 0x08);
+  CHECK(readings.size() >= 75);
+  CHECK(fake_matrix.interrupts[kInterrupt] && !fake_matrix.pulled_down[kInterrupt]);
+}
+
+TEST(two_chips_share_a_bus_and_its_interrupts_start_once) {
+  World world;
+  Sensors sensors;
+  Peripheral second = kImu;
+  second.chip = SensorChip::kLsm6ds3;
+  second.place = Place::kRear;
+  second.pin_c = 13;
+  int absent = 0;
+  int ok = 0;
+  world.run_task(sensors, list_of({kImu, second}), 400, [&] {
+    ImuReading reading;
+    if (sensors.take(0, reading) && reading.state == SensorState::kOk) ++ok;
+    if (sensors.take(1, reading) && reading.state == SensorState::kAbsent) ++absent;
+  });
+  CHECK(ok > 50 && absent >= 3);
+  CHECK(fake_isr_services == 1);
+  CHECK(fake_matrix.pulled_down[13]);  // GPIO 35 has no pull, this one has.
+}
+
+TEST(a_short_of_the_bus_costs_its_task_little_and_ends_with_the_short) {
+  World world;
+  Sensors sensors;
+  std::vector<SensorState> states;
+  int64_t busy_since_us = fake_time_us;
+  int64_t longest_us = 0;
+  world.run_task(sensors, list_of({kImu}), 1500, [&] {
+    longest_us = std::max(longest_us, fake_time_us - busy_since_us);
+    busy_since_us = fake_time_us;
+    if (world.sleeps == 500) world.data_shorted = true;
+    if (world.sleeps == 1000) world.data_shorted = false;
+    ImuReading reading;
+    if (!sensors.take(0, reading)) return;
+    if (states.empty() || states.back() != reading.state) states.push_back(reading.state);
+  });
+  CHECK(states ==
+        std::vector<SensorState>({SensorState::kOk, SensorState::kHung, SensorState::kOk}));
+  CHECK(longest_us < 3'000);
+}
+
+TEST(a_pin_that_cannot_be_set_up_is_reported) {
+  for (const Peripheral& entry : {kImu, Peripheral{.kind = PeripheralKind::kCliff, .pin_a = 34}}) {
+    World world;
+    Sensors sensors;
+    fake_gpio_result = ESP_FAIL;
+    CHECK(!sensors.start(list_of({entry})));
+    CHECK(fake_core == -1);
+    fake_gpio_result = ESP_OK;
+  }
+}

@@ -1,0 +1,466 @@
+// What the sensors forbid, at the robot's pins.
+#include "check.hpp"
+#include "sensor_bench.hpp"
+
+using namespace wheelwire;
+using test::battery;
+using test::bumper;
+using test::list_of;
+using test::RobotBench;
+using test::SensorBench;
+
+namespace {
+
+const PeripheralList kBumpers = list_of({bumper(Place::kFrontLeft), bumper(Place::kRear, 39)});
+const PeripheralList kCliff =
+    list_of({Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 36}});
+const PeripheralList kGuard = list_of({battery(7000, 6800, 6400)});
+
+bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
+
+}  // namespace
+
+// --- bumpers -------------------------------------------------------------------------------------
+
+TEST(a_bumper_removes_the_drive_in_the_step_that_reads_it) {
+  for (const size_t channel : {0u, 1u}) {
+    SensorBench bench(kBumpers);
+    bench.open();
+    const float speed = channel == 0 ? 0.2f : -0.2f;
+    bench.drive_on(speed, speed, 30);
+    CHECK(bench.driven());
+    bench.set_level(channel, true);
+    bench.step();
+    CHECK(!bench.driven());
+    CHECK(bench.state() == SupervisorState::kDriving && bench.device.faults() == 0);
+    bench.drive_on(speed, speed, 300);
+    CHECK(!bench.driven());
+    CHECK(bench.left.shortest_pause_us >= RobotBench::kPeriodUs);
+  }
+}
+
+TEST(a_bumper_stops_an_open_loop_too) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.send(bench.duty(20'000, 20'000));
+  bench.run(100);
+  CHECK(bench.left.duty() > 10'000);
+  bench.set_level(0, true);
+  bench.step();
+  CHECK(!bench.driven());
+  bench.send(bench.duty(20'000, 20'000));
+  bench.run(20);
+  CHECK(!bench.driven());
+  bench.send(bench.duty(-20'000, -20'000));
+  bench.run(20);
+  CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
+}
+
+TEST(the_robot_backs_out_and_is_free_after_a_while) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.set_level(0, true);
+  bench.step();
+  bench.drive_on(0.1f, 0.1f, 20);
+  CHECK(!bench.driven());
+  bench.drive_on(-0.1f, -0.1f, 20);
+  CHECK(bench.left.duty() < 0 && bench.right.duty() < 0);
+  bench.set_level(0, false);
+  // A switch bounces: it is not free yet.
+  bench.drive_on(0.1f, 0.1f, 45);
+  CHECK(!forward(bench));
+  bench.drive_on(0.1f, 0.1f, 40);
+  CHECK(forward(bench));
+}
+
+TEST(turning_on_the_spot_needs_both_bumpers_free) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  for (const size_t channel : {0u, 1u}) {
+    bench.set_level(channel, true);
+    bench.step();
+    for (const float speed : {0.1f, -0.1f}) {
+      bench.drive_on(speed, -speed, 20);
+      CHECK(!bench.driven());
+    }
+    bench.set_level(channel, false);
+    bench.run(100);
+  }
+  bench.drive_on(0.1f, -0.1f, 20);
+  CHECK(bench.left.duty() > 0 && bench.right.duty() < 0);
+}
+
+TEST(with_both_bumpers_open_nothing_drives) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.set_level(0, true);
+  bench.set_level(1, true);
+  bench.step();
+  for (const float speed : {0.2f, -0.2f}) {
+    bench.drive_on(speed, speed, 20);
+    CHECK(!bench.driven());
+  }
+}
+
+/// The wheels still roll forward when the program begins to back out: they are not driven at that
+/// speed first.
+TEST(a_reversal_at_a_bumper_never_drives_forward) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  for (int i = 0; i < 200; ++i) {
+    bench.turn(3, 3);
+    bench.drive_on(0.3f, 0.3f, 1);
+  }
+  bench.set_level(0, true);
+  for (int i = 0; i < 60; ++i) {
+    bench.turn(2, 2);
+    bench.drive_on(-0.2f, -0.2f, 1);
+    CHECK(!forward(bench));
+    const WheelPair commanded = bench.device.commanded();
+    CHECK(commanded.left + commanded.right <= 0);
+  }
+  CHECK(bench.left.duty() < 0);
+}
+
+/// The setpoint is allowed already, but the slew limit still has the wheels going forward.
+TEST(a_bumper_during_a_reversal_stops_the_slewing) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.drive_on(0.4f, 0.4f, 400);
+  bench.drive_on(-0.4f, -0.4f, 5);
+  CHECK(bench.device.commanded().left > 0);
+  bench.set_level(0, true);
+  bench.drive_on(-0.4f, -0.4f, 1);
+  CHECK(!bench.driven());
+  bench.drive_on(-0.4f, -0.4f, 10);
+  CHECK(bench.left.duty() < 0 && bench.device.commanded().left < 0);
+}
+
+TEST(a_bumper_whose_wire_is_broken_at_the_start_forbids_driving_from_the_first_setpoint) {
+  SensorBench bench(kBumpers);
+  bench.set_level(0, true);
+  bench.open();
+  for (int i = 0; i < 50; ++i) {
+    bench.drive_on(0.2f, 0.2f, 1);
+    CHECK(!bench.driven());
+  }
+}
+
+TEST(the_deadline_ends_driving_at_a_bumper_as_anywhere) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.drive_on(0.2f, 0.2f, 10);
+  bench.set_level(0, true);
+  bench.run(400);
+  CHECK(bench.state() == SupervisorState::kTimedOut);
+}
+
+// --- what stops ----------------------------------------------------------------------------------
+
+TEST(a_cliff_is_a_fault_that_lasts_as_long_as_it_does) {
+  SensorBench bench(kCliff);
+  bench.open();
+  bench.drive_on(0.2f, 0.2f, 20);
+  CHECK(bench.driven());
+  bench.set_level(0, true);
+  bench.step();
+  CHECK(!bench.driven() && bench.state() == SupervisorState::kFault);
+  CHECK(bench.device.faults() == fault::kExternal);
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+  bench.set_level(0, false);
+  bench.run(60);
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+  CHECK(bench.state() == SupervisorState::kIdle);
+}
+
+TEST(a_robot_that_is_lifted_is_in_no_fault_until_it_is_to_drive) {
+  SensorBench bench(kCliff);
+  bench.open();
+  bench.set_level(0, true);
+  bench.run(20);
+  CHECK(bench.state() == SupervisorState::kIdle);
+  bench.received.clear();
+  bench.send(bench.velocity(0.1f, 0.1f));
+  bench.step();
+  CHECK(bench.state() == SupervisorState::kFault && !bench.driven());
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+}
+
+TEST(a_power_stage_that_trips_is_a_fault) {
+  SensorBench bench(list_of({Peripheral{
+      .kind = PeripheralKind::kStageFault, .flags = peripheralflag::kTriggeredLow, .pin_a = 36}}));
+  bench.set_level(0, true);
+  bench.open();
+  bench.drive_on(0.2f, 0.2f, 20);
+  CHECK(bench.driven());
+  bench.set_level(0, false);
+  bench.step();
+  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+// --- the battery ---------------------------------------------------------------------------------
+
+TEST(a_battery_limits_and_then_stops) {
+  SensorBench bench(kGuard);
+  bench.battery.measured_mv = 7400;
+  bench.open();
+  const float top = bench.device.parameter(ParameterId::kMaxVelocityMps);
+  const auto settled = [&] {
+    bench.drive_on(top, top, 2500);
+    return to_mps(bench.device.commanded().left);
+  };
+  CHECK(settled() > 0.99f * top);
+  bench.battery.measured_mv = 6900;
+  CHECK(settled() > 0.99f * top);
+  bench.battery.measured_mv = 6700;
+  const float limited = settled();
+  CHECK(limited > 0.49f * top && limited < 0.51f * top);
+  bench.battery.measured_mv = 6300;
+  bench.drive_on(top, top, 2500);
+  CHECK(bench.device.faults() == fault::kExternal && !bench.driven());
+  // Without its load the voltage rises by itself: it stays.
+  bench.battery.measured_mv = 7100;
+  bench.run(15'000);
+  CHECK(bench.clear_fault() == RefusalCode::kCausePresent);
+  bench.battery.measured_mv = 7400;
+  bench.run(11'000);
+  CHECK(bench.clear_fault() == RefusalCode::kNone);
+}
+
+TEST(a_sag_under_load_is_no_empty_battery) {
+  SensorBench bench(kGuard);
+  bench.open();
+  for (int i = 0; i < 10; ++i) {
+    bench.battery.measured_mv = 6000;
+    bench.drive_on(0.2f, 0.2f, 1900);
+    bench.battery.measured_mv = 7400;
+    bench.drive_on(0.2f, 0.2f, 10);
+    CHECK(bench.device.reflexes() == 0);
+  }
+}
+
+TEST(an_empty_battery_drives_not_even_at_first) {
+  SensorBench bench(kGuard);
+  bench.battery.measured_mv = 6000;
+  bench.open();
+  for (int i = 0; i < 50; ++i) {
+    bench.drive_on(0.2f, 0.2f, 1);
+    CHECK(!bench.driven());
+  }
+}
+
+TEST(a_battery_that_was_not_read_yet_refuses_setpoints_and_then_stops) {
+  SensorBench bench(kGuard);
+  bench.battery.measured_mv = 0;
+  bench.open();
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kBooting);
+  CHECK(bench.state() == SupervisorState::kIdle);
+  bench.run(1000);
+  bench.send(bench.velocity(0.2f, 0.2f));
+  bench.step();
+  CHECK(bench.of<Refuse>().back().code == RefusalCode::kFault);
+  CHECK(bench.device.faults() == fault::kExternal);
+}
+
+TEST(a_divider_whose_wire_breaks_stops_the_robot) {
+  SensorBench bench(kGuard);
+  bench.open();
+  bench.drive_on(0.2f, 0.2f, 20);
+  bench.battery.measured_mv = 0;
+  bench.drive_on(0.2f, 0.2f, 90);
+  CHECK(bench.driven());  // One reading of 0 may be noise.
+  bench.drive_on(0.2f, 0.2f, 15);
+  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+TEST(a_battery_that_is_only_measured_stops_nothing) {
+  SensorBench bench(list_of({battery(0, 0, 0)}));
+  bench.battery.measured_mv = 0;
+  bench.open();
+  bench.drive_on(0.2f, 0.2f, 1500);
+  CHECK(bench.device.reflexes() == 0 && bench.state() == SupervisorState::kDriving);
+}
+
+TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
+  SensorBench bench(list_of({battery(7000, 6800, 6400), Peripheral{.kind = PeripheralKind::kPower,
+                                                                   .chip = SensorChip::kIna219,
+                                                                   .pin_a = 16,
+                                                                   .pin_b = 17,
+                                                                   .value_a = 1000}}),
+                    false);
+  const auto measure = [&](uint16_t millivolts) {
+    bench.sensors.power =
+        PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
+  };
+  measure(7400);
+  bench.open();
+  for (int i = 0; i < 10; ++i) {
+    measure(7400);
+    bench.drive_on(0.2f, 0.2f, 100);
+  }
+  CHECK(bench.driven() && bench.device.faults() == 0);
+  measure(7400);
+  bench.drive_on(0.2f, 0.2f, 195);
+  CHECK(bench.driven());
+  bench.drive_on(0.2f, 0.2f, 10);
+  CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+// --- what the host is sent -----------------------------------------------------------------------
+
+TEST(a_host_that_did_not_ask_is_sent_nothing) {
+  SensorBench bench(kBumpers);
+  bench.open();
+  bench.set_level(0, true);
+  bench.run(2000);
+  CHECK(bench.of<SensorEvent>().empty() && bench.of<Inputs>().empty());
+  CHECK(bench.of<SensorInfo>().empty());
+}
+
+TEST(a_host_that_asks_is_sent_channels_changes_and_readings) {
+  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
+                                        .chip = SensorChip::kMpu6050,
+                                        .pin_a = 16,
+                                        .pin_b = 17,
+                                        .forward = Axis::kY,
+                                        .up = Axis::kZ},
+                             bumper(Place::kFront)}));
+  bench.open();
+  CHECK(bench.refusal(SensorStream{.rate_hz = 200}) == RefusalCode::kNone);
+  bench.run(5);
+  CHECK(bench.of<SensorInfo>().size() == 2 && bench.of<Inputs>().size() == 1);
+  for (const SensorInfo& info : bench.of<SensorInfo>()) {
+    CHECK(info.channel_count == 2);
+    if (info.channel == 0) CHECK(info.rate_hz == 200 && info.gyro_scale > 0);
+  }
+  for (int i = 0; i < 10; ++i) {
+    bench.sensors.imu = ImuReading{.state = SensorState::kOk,
+                                   .t_us = bench.now_us - 300,
+                                   .bound_us = 50,
+                                   .gyro = {static_cast<int16_t>(i), 2, 3}};
+    bench.run(5);
+  }
+  const auto readings = bench.of<Imu>();
+  CHECK(readings.size() == 10);
+  for (size_t i = 0; i < readings.size(); ++i)
+    CHECK(readings[i].gyro_x == static_cast<int16_t>(i) && readings[i].bound_us == 50);
+  bench.set_level(1, true);
+  bench.run(30);
+  CHECK(bench.of<Inputs>().back().triggered == 2);
+  CHECK(bench.of<Inputs>().back().edges_1 == 1);
+  CHECK(bench.of<Inputs>().back().reflexes == reflex::kNoForward);
+  bool triggered = false;
+  for (const SensorEvent& event : bench.of<SensorEvent>())
+    triggered = triggered || (event.code == SensorEventCode::kTriggered && event.channel == 1);
+  CHECK(triggered);
+}
+
+TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
+  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
+                                        .chip = SensorChip::kMpu6050,
+                                        .pin_a = 16,
+                                        .pin_b = 17,
+                                        .forward = Axis::kY,
+                                        .up = Axis::kZ}}));
+  bench.open();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.sensors.imu = ImuReading{.state = SensorState::kOk, .t_us = bench.now_us};
+  bench.run(11);
+  CHECK(bench.of<Imu>().size() == 1);
+  bench.received.clear();
+  bench.run(2);
+  std::vector<uint16_t> states;
+  for (const SensorEvent& event : bench.of<SensorEvent>())
+    if (event.code == SensorEventCode::kState) states.push_back(event.value);
+  CHECK(states == std::vector{static_cast<uint16_t>(SensorState::kMissed)});
+  bench.run(30);
+  CHECK(bench.of<Imu>().empty());
+  CHECK(!bench.of<Inputs>().empty() && bench.of<Inputs>().back().stale == 1);
+}
+
+TEST(states_go_before_sensors_on_a_slow_line) {
+  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
+                                        .chip = SensorChip::kMpu6050,
+                                        .pin_a = 16,
+                                        .pin_b = 17,
+                                        .forward = Axis::kY,
+                                        .up = Axis::kZ}}));
+  bench.line.rate = 11'520;
+  bench.open();
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = 150}) == RefusalCode::kNone);
+  bench.received.clear();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(3);
+  const auto events = bench.of<SensorEvent>();
+  CHECK(!events.empty() && events[0].code == SensorEventCode::kReduced);
+  const uint16_t rate_hz = events[0].value;
+  CHECK(rate_hz > 0 && rate_hz < 100);
+  CHECK(bench.of<SensorInfo>()[0].rate_hz == rate_hz);
+  const double bytes = 150.0 * frame_size(WheelState::kSize) + rate_hz * frame_size(Imu::kSize);
+  CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
+}
+
+// --- the list ------------------------------------------------------------------------------------
+
+TEST(a_list_is_written_tried_and_confirmed) {
+  SensorBench bench(list_of({}));
+  bench.open();
+  const PeripheralList wanted = kBumpers;
+  uint8_t packed[PeripheralList::kSize];
+  const uint32_t crc = write_list(wanted, packed);
+  for (uint8_t i = 0; i < wanted.count; ++i) {
+    uint8_t body[PeripheralSet::kSize]{};
+    PeripheralSet{.channel = i}.encode(body);
+    wanted.entries[i].encode(body + PeripheralSet::kSize - Peripheral::kSize);
+    CHECK(bench.refusal(PeripheralSet::decode(body)) == RefusalCode::kNone);
+  }
+  PeripheralsWrite write{.channel_count = wanted.count, .board = wanted.board, .crc = crc + 1};
+  CHECK(bench.refusal(write) == RefusalCode::kBoardRefused);
+  write.crc = crc;
+  CHECK(bench.refusal(write) == RefusalCode::kNone);
+  CHECK(bench.refusal(PeripheralsConfirm{.crc = crc}) == RefusalCode::kNoBoardOnTrial);
+  CHECK(bench.keeper.request_trial() == RefusalCode::kNone);
+
+  PeripheralKeeper next(bench.peripheral_store, nullptr);
+  next.start(&kBoardOfEsp32);
+  CHECK(next.state() == PeripheralsState::kTrial && next.list().count == 2);
+  CHECK(next.refusal() == RefusalCode::kBoardOnTrial);
+  CHECK(next.is_overdue(kStoreTrialUs) && !next.is_overdue(kStoreTrialUs - 1));
+  CHECK(next.confirm(crc + 1) == RefusalCode::kBoardRefused);
+  CHECK(next.confirm(crc) == RefusalCode::kNone);
+  CHECK(next.state() == PeripheralsState::kStored && next.refusal() == RefusalCode::kNone);
+
+  PeripheralKeeper other_board(bench.peripheral_store, nullptr);
+  other_board.start(&kBoardOfEsp32s3);
+  CHECK(other_board.state() == PeripheralsState::kUnusable && other_board.list().count == 0);
+  CHECK(other_board.refusal() == RefusalCode::kBoardUnconfirmed);
+  PeripheralKeeper no_board(bench.peripheral_store, nullptr);
+  no_board.start(nullptr);
+  CHECK(!no_board.is_active());
+}
+
+TEST(a_list_that_was_not_confirmed_is_gone_at_the_next_start) {
+  SensorBench bench(list_of({}));
+  uint8_t packed[PeripheralList::kSize];
+  const PeripheralList empty = list_of({});
+  CHECK(bench.keeper.write(0, empty.board, write_list(empty, packed)) == RefusalCode::kNone);
+  CHECK(bench.keeper.request_trial() == RefusalCode::kNone);
+  PeripheralKeeper tried(bench.peripheral_store, nullptr);
+  tried.start(&kBoardOfEsp32);
+  CHECK(tried.state() == PeripheralsState::kTrial);
+  PeripheralKeeper after(bench.peripheral_store, nullptr);
+  after.start(&kBoardOfEsp32);
+  CHECK(after.state() == PeripheralsState::kEmpty);
+}
+
+TEST(a_damaged_list_drives_nothing) {
+  SensorBench bench(list_of({}));
+  uint8_t block[8] = {1, 2, 3};
+  bench.peripheral_store.save(block, sizeof block);
+  PeripheralKeeper keeper(bench.peripheral_store, &bench.list);
+  keeper.start(&kBoardOfEsp32);
+  CHECK(keeper.state() == PeripheralsState::kUnusable);
+  CHECK(keeper.refusal() == RefusalCode::kBoardUnconfirmed);
+}

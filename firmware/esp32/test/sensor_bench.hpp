@@ -1,0 +1,90 @@
+// A robot with peripherals: `RobotBench` with inputs and readings made of variables.
+#pragma once
+
+#include <numbers>
+#include <optional>
+
+#include "built_in_boards.hpp"
+#include "robot_bench.hpp"
+#include "sensor_server.hpp"
+
+namespace wheelwire::test {
+
+struct BenchSensors final : SensorPort {
+  uint16_t at_pins = 0;
+  std::optional<ImuReading> imu;
+  std::optional<PowerReading> power;
+
+  uint16_t levels() override { return at_pins; }
+  bool take(size_t, ImuReading& out) override { return take(imu, out); }
+  bool take(size_t, PowerReading& out) override { return take(power, out); }
+
+ private:
+  template <typename Reading>
+  static bool take(std::optional<Reading>& from, Reading& out) {
+    if (!from) return false;
+    out = *from;
+    from.reset();
+    return true;
+  }
+};
+
+inline PeripheralList list_of(std::initializer_list<Peripheral> entries) {
+  PeripheralList list{.board = fingerprint(kBoardOfEsp32)};
+  for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
+  return list;
+}
+
+inline Peripheral bumper(Place place, int8_t pin = 36) {
+  return {.kind = PeripheralKind::kBumper, .place = place, .pin_a = pin};
+}
+inline Peripheral battery(uint16_t warn_mv, uint16_t limit_mv, uint16_t stop_mv) {
+  return {.kind = PeripheralKind::kBattery,
+          .value_a = warn_mv,
+          .value_b = limit_mv,
+          .value_c = stop_mv};
+}
+
+class SensorBench : public RobotBench {
+ public:
+  explicit SensorBench(const PeripheralList& peripherals, bool has_divider = true)
+      : list(peripherals), keeper(peripheral_store, &list) {
+    keeper.start(&kBoardOfEsp32);
+    device.sense(server.emplace(keeper, &sensors, has_divider ? &battery : nullptr));
+  }
+
+  void set_level(size_t channel, bool high) {
+    const auto bit = static_cast<uint16_t>(1u << channel);
+    sensors.at_pins = static_cast<uint16_t>(high ? sensors.at_pins | bit : sensors.at_pins & ~bit);
+  }
+  /// Commands it before each step, as a program does that streams; the wheels do as commanded.
+  void drive_on(float left_mps, float right_mps, int steps) {
+    for (int i = 0; i < steps; ++i) {
+      send(velocity(left_mps, right_mps));
+      const WheelPair commanded = device.commanded();
+      turn(ticks(commanded.left, rest_[0]), ticks(commanded.right, rest_[1]));
+      step();
+    }
+  }
+
+  PeripheralList list;
+  MemoryStore peripheral_store;
+  BenchSensors sensors;
+  PeripheralKeeper keeper;
+  std::optional<SensorServer> server;
+
+ private:
+  /// Those of one control period at this velocity; `rest` is what is left of a tick.
+  int ticks(int32_t umps, double& rest) const {
+    const double around_m = 2 * std::numbers::pi * device.parameter(ParameterId::kWheelRadius);
+    const double whole =
+        rest + umps * 1e-9 / around_m * device.parameter(ParameterId::kCountsPerRevolution);
+    const int count = static_cast<int>(whole);
+    rest = whole - count;
+    return count;
+  }
+
+  double rest_[2]{};
+};
+
+}  // namespace wheelwire::test

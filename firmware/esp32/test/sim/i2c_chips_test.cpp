@@ -1,0 +1,174 @@
+// The simulated chips on an I2C bus, read by the firmware's drivers.
+#include "i2c_chips.hpp"
+
+#include <cmath>
+#include <vector>
+
+#include "board.hpp"
+#include "check.hpp"
+#include "shipped_boards.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::sim;
+
+namespace {
+
+/// A board with these peripherals, whose readings are taken each millisecond.
+struct Bench {
+  explicit Bench(const std::vector<Peripheral>& entries, uint64_t seed = 1) : board(seed) {
+    board.take_up(kBoardL298n);
+    list.board = fingerprint(kBoardL298n);
+    for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
+    board.sensors.take_up(list);
+  }
+
+  void run(int milliseconds) {
+    for (int i = 0; i < milliseconds; ++i) {
+      board.run_until(board.now() + 1'000'000, true);
+      for (size_t channel = 0; channel < list.count; ++channel) {
+        ImuReading imu;
+        if (board.sensors.take(channel, imu)) imus.push_back(imu);
+        PowerReading power;
+        if (board.sensors.take(channel, power)) powers.push_back(power);
+      }
+    }
+  }
+  /// Without what came before.
+  void run_afresh(int milliseconds) {
+    imus.clear();
+    powers.clear();
+    run(milliseconds);
+  }
+
+  SimulatedBoard board;
+  PeripheralList list;
+  std::vector<ImuReading> imus;
+  std::vector<PowerReading> powers;
+};
+
+constexpr Peripheral imu_entry(SensorChip chip, Axis forward, Axis up, int8_t interrupt = -1) {
+  return {.kind = PeripheralKind::kImu,
+          .chip = chip,
+          .pin_a = 16,
+          .pin_b = 17,
+          .pin_c = interrupt,
+          .forward = forward,
+          .up = up};
+}
+
+constexpr Peripheral power_entry(SensorChip chip, uint16_t shunt_100uohm) {
+  return {.kind = PeripheralKind::kPower,
+          .chip = chip,
+          .pin_a = 16,
+          .pin_b = 17,
+          .value_a = shunt_100uohm};
+}
+
+double mean(const std::vector<ImuReading>& readings, int16_t (ImuReading::*field)[3], size_t i) {
+  double sum = 0.0;
+  for (const ImuReading& reading : readings) sum += (reading.*field)[i];
+  return sum / static_cast<double>(readings.size());
+}
+
+bool is_near(double value, double expected, double within) {
+  return std::abs(value - expected) <= within;
+}
+
+}  // namespace
+
+TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
+  for (const ImuTable& table : kImuTables) {
+    // Forward is -z, up is x: left is y, which is x cross -z.
+    for (const int8_t interrupt : {int8_t{-1}, int8_t{35}}) {
+      Bench bench{{imu_entry(table.chip, Axis::kMinusZ, Axis::kX, interrupt)}};
+      PlantModel model = bench.board.plant.model();
+      model.slope_rad = 0.1;
+      model.wheels[kLeft].blocked = model.wheels[kRight].blocked = true;
+      bench.board.plant.configure(model);
+      bench.board.sensors.chips.imu.bias_radps = 0.2;
+      bench.run(300);
+      bench.run_afresh(2000);
+      CHECK(is_near(static_cast<double>(bench.imus.size()), 400, 18));
+      const double g = 9.80665 / table.accelerometer_mps2;
+      CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0), g * std::cos(0.1), 5));
+      CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 1), 0, 5));
+      CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 2), -g * std::sin(0.1), 5));
+      CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 0), 0.2 / table.gyro_radps, 1));
+      CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2), 0, 1));
+      CHECK(is_near(bench.imus.back().temperature_cdeg, 3000, 5));
+      for (const ImuReading& reading : bench.imus) CHECK(reading.state == SensorState::kOk);
+    }
+  }
+}
+
+TEST(a_power_sensor_measures_the_motors_supply) {
+  for (const SensorChip chip : {SensorChip::kIna219, SensorChip::kIna226}) {
+    Bench bench{{power_entry(chip, 500)}};
+    PlantModel model = bench.board.plant.model();
+    model.supply_ohm = 0.2;
+    bench.board.plant.configure(model);
+    bench.run(1000);
+    CHECK(bench.powers.size() >= 8);
+    CHECK(is_near(bench.powers.back().voltage_mv, model.bridge.supply_v * 1e3, 5));
+    CHECK(bench.powers.back().current_ma == 0);
+    bench.board.hal().left_motor.drive(20'000);
+    bench.board.hal().right_motor.drive(20'000);
+    bench.run(1000);
+    const double drawn_a = bench.board.plant.drawn_a(bench.board.bridges());
+    CHECK(drawn_a > 0.02);
+    CHECK(is_near(bench.powers.back().current_ma, drawn_a * 1e3, 20));
+    CHECK(is_near(bench.powers.back().voltage_mv, bench.board.plant.supply_v() * 1e3, 10));
+  }
+}
+
+TEST(a_hung_bus_takes_all_that_is_on_it_and_lets_go_of_it) {
+  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
+               power_entry(SensorChip::kIna219, 1000)}};
+  bench.run(500);
+  bench.board.sensors.chips.imu.bus_hung = true;
+  bench.run_afresh(500);
+  CHECK(!bench.imus.empty() && bench.imus.back().state == SensorState::kHung);
+  CHECK(!bench.powers.empty() && bench.powers.back().state == SensorState::kHung);
+  bench.board.sensors.chips.imu.bus_hung = false;
+  bench.run_afresh(500);
+  CHECK(bench.imus.back().state == SensorState::kOk);
+  CHECK(bench.powers.back().state == SensorState::kOk);
+}
+
+TEST(a_power_sensor_that_lost_its_settings_gets_them_again) {
+  Bench bench{{power_entry(SensorChip::kIna219, 1000)}};
+  bench.run(500);
+  bench.board.sensors.chips.reset_power_sensors();
+  bench.run_afresh(350);
+  CHECK(bench.powers.size() >= 2 && bench.powers.front().state == SensorState::kReset);
+  CHECK(bench.powers.back().state == SensorState::kOk);
+}
+
+TEST(one_chip_is_absent_and_the_other_on_its_bus_is_not) {
+  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ),
+               power_entry(SensorChip::kIna219, 1000)}};
+  bench.board.sensors.chips.power_absent = true;
+  bench.run(500);
+  CHECK(bench.imus.back().state == SensorState::kOk);
+  CHECK(bench.powers.back().state == SensorState::kAbsent);
+}
+
+TEST(a_bus_on_a_pin_that_is_wired_to_something_else_has_no_chip) {
+  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  BoardDescription wired = kBoardL298n;
+  wired.left_encoder_a = 17;
+  bench.board.wire(wired);
+  bench.run(10);
+  CHECK(!bench.imus.empty() && bench.imus.back().state == SensorState::kAbsent);
+}
+
+TEST(samples_go_on_after_a_reset_of_the_processor) {
+  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ, 35)}};
+  bench.run(500);
+  bench.board.reset();
+  bench.board.take_up(kBoardL298n);
+  bench.board.sensors.take_up(bench.list);
+  bench.run_afresh(500);
+  CHECK(bench.imus.size() >= 75 && bench.imus.back().state == SensorState::kOk);
+  for (const ImuReading& reading : bench.imus) CHECK(reading.t_us <= bench.board.device_us());
+}

@@ -1,0 +1,372 @@
+"""Sensors, inputs and reflexes: what host and firmware must agree on about a board's peripherals.
+
+A board's *peripherals* are a list of entries of fixed size, stored beside the board and bound to
+its fingerprint. The packed entry is in `messages`. The rules that a list must obey are the core's,
+in `sensors/peripherals.hpp`; each has its sentence in `PeripheralFault`.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from .codes import DocumentedEnum, DocumentedFlag
+
+PERIPHERAL_FORMAT = 1
+"""Of the stored list. A device refuses any other."""
+MOST_PERIPHERALS = 10
+"""Entries of a list. A channel is the index of an entry."""
+
+
+class PeripheralKind(DocumentedEnum):
+    """What is connected, and what the firmware does with it."""
+
+    NONE = 0, "Nothing; the end of the list."
+    IMU = 1, "Gyroscope and accelerometer on an I2C bus."
+    POWER = 2, "Voltage and current of the supply, by a chip on an I2C bus."
+    BATTERY = 3, "Levels of the battery at which the robot warns, slows down and stops."
+    BUMPER = 4, "A normally closed switch to ground: no driving towards it while it is open."
+    CLIFF = 5, "A digital sensor that sees no floor: the robot stops."
+    STAGE_FAULT = 6, "The fault output of a power stage, low when it has tripped: the robot stops."
+
+
+class SensorChip(DocumentedEnum):
+    """The chip of an IMU or of a power sensor."""
+
+    NONE = 0, "Not a chip."
+    MPU6050 = 1, "InvenSense MPU-6050, as on the GY-521."
+    MPU6500 = 2, "InvenSense MPU-6500."
+    MPU9250 = 3, "InvenSense MPU-9250, without its magnetometer."
+    LSM6DS3 = 4, "ST LSM6DS3."
+    INA219 = 5, "TI INA219."
+    INA226 = 6, "TI INA226."
+    LSM6DS3TR_C = 7, "ST LSM6DS3TR-C."
+
+
+class Place(DocumentedEnum):
+    """Where on the robot it is."""
+
+    NONE = 0, "Nowhere in particular."
+    FRONT = 1, "At the front."
+    FRONT_LEFT = 2, "At the front, left."
+    FRONT_RIGHT = 3, "At the front, right."
+    REAR = 4, "At the rear."
+    REAR_LEFT = 5, "At the rear, left."
+    REAR_RIGHT = 6, "At the rear, right."
+
+
+FRONT_PLACES = (Place.FRONT, Place.FRONT_LEFT, Place.FRONT_RIGHT)
+REAR_PLACES = (Place.REAR, Place.REAR_LEFT, Place.REAR_RIGHT)
+
+
+class Axis(DocumentedEnum):
+    """An axis of the sensor's chip, as printed on its board."""
+
+    X = 0, "+x"
+    Y = 1, "+y"
+    Z = 2, "+z"
+    MINUS_X = 3, "-x"
+    MINUS_Y = 4, "-y"
+    MINUS_Z = 5, "-z"
+
+
+class PeripheralFlag(DocumentedFlag):
+    """Of an entry."""
+
+    TRIGGERED_LOW = 1, "A digital input triggers at the low level; otherwise at the high one."
+    PULL_UP = 2, "The chip's own pull-up holds the pin."
+    PULL_DOWN = 4, "The chip's own pull-down holds the pin."
+
+
+class PeripheralsState(DocumentedEnum):
+    """Where the active list is from."""
+
+    EMPTY = 0, "None was ever stored: nothing is measured, and no reflex acts."
+    STORED = 1, "It was confirmed."
+    TRIAL = 2, "It was written, and waits for its confirmation: nothing drives."
+    UNUSABLE = 3, "The stored one is damaged, or not of this board: nothing drives."
+
+
+class SensorState(DocumentedEnum):
+    """Whether a sensor's samples can be used. Only OK ones are sent."""
+
+    UNREAD = 0, "Not read since the start."
+    OK = 1, "Its newest sample is fresh."
+    ABSENT = 2, "It does not answer, or another chip does."
+    HUNG = 3, "Its bus is stuck: a line is held low, or a transfer does not end."
+    RESET = 4, "It has lost its settings, as after a dip of its supply; it is set up again."
+    MISSED = 5, "No new sample came within two periods."
+    FROZEN = 6, "It repeats one raw sample: the chip no longer measures."
+    ZERO = 7, "A divider reads 0 mV, as with a broken wire."
+
+
+class BatteryLevel(DocumentedEnum):
+    """How full the battery is, by the levels of its entry."""
+
+    UNKNOWN = 0, "Not judged: there is no entry for it, or no measurement yet."
+    OK = 1, "Above the level of the warning."
+    WARN = 2, "Below the level of the warning."
+    LIMIT = 3, "Below the level from which on the robot drives at half its speed at most."
+    STOP = 4, "Below the level at which it stops, until it is charged."
+
+
+class SensorEventCode(DocumentedEnum):
+    """What a SensorEvent reports."""
+
+    STATE = 0, "The sensor's state changed; `value` is the SensorState."
+    TRIGGERED = 1, "The input triggered; `value` is what its reflex does."
+    RELEASED = 2, "The input is free again; `value` is what its reflex did."
+    BATTERY = 3, "The battery's level changed; `value` is the BatteryLevel."
+    REDUCED = 4, "The line is too slow for the rate asked for; `value` is the rate [Hz]."
+
+
+class Reflex(DocumentedFlag):
+    """What the sensors forbid now, whatever the host commands."""
+
+    NO_FORWARD = 1, "A front bumper: the robot may only back out."
+    NO_REVERSE = 2, "A rear bumper: the robot may only drive forward."
+    STOP = 4, "A cliff, a power stage or the battery: nothing drives; EXTERNAL."
+    LIMIT = 8, "The battery is low: half of the speed at most."
+    UNREAD = 16, "A sensor that can stop the robot was not read since the start."
+
+
+class PeripheralFault(DocumentedEnum):
+    """Why a list is refused. `{entry}` is its number, from 1; `{pin}` a GPIO."""
+
+    NONE = 0, "Nothing is wrong."
+    FORMAT = 1, "the list has format {value}, this firmware knows {limit}: update the older one"
+    DAMAGED = 2, "its checksum is wrong: write it again"
+    OTHER_BOARD = 3, "it is for another board: write the board and its peripherals together"
+    TOO_MANY = 4, "{value} entries: a board takes {limit} at most"
+    KIND = 5, "{entry}: this firmware knows no such kind: update it"
+    CHIP = 6, "{entry}: chip: no such chip is known for this kind"
+    PLACE = 7, "{entry}: place: a bumper is at the front or at the rear; name where"
+    TWICE = 8, "{entry}: there is already one of this kind at this place; remove one"
+    PIN_MISSING = 9, "{entry}: a pin is missing"
+    PIN_ABSENT = 10, "{entry}: {pin}: the chip has no GPIO {pin} on its pins"
+    PIN_TAKEN = 11, "{entry}: {pin}: GPIO {pin} is in use already; choose a free one"
+    PIN_OF_MEMORY = 12, "{entry}: {pin}: GPIO {pin} leads to flash or PSRAM; choose another"
+    PIN_OF_LINK = 13, "{entry}: {pin}: GPIO {pin} carries the line to the computer; choose another"
+    PIN_STRAPPING = (
+        14,
+        "{entry}: {pin}: the level of GPIO {pin} at reset selects how the chip starts; "
+        "choose another",
+    )
+    PIN_INPUT_ONLY = 15, "{entry}: {pin}: GPIO {pin} is an input only; an I2C bus drives its pins"
+    NO_PULL = (
+        16,
+        "{entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and write "
+        "`pull: external`, or choose another",
+    )
+    ORIENTATION = 17, "{entry}: forward and up: choose two different axes"
+    LEVELS = (
+        18,
+        "{entry}: the levels must fall: warn_v above limit_v above stop_v above 0; leave all "
+        "three out to measure only",
+    )
+    NO_BATTERY = 19, "{entry}: the board has no battery divider, and the list no power sensor"
+    SHUNT = 20, "{entry}: shunt_mohm = {value}: choose 1 to {limit}"
+    CODE = 21, "{entry}: a code is unknown to this firmware: update it"
+    NORMALLY_OPEN = 22, "{entry}: a bumper must be normally closed: a broken wire stops it, too"
+    NOT_ON_THIS_CHIP = 23, "the chip of this board reads no peripherals"
+
+
+# Their names and values are part of the group's hash.
+CODES: tuple[type[DocumentedEnum], ...] = (
+    PeripheralKind,
+    SensorChip,
+    Place,
+    Axis,
+    PeripheralsState,
+    SensorState,
+    BatteryLevel,
+    SensorEventCode,
+    PeripheralFault,
+)
+"""Those of the group SENSOR."""
+FLAGS: tuple[type[DocumentedFlag], ...] = (PeripheralFlag, Reflex)
+MAX_SHUNT_UOHM = 6_553_500
+"""The largest shunt that an entry can name: 65535 x 100 uOhm."""
+
+
+class Order(enum.Enum):
+    """How a chip sends a 16-bit number."""
+
+    BIG = enum.auto()
+    LITTLE = enum.auto()
+
+
+@dataclass(frozen=True)
+class ImuTable:
+    """How to use one IMU. Figures are those of the chip's data sheet.
+
+    Attributes:
+        address: On the bus, with its address pin low; high is one more.
+        identity_register: Holds one of `identities`.
+        setup: Registers and the values to write to them, in order.
+        check_register: Reads `check_value` as long as the chip has its settings.
+        data_register: The first of the bytes that are read at once.
+        order: Of their numbers.
+        gyro: Where x of the gyroscope is in them, in bytes; y and z follow.
+        accelerometer: As `gyro`.
+        temperature: As `gyro`, one number.
+        size: How many bytes are read.
+        gyro_radps: Radians per second of one count.
+        accelerometer_mps2: m/s^2 of one count.
+        temperature_offset_cdeg: Hundredths of a degree Celsius at 0 counts.
+        temperature_counts: Counts for one degree.
+        gyro_noise: Standard deviation at the rates set up, in counts.
+        accelerometer_noise: As `gyro_noise`.
+        frozen_samples: So many equal raw samples in a row mean that the chip no longer measures.
+    """
+
+    address: int
+    identity_register: int
+    identities: tuple[int, ...]
+    setup: tuple[tuple[int, int], ...]
+    check_register: int
+    check_value: int
+    data_register: int
+    order: Order
+    gyro: int
+    accelerometer: int
+    temperature: int
+    size: int
+    gyro_radps: float
+    accelerometer_mps2: float
+    temperature_offset_cdeg: int
+    temperature_counts: float
+    gyro_noise: float
+    accelerometer_noise: float
+    frozen_samples: int
+
+
+_RADIAN = 0.017453292519943295
+_GRAVITY = 9.80665
+
+# All are set to 500 deg/s and 4 g, with a low-pass filter of some 40 Hz.
+_MPU: dict[str, Any] = {
+    "address": 0x68,
+    "identity_register": 0x75,
+    "data_register": 0x3B,
+    "order": Order.BIG,
+    "accelerometer": 0,
+    "temperature": 6,
+    "gyro": 8,
+    "size": 14,
+    "gyro_radps": _RADIAN / 65.5,
+    "accelerometer_mps2": _GRAVITY / 8192,
+    "check_register": 0x1B,
+    "check_value": 0x08,
+    "frozen_samples": 4,
+}
+
+# As the MPU-6050, with the accelerometer's filter in a register of its own.
+_MPU6500: dict[str, Any] = {
+    **_MPU,
+    "setup": ((0x6B, 1), (0x1A, 3), (0x1B, 8), (0x1C, 8), (0x1D, 3), (0x19, 4), (0x38, 1)),
+    "temperature_offset_cdeg": 2100,
+    "temperature_counts": 333.87,
+    "gyro_noise": 4.1,
+    "accelerometer_noise": 15.5,
+}
+
+# CTRL1_XL: 208 Hz, 4 g; CTRL2_G: 208 Hz, 500 deg/s; CTRL3_C: block update, increment; INT1_CTRL:
+# data ready of the gyroscope.
+_LSM6: dict[str, Any] = {
+    "address": 0x6A,
+    "identity_register": 0x0F,
+    "setup": ((0x12, 0x44), (0x10, 0x58), (0x11, 0x54), (0x0D, 0x02)),
+    "check_register": 0x11,
+    "check_value": 0x54,
+    "data_register": 0x20,
+    "order": Order.LITTLE,
+    "temperature": 0,
+    "gyro": 2,
+    "accelerometer": 8,
+    "size": 14,
+    "gyro_radps": _RADIAN * 0.0175,
+    "accelerometer_mps2": _GRAVITY * 0.000122,
+    "temperature_offset_cdeg": 2500,
+    "gyro_noise": 2.8,
+    "accelerometer_noise": 7.5,
+    "frozen_samples": 4,
+}
+
+IMUS: Mapping[SensorChip, ImuTable] = MappingProxyType(
+    {
+        # PWR_MGMT_1: clock of the x gyroscope; CONFIG: filter; then the two ranges; SMPLRT_DIV;
+        # INT_ENABLE: data ready.
+        SensorChip.MPU6050: ImuTable(
+            identities=(0x68,),
+            setup=((0x6B, 0x01), (0x1A, 0x03), (0x1B, 0x08), (0x1C, 0x08), (0x19, 4), (0x38, 1)),
+            temperature_offset_cdeg=3653,
+            temperature_counts=340.0,
+            gyro_noise=2.1,
+            accelerometer_noise=20.7,
+            **_MPU,
+        ),
+        SensorChip.MPU6500: ImuTable(identities=(0x70,), **_MPU6500),
+        SensorChip.MPU9250: ImuTable(identities=(0x71, 0x73), **_MPU6500),
+        SensorChip.LSM6DS3: ImuTable(identities=(0x69,), temperature_counts=16.0, **_LSM6),
+        SensorChip.LSM6DS3TR_C: ImuTable(identities=(0x6A,), temperature_counts=256.0, **_LSM6),
+    }
+)
+"""By SensorChip."""
+
+
+@dataclass(frozen=True)
+class PowerTable:
+    """How to use one power sensor. Figures are those of the chip's data sheet.
+
+    Attributes:
+        address: On the bus, with its address pins low.
+        setup: The 16-bit value of the configuration register, 0.
+        identity_register: Holds `identity`; -1: the chip has none, the configuration is read.
+        identity: What it holds.
+        bus_register: Of the voltage.
+        bus_shift: How far its counts are shifted to the left.
+        bus_uv: Microvolts of one count.
+        shunt_nv: Nanovolts of one count of the shunt's voltage, register 1.
+    """
+
+    address: int
+    setup: int
+    identity_register: int
+    identity: int
+    bus_register: int
+    bus_shift: int
+    bus_uv: int
+    shunt_nv: int
+
+
+POWERS: Mapping[SensorChip, PowerTable] = MappingProxyType(
+    {
+        # 32 V, 320 mV, 12 bits, 8 samples, continuous.
+        SensorChip.INA219: PowerTable(
+            address=0x40,
+            setup=0x3DDF,
+            identity_register=0,
+            identity=0x3DDF,
+            bus_register=2,
+            bus_shift=3,
+            bus_uv=4000,
+            shunt_nv=10_000,
+        ),
+        # 16 samples of 1.1 ms, continuous.
+        SensorChip.INA226: PowerTable(
+            address=0x40,
+            setup=0x4527,
+            identity_register=0xFE,
+            identity=0x5449,
+            bus_register=2,
+            bus_shift=0,
+            bus_uv=1250,
+            shunt_nv=2500,
+        ),
+    }
+)
+"""By SensorChip."""
