@@ -25,9 +25,11 @@ ChipState::ChipState(WiredBoard& wired)
 
 SimulatedBoard::SimulatedBoard(uint64_t seed)
     : encoders{Quadrature(mix(seed)), Quadrature(mix(seed + 1))},
+      sensors(*this, mix(seed + 2)),
       active_(kBoardOfEsp32),
       wired_(kBoardOfEsp32) {
-  for (Store* const one : {&store, &board_store, &latch_store}) one->lie_in(flash);
+  for (Store* const one : {&store, &board_store, &peripheral_store, &latch_store})
+    one->lie_in(flash);
   reset();
 }
 
@@ -39,6 +41,7 @@ void SimulatedBoard::run_until(Nanoseconds end, bool listening) {
     plant.step(static_cast<double>(step) * kNanosecond, applied);
     for (const Side side : kSides) turn_encoder(side);
     now_ += step;
+    sensors.advance(listening);
     if (is_browned_out()) break;
   }
   battery.sag_v = plant.sag_v();
@@ -141,6 +144,12 @@ void SimulatedBoard::rewire(const BoardDescription& board) {
     battery.measured =
         static_cast<double>(active_.battery_divider_permille) / board.battery_divider_permille;
   }
+}
+
+bool SimulatedBoard::is_free(int pin) const {
+  for (size_t i = 0; i < kBoardPinCount; ++i)
+    if (wired_.description().pin(static_cast<BoardPin>(i)) == pin) return false;
+  return true;
 }
 
 void SimulatedBoard::set_floating_level(bool high) {

@@ -16,6 +16,7 @@
 #include "power_stage.hpp"
 #include "quadrature.hpp"
 #include "recorder_keeper.hpp"
+#include "sensors.hpp"
 #include "store.hpp"
 #include "wired_board.hpp"
 
@@ -85,18 +86,21 @@ class SimulatedBoard final : public EncoderPort {
   Partition flash;
   Store store;
   Store board_store;
+  Store peripheral_store;
   RetainedMemory latches;
   Store latch_store;
   Flash recorder_flash{RecorderKeeper::kFlashSize};
   EstopContact estop{*this};
   Battery battery;
+  Sensors sensors;
   DeviceClock clock;
 
-  /// Keeps what is saved in this file; the board, a latched e-stop and what is recorded in files
-  /// beside it.
+  /// Keeps what is saved in this file; the board, its peripherals, a latched e-stop and what is
+  /// recorded in files beside it.
   void use_files(const std::string& path) {
     store.use_file(path);
     board_store.use_file(path + ".board");
+    peripheral_store.use_file(path + ".peripherals");
     latch_store.use_file(path + ".latch");
     recorder_flash.use_file(path + ".recorder");
   }
@@ -120,6 +124,8 @@ class SimulatedBoard final : public EncoderPort {
   void wire_as_active();
   bool is_wired_as_active() const { return wired_as_active_; }
   const BoardDescription& wired() const { return wired_.description(); }
+  /// Whether the board that is wired has nothing at this GPIO: it is left to a peripheral.
+  bool is_free(int pin) const;
   void set_floating_level(bool high);
   bool floating_level() const { return wired_.floating_level(); }
 

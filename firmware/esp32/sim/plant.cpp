@@ -63,14 +63,22 @@ void Plant::step(double dt, const std::array<BridgeState, 2>& bridges) {
   const double uphill = model_.slope_rad == 0.0 ? 0.0 : std::cos(pose_.heading_rad);
   if (model_.supply_ohm != 0.0) step_supply(bridges);
   for (const Side side : kSides) step_side(side, dt, bridge_of(side, bridges), uphill);
-  if (!model_.wheels_free) step_pose();
+  forward_mps_ = yaw_rate_radps_ = 0.0;
+  if (!model_.wheels_free) step_pose(dt);
 }
 
 /// The voltage moves towards what the last step's current leaves of it, by the share that is
 /// stable at any resistance: the current grows with the voltage by 1 / winding_ohm at most.
 void Plant::step_supply(const std::array<BridgeState, 2>& bridges) {
-  double drawn_a = 0.0;
   double conductance = 0.0;
+  for (const Side side : kSides) conductance += 1.0 / constants_[side].motor.winding_ohm;
+  const double sag_v = model_.supply_ohm * drawn_a(bridges);
+  const double target = std::max(0.0, model_.bridge.supply_v - sag_v);
+  bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
+}
+
+double Plant::drawn_a(const std::array<BridgeState, 2>& bridges) const {
+  double drawn_a = 0.0;
   for (const Side side : kSides) {
     const BridgeState& bridge = bridge_of(side, bridges);
     // The supply feeds the motor in the PWM's on time; in the rest its current circulates.
@@ -79,10 +87,8 @@ void Plant::step_supply(const std::array<BridgeState, 2>& bridges) {
     const bool reversed = model_.wheels[side].motor_reversed == (net > 0.0);
     const double current_a = wheels_[side].current_a * (reversed ? -1.0 : 1.0);
     if (bridge.drives()) drawn_a += share * std::max(0.0, current_a);
-    conductance += 1.0 / constants_[side].motor.winding_ohm;
   }
-  const double target = std::max(0.0, model_.bridge.supply_v - model_.supply_ohm * drawn_a);
-  bridge_.supply_v += (target - bridge_.supply_v) / (1.0 + model_.supply_ohm * conductance);
+  return drawn_a;
 }
 
 void Plant::step_side(Side side, double dt, const BridgeState& bridge, double uphill) {
@@ -147,10 +153,10 @@ void Plant::engage(Side side) {
 }
 
 /// Exact arc of the two rolled lengths, the chord taken along the mean heading.
-void Plant::step_pose() {
-  const double left = gears_[kLeft].rolled_rad * constants_[kLeft].radius_m * (1.0 - slip_[kLeft]);
+void Plant::step_pose(double dt) {
+  const double left = gears_[kLeft].rolled_rad * constants_[kLeft].radius_m * (1.0 - slip(kLeft));
   const double right =
-      gears_[kRight].rolled_rad * constants_[kRight].radius_m * (1.0 - slip_[kRight]);
+      gears_[kRight].rolled_rad * constants_[kRight].radius_m * (1.0 - slip(kRight));
   if (left == 0.0 && right == 0.0) return;
   const double length = (left + right) / 2.0;
   const double half_turn = (right - left) / model_.wheel_separation_m / 2.0;
@@ -161,6 +167,8 @@ void Plant::step_pose() {
   pose_.y_m += chord * std::sin(pose_.heading_rad + half_turn);
   pose_.heading_rad += 2.0 * half_turn;
   distance_m_ += std::abs(length);
+  forward_mps_ = length / dt;
+  yaw_rate_radps_ = 2.0 * half_turn / dt;
 }
 
 double Plant::kinetic_energy_j() const {

@@ -26,6 +26,7 @@ struct WheelModel {
   /// Play of the gearbox. The encoder is on the motor's side of it.
   double backlash_rad = 0.0;
   double load_nm = 0.0;  ///< Against forward.
+  double slip = 0.0;     ///< Of the travel, lost whatever the push: the wheel stands on ice.
   bool blocked = false;
 };
 
@@ -89,8 +90,16 @@ class Plant {
   /// By the last step, on the motor's side of the play.
   double turned_rad(Side side) const { return gears_[side].turned_rad; }
   double wheel_rad(Side side) const { return gears_[side].wheel_rad; }  ///< Since the start.
-  double slip(Side side) const { return slip_[side]; }  ///< Share of the travel that is lost.
-  double supply_v() const { return bridge_.supply_v; }  ///< As it sags.
+  /// Share of the travel that is lost.
+  double slip(Side side) const {
+    const double always = model_.wheels[side].slip;
+    return slip_[side] + always - slip_[side] * always;
+  }
+  double forward_mps() const { return forward_mps_; }        ///< Of the centre, in the last step.
+  double yaw_rate_radps() const { return yaw_rate_radps_; }  ///< In the last step.
+  double supply_v() const { return bridge_.supply_v; }       ///< As it sags.
+  /// From the supply, by these bridges.
+  double drawn_a(const std::array<BridgeState, 2>& bridges) const;
   double sag_v() const { return model_.bridge.supply_v - bridge_.supply_v; }
   double kinetic_energy_j() const;
   bool stands_still() const { return wheels_[kLeft].speed == 0.0 && wheels_[kRight].speed == 0.0; }
@@ -128,7 +137,7 @@ class Plant {
   void step_slip(Side side, double push_nm);
   void turn_by_hand_for(Side side, double dt, double current_a);
   void engage(Side side);
-  void step_pose();
+  void step_pose(double dt);
 
   PlantModel model_;
   BridgeModel bridge_;  ///< The model's, with the supply as it sags.
@@ -139,6 +148,8 @@ class Plant {
   std::array<double, 2> slip_{};
   Pose pose_;
   double distance_m_ = 0.0;
+  double forward_mps_ = 0.0;
+  double yaw_rate_radps_ = 0.0;
 };
 
 }  // namespace wheelwire::sim

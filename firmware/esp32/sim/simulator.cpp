@@ -96,6 +96,12 @@ void Simulator::boot() {
   if (keeper_->is_confirmed()) apply_board(keeper_->board(), boot_specs_);
   board.take_up(keeper_->board(), keeper_->is_confirmed());
   device_.emplace(board.hal(), identity_, boot_specs_, &*keeper_);
+  static const PeripheralList own_peripherals = default_peripherals();
+  peripherals_.emplace(board.peripheral_store, &own_peripherals);
+  peripherals_->start(keeper_->is_confirmed() ? &keeper_->board() : nullptr);
+  board.sensors.take_up(peripherals_->list());
+  sensors_.emplace(*peripherals_, &board.sensors, &board.battery);
+  device_->sense(*sensors_);
   const uint64_t now_us = board.device_us();
   if (driver_failed_) device_->report_driver_failure();
   device_->start(now_us);
@@ -130,6 +136,8 @@ void Simulator::reset(ResetReason reason) {
   device_.reset();
   recorder_.reset();
   keeper_.reset();
+  sensors_.reset();
+  peripherals_.reset();
   board.reset();
   if (loses_memory(reason)) {
     board.latches.lose();

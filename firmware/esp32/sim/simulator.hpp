@@ -10,6 +10,7 @@
 #include "box_image.hpp"
 #include "device.hpp"
 #include "random.hpp"
+#include "sensor_server.hpp"
 
 namespace wheelwire::sim {
 
@@ -67,6 +68,11 @@ class Simulator {
 
   BoardState board_state() const { return keeper_ ? keeper_->state() : BoardState::kNone; }
 
+  PeripheralsState peripherals_state() const {
+    return peripherals_ ? peripherals_->state() : PeripheralsState::kEmpty;
+  }
+  uint8_t reflexes() const { return device_ ? device_->reflexes() : uint8_t{0}; }
+
   ResetReason reset_reason() const { return identity_.reset_reason; }
   uint32_t boot_id() const { return identity_.boot_id; }
   SupervisorState state() const { return device_ ? device_->state() : SupervisorState::kBoot; }
@@ -94,6 +100,8 @@ class Simulator {
   ParameterSpec specs_[kParameterCount];
   ParameterSpec boot_specs_[kParameterCount];  // With the defaults that the board gives.
   std::optional<BoardKeeper> keeper_;          // None while the chip boots, as the device.
+  std::optional<PeripheralKeeper> peripherals_;
+  std::optional<SensorServer> sensors_;
   RecorderMemory recorder_memory_{};
   std::optional<RecorderKeeper> recorder_;
   std::optional<Device> device_;

@@ -200,6 +200,10 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
               toggle(side + ".motor_open", "A wire of the motor is off: no current flows.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].load_nm; }>(
               real(side + ".load_nm", "N m", -10, 10, "Acts against forward motion.")),
+          with_model<[](auto& m) -> auto& { return m.wheels[kSide].slip; }>(
+              real(side + ".slip", "", 0, 1,
+                   "The share of the wheel's travel that does not move the robot, whatever it "
+                   "pushes, as on ice.")),
           with_model<[](auto& m) -> auto& { return m.wheels[kSide].blocked; }>(
               toggle(side + ".blocked", "The wheel is held fast.")),
           with_field<[](auto& s) -> auto& { return s.board.encoders[kSide].model.dead; }>(
@@ -237,9 +241,8 @@ void add_wheel(std::vector<Variable>& table, const std::string& side) {
                   [](const Simulator& s) { return s.board.plant.speed_mps(kSide); }),
           reading("true." + side + "_ticks", "tick",
                   "What an ideal encoder at its place would have counted.",
-                  [](const Simulator& s) {
-                    return static_cast<double>(s.board.encoders[kSide].ticks());
-                  }),
+                  [](const Simulator&
+                         s) { return static_cast<double>(s.board.encoders[kSide].ticks()); }),
       });
 }
 
@@ -280,6 +283,60 @@ Variable floating_level() {
   return variable;
 }
 
+template <Place kPlace>
+Variable bumper(std::string name) {
+  return with_field<[](auto& s) -> auto& {
+    return s.board.sensors.bumpers[static_cast<size_t>(kPlace)];
+  }>(toggle(std::move(name), "It is pressed, or its wire is broken. Needs a bumper there."));
+}
+
+template <Place kPlace>
+Variable cliff(std::string name) {
+  return with_field<[](auto& s) -> auto& {
+    return s.board.sensors.cliffs[static_cast<size_t>(kPlace)];
+  }>(toggle(std::move(name), "No floor below it. Needs a cliff sensor there."));
+}
+
+void add_chips(std::vector<Variable>& table) {
+  table.insert(
+      table.end(),
+      {
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.bias_radps; }>(
+              real("imu.bias", "rad/s", -5, 5, "What the gyroscope adds to the yaw rate.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.noise; }>(
+              scale("imu.noise", 0, 100,
+                    "Relative to the chip's own. Without any, equal samples in a row mean that it "
+                    "is frozen.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.freeze; }>(
+              toggle("imu.freeze", "The IMU repeats its newest sample.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.absent; }>(
+              toggle("imu.absent", "The IMU's plug is off.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.bus_hung; }>(
+              toggle("imu.bus_hung",
+                     "A line of the IMU's bus is held low. What else is on it hangs, too.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.interrupt_lost; }>(
+              toggle("imu.interrupt_lost", "The wire of the IMU's data-ready output is off.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.power_absent; }>(
+              toggle("power.absent", "The power sensor does not answer.")),
+      });
+  Variable reset = toggle("imu.reset",
+                          "Setting it, the IMU loses its settings once, as by a dip of its supply; "
+                          "reads as 0.");
+  reset.get = [](const Simulator&) { return 0.0; };
+  reset.set = [](Simulator& s, double value) {
+    if (value != 0.0) s.board.sensors.chips.reset_imus();
+    return true;
+  };
+  Variable power_reset = reset;
+  power_reset.name = "power.reset";
+  power_reset.doc = "Setting it, the power sensor loses its settings once; reads as 0.";
+  power_reset.set = [](Simulator& s, double value) {
+    if (value != 0.0) s.board.sensors.chips.reset_power_sensors();
+    return true;
+  };
+  table.insert(table.end(), {reset, power_reset});
+}
+
 void add_device(std::vector<Variable>& table) {
   table.insert(
       table.end(),
@@ -288,6 +345,18 @@ void add_device(std::vector<Variable>& table) {
               whole("counts_per_revolution", "tick", 4, 200'000, "Of the encoders, x4.")),
           with_field<[](auto& s) -> auto& { return s.board.estop.open; }>(
               toggle("estop_open", "The normally-closed e-stop contact is open.")),
+          bumper<Place::kFront>("bumper.front"),
+          bumper<Place::kFrontLeft>("bumper.front_left"),
+          bumper<Place::kFrontRight>("bumper.front_right"),
+          bumper<Place::kRear>("bumper.rear"),
+          bumper<Place::kRearLeft>("bumper.rear_left"),
+          bumper<Place::kRearRight>("bumper.rear_right"),
+          cliff<Place::kFront>("cliff.front"),
+          cliff<Place::kFrontLeft>("cliff.front_left"),
+          cliff<Place::kFrontRight>("cliff.front_right"),
+          cliff<Place::kRear>("cliff.rear"),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.stage_fault; }>(
+              toggle("stage_fault", "A power stage reports a fault. Needs an input for it.")),
           with_field<[](auto& s) -> auto& { return s.board.battery.volts; }>(
               real("battery_v", "V", 0, 60,
                    "What the battery input senses, less what the supply sags; 0: not measured.")),
@@ -295,6 +364,8 @@ void add_device(std::vector<Variable>& table) {
               toggle("store_failing", "The parameter store cannot be written.")),
           with_field<[](auto& s) -> auto& { return s.board.board_store.failing; }>(
               toggle("board_store_failing", "The store of the board cannot be written.")),
+          with_field<[](auto& s) -> auto& { return s.board.peripheral_store.failing; }>(toggle(
+              "peripheral_store_failing", "The store of the peripherals cannot be written.")),
           with_field<[](auto& s) -> auto& { return s.board_unwritten; }>(
               toggle("board_unwritten",
                      "No board was written or confirmed, as on a fresh chip: nothing drives. From "
@@ -360,6 +431,8 @@ void add_readings(std::vector<Variable>& table) {
                   [](const Simulator& s) { return s.board.plant.pose().y_m; }),
           reading("true.heading_rad", "rad", "Counter-clockwise positive, not wrapped.",
                   [](const Simulator& s) { return s.board.plant.pose().heading_rad; }),
+          reading("true.yaw_rate_radps", "rad/s", "Counter-clockwise positive.",
+                  [](const Simulator& s) { return s.board.plant.yaw_rate_radps(); }),
           reading("true.distance_m", "m", "Length of the centre's path.",
                   [](const Simulator& s) { return s.board.plant.distance_m(); }),
           reading("true.kinetic_energy_j", "J", "Of robot and wheels.",
@@ -411,6 +484,7 @@ std::vector<Variable> make_table() {
   add_wheel<kLeft>(table, "left");
   add_wheel<kRight>(table, "right");
   add_device(table);
+  add_chips(table);
   add_readings(table);
   return table;
 }

@@ -1,0 +1,259 @@
+"""The simulated robot's IMU: what it measures, and each of its faults by name and in time."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from statistics import fmean, stdev
+
+import pytest
+
+from support.raw import RawHost
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.sensors import IMUS, SensorChip, SensorEventCode, SensorState
+from wheelwire_protocol.types import (
+    Imu,
+    SensorEvent,
+    SensorInfo,
+    SensorStream,
+    SetStreamRate,
+    SetWheelVelocity,
+    WheelState,
+)
+
+IMU = 0
+"""Its channel on the default board."""
+TABLE = IMUS[SensorChip.MPU6050]
+PERIOD_MS = 5
+SETTLE_MS = 100
+RETRY_MS = 100
+
+
+class SensingHost(RawHost):
+    """A host that asks for all samples, of a robot whose IMU measures."""
+
+    def __init__(self, seed: int = 1, /, **settings: float) -> None:
+        super().__init__(seed)
+        for name, value in settings.items():
+            self.sim.set(name, value)
+        self.sim.reset()
+        self.run_ms(100)
+        self.open()
+        self.send(SetStreamRate(self.session_id, 1, 100), SensorStream(self.session_id, 2, 200))
+        self.run_ms(2 * SETTLE_MS)
+        self._commands = 0
+
+    def states(self) -> list[tuple[int, SensorState]]:
+        """Each change of the IMU's state, with the device clock."""
+        return [
+            (event.t_us, SensorState(event.value))
+            for event in self.of(SensorEvent)
+            if (event.channel, event.code) == (IMU, SensorEventCode.STATE)
+        ]
+
+    def ms_until(self, state: SensorState) -> float:
+        """Lets time pass until the device says so; how long it took by its clock."""
+        self.received.clear()
+        start_us = self.device_us
+        for _ in range(5000):
+            self.run_ms(1)
+            for t_us, found in self.states():
+                if found is state:
+                    return (t_us - start_us) / 1e3
+        pytest.fail(f"it never was {state.name}: {self.states()}")
+
+    def drive(self, left_mps: float, right_mps: float, milliseconds: int) -> None:
+        """Command 50 times a second."""
+        for _ in range(milliseconds // 20):
+            self._commands += 1
+            expiry_us = (self.device_us + 500_000) % 2**32
+            self.send(
+                SetWheelVelocity(self.session_id, self._commands, expiry_us, left_mps, right_mps)
+            )
+            self.run_ms(20)
+
+    def yaw_rates(self) -> list[float]:
+        """What was received. [rad/s]"""
+        return [sample.gyro_z * TABLE.gyro_radps for sample in self.of(Imu)]
+
+
+def accelerations(host: SensingHost) -> tuple[float, float, float]:
+    """The means of what was received, in the chip's axes. [m/s^2]"""
+    samples = host.of(Imu)
+    scale = TABLE.accelerometer_mps2
+    return (
+        fmean(sample.accelerometer_x for sample in samples) * scale,
+        fmean(sample.accelerometer_y for sample in samples) * scale,
+        fmean(sample.accelerometer_z for sample in samples) * scale,
+    )
+
+
+# --- what it measures ----------------------------------------------------------------------------
+
+
+def test_at_rest_it_measures_gravity_and_its_own_noise() -> None:
+    host = SensingHost()
+    host.received.clear()
+    host.run_ms(5000)
+    samples = host.of(Imu)
+    assert len(samples) == pytest.approx(1000, abs=2)
+    x, y, z = accelerations(host)
+    assert x == pytest.approx(0, abs=0.01)
+    assert y == pytest.approx(0, abs=0.01)
+    assert z == pytest.approx(9.80665, abs=0.01)
+    assert fmean(host.yaw_rates()) == pytest.approx(0, abs=1e-4)
+    noise = stdev(sample.gyro_z for sample in samples)
+    assert noise == pytest.approx(TABLE.gyro_noise, rel=0.1)
+    assert stdev(sample.accelerometer_x for sample in samples) == pytest.approx(
+        TABLE.accelerometer_noise, rel=0.1
+    )
+
+
+def test_each_sample_comes_once_with_the_time_of_its_edge() -> None:
+    host = SensingHost()
+    host.received.clear()
+    host.run_ms(5000)
+    samples = host.of(Imu)
+    steps = {(b.sample - a.sample) % 2**16 for a, b in pairwise(samples)}
+    assert steps == {1}
+    periods = [b.t_us - a.t_us for a, b in pairwise(samples)]
+    assert all(abs(period - 5000) <= 100 for period in periods)
+    assert {sample.bound_us for sample in samples} == {50}
+
+
+def test_the_yaw_rate_is_that_of_the_body_and_its_integral_the_heading() -> None:
+    host = SensingHost()
+    host.received.clear()
+    before = host.sim.get("true.heading_rad")
+    host.drive(-0.1, 0.1, 3000)
+    assert host.yaw_rates()[-1] == pytest.approx(host.sim.get("true.yaw_rate_radps"), abs=0.05)
+    turned = sum(host.yaw_rates()) * PERIOD_MS * 1e-3
+    assert turned == pytest.approx(host.sim.get("true.heading_rad") - before, abs=0.02)
+    assert turned > 2.0
+
+
+def test_a_wheel_that_slips_turns_the_body_and_not_the_odometry() -> None:
+    host = SensingHost(**{"left.slip": 0.3})
+    host.received.clear()
+    host.drive(0.2, 0.2, 3000)
+    wheels = host.of(WheelState)[-1]
+    assert wheels.left_ticks == pytest.approx(wheels.right_ticks, abs=20)
+    expected = 0.3 * 0.2 / 0.2  # what is lost on one side, by the separation
+    assert fmean(host.yaw_rates()[-200:]) == pytest.approx(expected, rel=0.05)
+    assert host.sim.get("true.yaw_rate_radps") == pytest.approx(expected, rel=0.05)
+    assert host.sim.get("true.left_slip") == pytest.approx(0.3)
+
+
+def test_what_drives_forward_is_felt_in_the_axis_that_points_there() -> None:
+    host = SensingHost()
+    info = host.of(SensorInfo)[-1]
+    assert info.channel == IMU
+    host.received.clear()
+    host.drive(0.3, 0.3, 200)
+    _, y, _ = accelerations(host)
+    speed_mps = host.sim.get("true.left_mps")
+    assert y == pytest.approx(speed_mps / 0.2, rel=0.1)
+
+
+def test_a_slope_tilts_gravity() -> None:
+    host = SensingHost(slope_rad=0.2, **{"left.blocked": 1, "right.blocked": 1})
+    host.received.clear()
+    host.run_ms(2000)
+    x, y, z = accelerations(host)
+    assert y == pytest.approx(9.80665 * math.sin(0.2), abs=0.05)
+    assert z == pytest.approx(9.80665 * math.cos(0.2), abs=0.05)
+    assert x == pytest.approx(0, abs=0.05)
+
+
+def test_bias_and_noise_are_variables() -> None:
+    host = SensingHost(**{"imu.bias": 0.05, "imu.noise": 4})
+    host.received.clear()
+    host.run_ms(5000)
+    assert fmean(host.yaw_rates()) == pytest.approx(0.05, abs=1e-3)
+    noise = stdev(sample.gyro_z for sample in host.of(Imu))
+    assert noise == pytest.approx(4 * TABLE.gyro_noise, rel=0.1)
+
+
+# --- its faults ----------------------------------------------------------------------------------
+
+
+def silent(host: SensingHost, milliseconds: int) -> bool:
+    """Whether no sample comes in this time."""
+    host.received.clear()
+    host.run_ms(milliseconds)
+    return not host.of(Imu)
+
+
+def test_a_chip_that_repeats_itself_is_frozen_within_one_sample_more_than_its_table_says() -> None:
+    for phase_ms in range(PERIOD_MS):
+        host = SensingHost()
+        host.run_ms(phase_ms)
+        host.sim.set("imu.freeze", 1)
+        assert host.ms_until(SensorState.FROZEN) <= (TABLE.frozen_samples + 1) * PERIOD_MS
+        assert silent(host, 1000)
+        host.sim.set("imu.freeze", 0)
+        assert host.ms_until(SensorState.OK) <= RETRY_MS + SETTLE_MS + 10 * PERIOD_MS
+
+
+def test_a_chip_whose_plug_is_off_is_absent_within_two_periods_and_set_up_anew() -> None:
+    host = SensingHost()
+    host.sim.set("imu.absent", 1)
+    assert host.ms_until(SensorState.ABSENT) <= 2 * PERIOD_MS + 3
+    assert silent(host, 1000)
+    host.sim.set("imu.absent", 0)
+    assert host.ms_until(SensorState.OK) <= RETRY_MS + SETTLE_MS + 2 * PERIOD_MS + 3
+    assert SensorState.RESET in {state for _, state in host.states()}
+
+
+def test_a_chip_that_loses_its_settings_is_reset_and_gets_them_again() -> None:
+    host = SensingHost()
+    host.sim.set("imu.reset", 1)
+    assert host.sim.get("imu.reset") == 0
+    assert host.ms_until(SensorState.RESET) <= 3 * PERIOD_MS + 2
+    assert host.ms_until(SensorState.OK) <= SETTLE_MS + 2 * PERIOD_MS + 2
+    host.received.clear()
+    host.run_ms(1000)
+    assert accelerations(host)[2] == pytest.approx(9.80665, abs=0.02)
+
+
+def test_without_the_wire_of_its_interrupt_it_is_missed_after_two_periods() -> None:
+    host = SensingHost()
+    host.sim.set("imu.interrupt_lost", 1)
+    assert host.ms_until(SensorState.MISSED) <= 3 * PERIOD_MS + 1
+    assert silent(host, 1000)
+    host.sim.set("imu.interrupt_lost", 0)
+    assert host.ms_until(SensorState.OK) <= 2 * PERIOD_MS + 2
+
+
+def test_a_robot_without_the_chip_says_so_and_drives() -> None:
+    host = SensingHost(**{"imu.absent": 1})
+    (info,) = [info for info in host.of(SensorInfo) if info.channel == IMU]
+    assert info.state == SensorState.ABSENT
+    host.drive(0.2, 0.2, 1000)
+    assert host.sim.state is SupervisorState.DRIVING
+
+
+def test_a_bus_that_hangs_leaves_the_control_steps_on_time() -> None:
+    calm, hung = SensingHost(), SensingHost()
+    hung.sim.set("imu.bus_hung", 1)
+    assert hung.ms_until(SensorState.HUNG) <= PERIOD_MS + 2 * 5 + 2
+    calm.run_ms(round((hung.device_us - calm.device_us) / 1e3))
+    for host in (calm, hung):
+        host.received.clear()
+        host.drive(0.2, 0.25, 2000)
+    assert not hung.of(Imu)
+    assert hung.of(WheelState)  # the same states, at the same times
+    assert hung.of(WheelState) == calm.of(WheelState)
+    assert {state.overruns for state in hung.of(WheelState)} == {0}
+    hung.sim.set("imu.bus_hung", 0)
+    assert hung.ms_until(SensorState.OK) <= RETRY_MS + 2 * 5 + 2 * PERIOD_MS + 2
+
+
+def test_the_same_seed_gives_the_same_samples() -> None:
+    runs = []
+    for seed in (1, 1, 2):
+        host = SensingHost(seed)
+        host.received.clear()
+        host.run_ms(200)
+        runs.append([sample.gyro_x for sample in host.of(Imu)])
+    assert runs[0] == runs[1] != runs[2]
