@@ -31,6 +31,8 @@ std::vector<Operations> boards() {
       {make(Kind::kWire, {-1, 1, 1}), boot, open},
       {boot, open, make(Kind::kBoardWrite, {0, kLateBoard}), make(Kind::kRestart, {0}),
        make(Kind::kRun, {130e3}), open},
+      {boot, open, make(Kind::kPeripherals, {0, 2}), make(Kind::kRestart, {0}),
+       make(Kind::kRun, {130e3}), open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 1}), boot, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreUnreadable}, 0}), boot, open},
       {make(Kind::kStoreUnreadable, {double{fault::kStoreFull}, 2}), boot, open},
@@ -69,7 +71,8 @@ std::vector<Operations> circumstances() {
   return {{},
           {make(Kind::kContact, {1})},
           {make(Kind::kContact, {1}), make(Kind::kRun, {2e3}), make(Kind::kContact, {0})},
-          {make(Kind::kStoreFails, {0, 1}), make(Kind::kStoreFails, {1, 1})}};
+          {make(Kind::kStoreFails, {0, 1}), make(Kind::kStoreFails, {1, 1}),
+           make(Kind::kStoreFails, {3, 1})}};
 }
 
 std::vector<Operation> messages() {
@@ -140,6 +143,13 @@ std::vector<Operation> messages() {
       make(Kind::kBoxRead, {0, 1, 0}),
       make(Kind::kLedger, {0}),
       make(Kind::kUnsaved, {0}),
+      make(Kind::kSensorStream, {0, 100}),
+      make(Kind::kPeripheralGet, {0, 0}),
+      make(Kind::kPeripherals, {0, 1}),
+      make(Kind::kPeripherals, {0, 1, 1}),
+      make(Kind::kPeripherals, {0, 1, 3}),
+      make(Kind::kPeripheralsConfirm, {0, 0}),
+      make(Kind::kPeripheralsConfirm, {0, 1}),
       make(Kind::kRepeat, {0, 0}),
       make(Kind::kRepeat, {0, 1}),
   };

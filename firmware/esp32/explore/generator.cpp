@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "boards.hpp"
+#include "peripheral_lists.hpp"
 #include "protocol.hpp"
 #include "random.hpp"
 
@@ -462,6 +463,67 @@ class Generator {
     drive(std::floor(spread(50e3, 1e6)));
   }
 
+  // --- sensors -----------------------------------------------------------------------------------
+
+  /// Mostly one of those that the list of the robot has.
+  double sensed() {
+    if (chance(20)) return static_cast<double>(below(static_cast<size_t>(Sensed::kCount)));
+    const auto of = [&](Sensed one, Sensed other) {
+      return static_cast<double>(chance(50) ? one : other);
+    };
+    if (list_ == 1) return of(Sensed::kFrontLeft, Sensed::kRear);
+    if (list_ == 2) return of(Sensed::kCliff, Sensed::kStageFault);
+    return of(Sensed::kFrontLeft, Sensed::kFrontRight);
+  }
+
+  /// Something triggers while it drives, and perhaps it backs out.
+  void bump() {
+    const double which = sensed();
+    if (chance(70)) make_ready();
+    if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
+    add(Kind::kSensor, {which, 1});
+    for (size_t i = 1 + below(3); i > 0; --i) {
+      if (chance(30)) {
+        setpoint(host_);
+        wait();
+      } else {
+        drive(std::floor(spread(10e3, 600e3)));
+      }
+      if (chance(15)) interrupt();
+      if (chance(15)) add(Kind::kSensor, {sensed(), side()});
+      if (chance(20)) add(Kind::kClearFault, {host_, 1});
+    }
+    if (chance(85)) add(Kind::kSensor, {which, 0});
+    if (chance(30)) add(Kind::kRun, {std::floor(spread(1e3, 200e3))});
+    if (chance(60)) add(Kind::kClearFault, {host_, 1});
+    rest();
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+
+  /// Another list of peripherals, or the same one for another board.
+  void peripherals() {
+    if (chance(20)) contact_or_estop();
+    if (chance(20)) add(Kind::kBoardWrite, {host_, static_cast<double>(below(8)), 0});
+    list_ = below(kLists);
+    add(Kind::kPeripherals, {host_, static_cast<double>(list_),
+                             chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
+    moment();
+    if (chance(10)) add(Kind::kOpen, {side()});
+    if (chance(85)) add(Kind::kRestart, {host_});
+    add(Kind::kRun, {chance(80) ? 130e3 : std::floor(spread(1e3, 100e3))});
+    if (chance(15)) reset();
+    if (chance(90)) add(Kind::kOpen, {0});
+    if (chance(30)) setpoint(host_);
+    if (chance(10)) add(Kind::kRun, {11e6});
+    if (chance(85)) add(Kind::kPeripheralsConfirm, {host_, chance(90) ? 0.0 : 1.0});
+    moment();
+    if (chance(40)) add(Kind::kBoardConfirm, {host_, 0});
+    moment();
+    if (chance(60)) add(Kind::kSensorStream, {host_, one_of({0, 10, 200, 1000})});
+    bump();
+    if (chance(25)) board();
+  }
+
   void contact_or_estop() {
     if (chance(50)) return add(Kind::kEstop, {host()});
     add(Kind::kContact, {1});
@@ -484,8 +546,11 @@ class Generator {
     if (chance(50)) fill_flash();
     if (chance(70))
       add(Kind::kPowerCut, {static_cast<double>(below(3)), static_cast<double>(below(3))});
-    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(3)), side()});
-    switch (below(4)) {
+    if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(4)), side()});
+    switch (below(5)) {
+      case 4:
+        peripherals();
+        break;
       case 0:
         parameters();
         add(Kind::kSave, {host_, 0});
@@ -508,7 +573,7 @@ class Generator {
     }
     wait();
     reset();
-    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(3)), 0});
+    if (chance(30)) add(Kind::kStoreFails, {static_cast<double>(below(4)), 0});
   }
 
   /// Both slots of the parameters hold a block, and these differ.
@@ -608,7 +673,7 @@ class Generator {
       case 4:
         return add(Kind::kControlCounters, {who});
       case 5:
-        return add(Kind::kGroup, {who, static_cast<double>(below(4))});
+        return add(Kind::kGroup, {who, static_cast<double>(below(6))});
       case 6:
         return read_long(who);
       case 7:
@@ -626,7 +691,11 @@ class Generator {
 
   /// What is read from flash, or answered afresh when it is repeated.
   void read_long(double who) {
-    switch (below(5)) {
+    switch (below(7)) {
+      case 5:
+        return add(Kind::kPeripheralGet, {who, static_cast<double>(below(12))});
+      case 6:
+        return add(Kind::kSensorStream, {who, one_of({0, 10, 200, 1000})});
       case 0:
         return add(Kind::kBoxGet, {who, static_cast<double>(below(3))});
       case 1:
@@ -669,6 +738,15 @@ class Generator {
         case 8:
           add(Kind::kBoardConfirm, {side(), side()});
           break;
+        case 10:
+          if (chance(50)) {
+            add(Kind::kSensor, {sensed(), side()});
+          } else {
+            add(Kind::kPeripherals,
+                {side(), static_cast<double>(below(kLists)), one_of({0, 0, 1, 2, 3})});
+            add(Kind::kPeripheralsConfirm, {side(), side()});
+          }
+          break;
         case 9:
           add(Kind::kBoardWrite, {side(), static_cast<double>(below(20)), one_of({0, 0, 1, 2, 3})});
           break;
@@ -692,11 +770,13 @@ class Generator {
     if (kind < 2 && is_about(Subject::kParameters)) return parameters();
     if (kind < 3 && is_about(Subject::kParameters)) return tune();
     if (kind < 5 && is_about(Subject::kParameters)) return trial();
+    if (kind < 6 && is_about(Subject::kBoards)) return peripherals();
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();
     if (kind < 8 && is_about(Subject::kDefects)) return wheels();
     if (kind < 13 && is_about(Subject::kDefects)) return floor();
     if (kind < 14 && subject_ != Subject::kSound) return bad_line();
+    if (kind < 15 && chance(50)) return bump();
     if (kind < 15) return anything();
     if (kind < 16) return any_request();
     if (kind < 17) return reset();
@@ -708,6 +788,7 @@ class Generator {
   sim::Random random_;
   Scenario scenario_;
   Subject subject_ = Subject::kAnything;
+  size_t list_ = 0;    ///< Of peripherals, that was written last.
   double host_ = 0.0;  ///< That opened the last session.
 };
 

@@ -50,6 +50,11 @@ constexpr MessageName kMessages[] = {
     {BoxRead::kId, "BoxRead", BoxPart::kId},
     {LedgerGet::kId, "LedgerGet", LedgerValue::kId},
     {UnsavedGet::kId, "UnsavedGet", UnsavedValue::kId},
+    {SensorStream::kId, "SensorStream", Ack::kId},
+    {PeripheralGet::kId, "PeripheralGet", PeripheralValue::kId},
+    {PeripheralSet::kId, "PeripheralSet", Ack::kId},
+    {PeripheralsWrite::kId, "PeripheralsWrite", Ack::kId},
+    {PeripheralsConfirm::kId, "PeripheralsConfirm", Ack::kId},
     {DeviceHello::kId, "DeviceHello", 0},
     {WheelState::kId, "WheelState", 0},
     {Refuse::kId, "Refuse", 0},
@@ -67,6 +72,12 @@ constexpr MessageName kMessages[] = {
     {BoxPart::kId, "BoxPart", 0},
     {LedgerValue::kId, "LedgerValue", 0},
     {UnsavedValue::kId, "UnsavedValue", 0},
+    {SensorInfo::kId, "SensorInfo", 0},
+    {Imu::kId, "Imu", 0},
+    {Power::kId, "Power", 0},
+    {Inputs::kId, "Inputs", 0},
+    {SensorEvent::kId, "SensorEvent", 0},
+    {PeripheralValue::kId, "PeripheralValue", 0},
 };
 
 const MessageName* find(uint8_t id) {
@@ -123,6 +134,11 @@ std::string name_of(SupervisorEvent event) {
 std::string name_of(BoardState state) {
   static constexpr std::array<const char*, kBoardStates> kNames = {"NONE", "BUILT_IN", "STORED",
                                                                    "TRIAL"};
+  return look_up(kNames, state);
+}
+
+std::string name_of(PeripheralsState state) {
+  static constexpr std::array<const char*, 4> kNames = {"EMPTY", "STORED", "TRIAL", "UNUSABLE"};
   return look_up(kNames, state);
 }
 

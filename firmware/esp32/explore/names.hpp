@@ -11,6 +11,7 @@ std::string name_of(RefusalCode code);
 std::string name_of(SupervisorState state);
 std::string name_of(SupervisorEvent event);
 std::string name_of(BoardState state);
+std::string name_of(PeripheralsState state);
 std::string name_of(ResetReason reason);
 /// Of a shipped board, by its fingerprint.
 std::string name_of_board(uint32_t fingerprint);

@@ -44,6 +44,10 @@ enum class Kind : uint8_t {
   kBoxRead,
   kLedger,
   kUnsaved,
+  kSensorStream,
+  kPeripheralGet,
+  kPeripherals,
+  kPeripheralsConfirm,
   kRepeat,
   // The line.
   kNoise,
@@ -51,6 +55,7 @@ enum class Kind : uint8_t {
   kBaud,
   // The robot and what is done to it.
   kContact,
+  kSensor,
   kReset,
   kPowerCut,
   kStoreFails,

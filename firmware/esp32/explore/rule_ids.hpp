@@ -34,6 +34,9 @@ enum class Rule : uint8_t {
   kLateStepIsAFault,
   kBoardStaysWhileEstopped,
   kFlashOnlyAtRest,
+  kNotAgainstABumper,
+  kExternalStops,
+  kPeripheralsOfTheBoard,
 };
 
 /// Something is wrong; `text` says what. Empty: nothing is.

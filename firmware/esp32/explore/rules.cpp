@@ -41,6 +41,9 @@ constexpr RuleSpec kRules[] = {
     {Rule::kLateStepIsAFault, "S25", "late-step-is-a-fault"},
     {Rule::kBoardStaysWhileEstopped, "S26", "board-stays-while-estopped"},
     {Rule::kFlashOnlyAtRest, "S27", "flash-only-at-rest"},
+    {Rule::kNotAgainstABumper, "S28", "not-against-a-bumper"},
+    {Rule::kExternalStops, "S29", "external-stops"},
+    {Rule::kPeripheralsOfTheBoard, "S30", "peripherals-of-the-board"},
 };
 
 constexpr std::array<Side, 2> kSides = sim::kSides;
@@ -189,7 +192,7 @@ void Judge::wheel_fault_in_time() {
       supply_v >= 5.5 && supply_v <= 12.6 && (battery_v == 0.0 || battery_v == supply_v) &&
       simulator_.board.plant.model().supply_ohm == 0.0 && simulator_.board.wiring.is_right() &&
       !simulator_.board.plant.model().motors_swapped &&
-      world_us() > world_.disturbed_us + kAfterDisturbanceUs;
+      world_us() > world_.disturbed_us + kAfterDisturbanceUs && witness_.perhaps_forbidden() == 0;
   for (const Side side : kSides) {
     Memory::Wheel& wheel = memory_.wheels[side];
     const double wanted = target(side);
@@ -280,7 +283,13 @@ void Judge::message_moves_the_state() {
   if (after == expected) return;
   const bool may_notice_contact =
       task.is_new && (id == ParameterSet::kId || id == ParameterReset::kId || id == Restart::kId ||
-                      id == BoardWrite::kId || id == BoardConfirm::kId);
+                      id == BoardWrite::kId || id == BoardConfirm::kId ||
+                      id == PeripheralsWrite::kId || id == PeripheralsConfirm::kId);
+  // A setpoint shows that a sensor has stopped the robot.
+  if ((id == SetWheelVelocity::kId || id == SetDuty::kId) && after == SupervisorState::kFault &&
+      (witness_.perhaps_forbidden() & reflex::kStop) != 0 &&
+      (simulator_.faults() & fault::kExternal) != 0)
+    return;
   if (may_notice_contact && after == SupervisorState::kEstopped && witness_.contact_open()) return;
   // It reverts a trial, by its end or its deadline.
   if (id == ParameterTrial::kId && moves && after == SupervisorState::kIdle) return;
@@ -304,7 +313,9 @@ void Judge::stop_at_once() {
 void Judge::board_stays_while_estopped() {
   const Task& task = *witness_.task();
   const uint8_t id = task.message.id;
-  if (id != BoardWrite::kId && id != BoardConfirm::kId) return;
+  if (id != BoardWrite::kId && id != BoardConfirm::kId && id != PeripheralsWrite::kId &&
+      id != PeripheralsConfirm::kId)
+    return;
   const bool estopped = task.before == SupervisorState::kEstopped || witness_.contact_open();
   check(Rule::kBoardStaysWhileEstopped,
         !task.carried_out || !task.is_new || !estopped || !witness_.board_confirmed(),
@@ -316,8 +327,9 @@ void Judge::board_stays_while_estopped() {
 /// S11.
 void Judge::slew_within_limit() {
   const auto& granted = witness_.granted();
+  // A reflex stops it, and lets it begin anew, at any step.
   if (simulator_.state() != SupervisorState::kDriving || !granted ||
-      memory_.state != SupervisorState::kDriving)
+      memory_.state != SupervisorState::kDriving || witness_.perhaps_forbidden() != 0)
     return;
   const double period_s = 1.0 / static_cast<double>(value(kControlRateHz));
   if (granted->duty && memory_.followed_duty && memory_.restarting_steps == 0) {
@@ -434,6 +446,50 @@ void Judge::late_step_is_a_fault() {
       static_cast<double>(elapsed_us) > static_cast<double>(value(kOverrunLimitUs));
   check(Rule::kLateStepIsAFault, !applies || (simulator_.faults() & fault::kControlOverrun) != 0,
         "a control step came after " + std::to_string(elapsed_us) + " us without a fault");
+}
+
+// --- sensors -------------------------------------------------------------------------------------
+
+/// S28, at the end of a control step.
+void Judge::not_against_a_bumper() {
+  const uint8_t forbidden = witness_.forbidden();
+  const auto& granted = witness_.granted();
+  if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed)
+    return;
+  const auto check_way = [&](uint8_t flag, double way, const char* name) {
+    if ((forbidden & flag) == 0) return;
+    const double asked = way * (granted->left + granted->right);
+    // A wheel that is too fast on the way back is braked by a duty forward.
+    double goes = 0.0;
+    for (const Side side : kSides) {
+      const bool inverted = value(side == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
+      const double duty = simulator_.board.bridges()[side].signed_duty();
+      goes += way * (!granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty);
+    }
+    check(Rule::kNotAgainstABumper, goes <= 2.0 / 32767.0,
+          std::string("it goes ") + name + " against a bumper");
+    check(Rule::kNotAgainstABumper, asked < 0.0 || !simulator_.board.drives(),
+          std::string("a winding is driven, and a bumper forbids to go ") + name);
+  };
+  check_way(reflex::kNoForward, 1.0, "forward");
+  check_way(reflex::kNoReverse, -1.0, "backward");
+}
+
+/// S29, at the end of a control step.
+void Judge::external_stops() {
+  if ((witness_.forbidden() & reflex::kStop) == 0) return;
+  check(Rule::kExternalStops, simulator_.state() != SupervisorState::kDriving,
+        "it is in DRIVING, and a sensor has stopped it");
+  check(Rule::kExternalStops, !world_.wired_as_believed || !simulator_.board.drives(),
+        "a winding is driven, and a sensor has stopped the robot");
+}
+
+/// S30.
+void Judge::peripherals_of_the_board() {
+  const PeripheralsState state = witness_.peripherals_state();
+  if (state != PeripheralsState::kTrial && state != PeripheralsState::kUnusable) return;
+  check(Rule::kPeripheralsOfTheBoard, simulator_.state() != SupervisorState::kDriving,
+        "it is in DRIVING, and nobody confirmed the peripherals of this board");
 }
 
 // --- at rest -------------------------------------------------------------------------------------
@@ -643,6 +699,7 @@ void Judge::after_call(bool stepped) {
   if (stepped) follow_motion();
   drive_only_in_driving();
   confirmed_board_only();
+  peripherals_of_the_board();
   driven_by_right();
   contradictions_never_drive();
   values_are_as_acknowledged();
@@ -650,6 +707,8 @@ void Judge::after_call(bool stepped) {
   if (stepped) {
     contact_stops();
     deadline_stops();
+    not_against_a_bumper();
+    external_stops();
     within_limits();
     wheel_fault_in_time();
     sound_robot_drives_on();

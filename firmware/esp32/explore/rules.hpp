@@ -141,6 +141,9 @@ class Judge {
   void values_are_as_acknowledged();
   void contradictions_never_drive();
   void late_step_is_a_fault();
+  void not_against_a_bumper();
+  void external_stops();
+  void peripherals_of_the_board();
   void estop_is_noted();
   void stops_as_asked(bool stepped);
   void rolling_is_reported();

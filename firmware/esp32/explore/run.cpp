@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "boards.hpp"
+#include "peripheral_lists.hpp"
 #include "reset_reason.hpp"
 
 namespace wheelwire::explore {
@@ -42,6 +43,7 @@ Run::Run(const Scenario& scenario, Coverage& coverage)
   simulator_.board.line.set_tap(this);
   simulator_.board.store.watch = this;
   simulator_.board.board_store.watch = this;
+  simulator_.board.peripheral_store.watch = this;
   simulator_.board.latch_store.watch = this;
   simulator_.board.recorder_flash.watch = this;
 }
@@ -94,6 +96,7 @@ void Run::call(bool stepped) {
   }
   if (!started_) return;
   if (stepped) witness_.expires_trial();
+  if (stepped) witness_.reads_sensors();
   judge_.after_call(stepped);
   witness_.notes_stop();
   if (witness_.last_state() != simulator_.state() || stepped) witness_.note_state();
@@ -203,8 +206,9 @@ sim::WriteFate Run::fate_of_write(const sim::Store& store) {
   using enum sim::WriteFate;
   if (dead_) return kUntouched;
   const Witness::Written what = &store == &simulator_.board.store ? Witness::Written::kParameters
-                                : &store == &simulator_.board.board_store
-                                    ? Witness::Written::kBoard
+                                : &store == &simulator_.board.board_store ? Witness::Written::kBoard
+                                : &store == &simulator_.board.peripheral_store
+                                    ? Witness::Written::kPeripherals
                                     : Witness::Written::kLatch;
   world_.writes_flash = true;
   if (what == Witness::Written::kLatch) judge_.flash_only_at_rest();
@@ -346,6 +350,18 @@ void Run::message(const Operation& operation) {
       return send_request(host, LedgerGet{});
     case Kind::kUnsaved:
       return send_request(host, UnsavedGet{});
+    case Kind::kSensorStream:
+      return send_request(host, SensorStream{.rate_hz = static_cast<uint16_t>(whole(values[1]))});
+    case Kind::kPeripheralGet:
+      return send_request(host, PeripheralGet{.channel = byte(1)});
+    case Kind::kPeripherals:
+      return write_peripherals(operation, host);
+    case Kind::kPeripheralsConfirm: {
+      PackedList packed;
+      const uint32_t meant =
+          write_list(witness_.peripherals(), packed.data()) + static_cast<uint32_t>(integer(1));
+      return send_request(host, PeripheralsConfirm{.crc = meant});
+    }
     case Kind::kRepeat:
       return send(host.repeated(whole(values[1])));
     default:
@@ -392,6 +408,26 @@ void Run::write_board(const Operation& operation, Host& host) {
   send_request(host, BoardWrite::decode(body));
 }
 
+/// For the board that is active after the next restart, if the host knows it.
+void Run::write_peripherals(const Operation& operation, Host& host) {
+  const auto damage = static_cast<int>(operation.values[2]);
+  const bool has_candidate =
+      witness_.flash().candidate && witness_.flash().candidate_state == Candidate::kWritten;
+  const BoardDescription& board = has_candidate ? *witness_.flash().candidate : witness_.board();
+  const PeripheralList list =
+      list_of(whole(operation.values[1]), fingerprint(board) + (damage == 2 ? 1 : 0));
+  for (uint8_t i = 0; i < list.count; ++i) {
+    uint8_t body[PeripheralSet::kSize];
+    PeripheralSet{.channel = damage == 3 ? static_cast<uint8_t>(kMostPeripherals) : i}.encode(body);
+    list.entries[i].encode(body + PeripheralSet::kSize - Peripheral::kSize);
+    send_request(host, PeripheralSet::decode(body));
+  }
+  PackedList packed;
+  const uint32_t crc = write_list(list, packed.data()) + (damage == 1 ? 1 : 0);
+  send_request(host,
+               PeripheralsWrite{.channel_count = list.count, .board = list.board, .crc = crc});
+}
+
 void Run::disturb(bool lasts) {
   world_.disturbed_us = static_cast<uint64_t>(simulator_.board.now() / 1000);
   world_.ever_disturbed = world_.ever_disturbed || lasts;
@@ -419,6 +455,8 @@ void Run::change_robot(const Operation& operation) {
     case Kind::kContact:
       board.estop.open = values[0] != 0.0;
       return;
+    case Kind::kSensor:
+      return touch(operation);
     case Kind::kReset:
       return reset(code_of<ResetReason>(std::min(values[0], 7.0)));
     case Kind::kPowerCut:
@@ -432,7 +470,8 @@ void Run::change_robot(const Operation& operation) {
       const auto store = whole(values[0]);
       (store == 0   ? board.store
        : store == 1 ? board.board_store
-                    : board.latch_store)
+       : store == 2 ? board.latch_store
+                    : board.peripheral_store)
           .failing = fails;
       return;
     }
@@ -489,6 +528,30 @@ void Run::change_robot(const Operation& operation) {
     default:
       return change_plant(operation);
   }
+}
+
+void Run::touch(const Operation& operation) {
+  sim::Sensors& sensors = simulator_.board.sensors;
+  const bool triggered = operation.values[1] != 0.0;
+  // What was triggered before counts for a while.
+  witness_.notes_touch();
+  switch (static_cast<Sensed>(whole(operation.values[0]) % static_cast<size_t>(Sensed::kCount))) {
+    case Sensed::kFrontLeft:
+      sensors.bumpers[static_cast<size_t>(Place::kFrontLeft)] = triggered;
+      break;
+    case Sensed::kFrontRight:
+      sensors.bumpers[static_cast<size_t>(Place::kFrontRight)] = triggered;
+      break;
+    case Sensed::kRear:
+      sensors.bumpers[static_cast<size_t>(Place::kRear)] = triggered;
+      break;
+    case Sensed::kCliff:
+      sensors.cliffs[static_cast<size_t>(Place::kFront)] = triggered;
+      break;
+    default:
+      sensors.stage_fault = triggered;
+  }
+  witness_.notes_touch();
 }
 
 void Run::change_plant(const Operation& operation) {

@@ -57,6 +57,8 @@ class Run final : public sim::LineTap, public sim::StoreWatch, public sim::Flash
   void write_board(const Operation& operation, Host& host);
   void change_robot(const Operation& operation);
   void change_plant(const Operation& operation);
+  void write_peripherals(const Operation& operation, Host& host);
+  void touch(const Operation& operation);
   void wire(int board);
   void compare_boards();
   void disturb(bool lasts = true);

@@ -6,6 +6,7 @@
 
 #include "boards.hpp"
 #include "names.hpp"
+#include "peripheral_lists.hpp"
 
 namespace wheelwire::explore {
 
@@ -36,7 +37,14 @@ bool is_setpoint(uint8_t id) { return id == SetWheelVelocity::kId || id == SetDu
 
 /// Whether a repeat of the request is carried out once more.
 bool is_answered_afresh(uint8_t id) {
-  return id == BoardGet::kId || id == BoxGet::kId || id == BoxRead::kId || id == LedgerGet::kId;
+  return id == BoardGet::kId || id == BoxGet::kId || id == BoxRead::kId || id == LedgerGet::kId ||
+         id == PeripheralGet::kId;
+}
+
+/// What is sent unasked once a host has asked for it.
+bool is_of_sensors(uint8_t id) {
+  return id == SensorInfo::kId || id == Imu::kId || id == Power::kId || id == Inputs::kId ||
+         id == SensorEvent::kId;
 }
 
 /// The board in a BoardWrite, which ends with it.
@@ -160,12 +168,21 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   if (task_->before == SupervisorState::kEstopped) codes |= RefusalCode::kEstopped;
   if (task_->before == SupervisorState::kFault) codes |= RefusalCode::kFault;
   if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
+  if (peripherals_state_ == PeripheralsState::kTrial) codes |= RefusalCode::kBoardOnTrial;
+  if (peripherals_state_ == PeripheralsState::kUnusable) codes |= RefusalCode::kBoardUnconfirmed;
+  if (sensors_unread_) codes |= RefusalCode::kBooting;
+  if ((forbidden_ & reflex::kStop) != 0) codes |= RefusalCode::kFault;
   const bool rests = unarmed_ && !is_zero;
   if (rests && !may_be_gap) codes |= RefusalCode::kUnarmed;
-  if (!codes.empty()) return codes;
+  const bool perhaps_stopped = (perhaps_forbidden_ & reflex::kStop) != 0;
+  if (!codes.empty()) {
+    if (perhaps_stopped) codes |= RefusalCode::kFault;
+    return codes;
+  }
   codes |= RefusalCode::kNone;
   if (rests && !is_gap) codes |= RefusalCode::kUnarmed;
   if (doubtful_contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
+  if (perhaps_stopped) codes |= RefusalCode::kFault;
   return codes;
 }
 
@@ -222,7 +239,7 @@ Codes Witness::request_codes(const Seen& message) const {
     case ClearEstop::kId:
       return contact_open() ? RefusalCode::kCausePresent : RefusalCode::kNone;
     case ClearFault::kId:
-      return lasting_ != 0 ? RefusalCode::kCausePresent : RefusalCode::kNone;
+      return fault_codes();
     case SetStreamRate::kId: {
       const uint32_t rate_hz = message.as<SetStreamRate>().rate_hz;
       const uint32_t capacity = simulator_.board.line.baud() / 10;
@@ -268,15 +285,44 @@ Codes Witness::request_codes(const Seen& message) const {
     case Restart::kId: {
       const Codes stopped = stopped_code();
       if (!stopped.empty()) return stopped;
-      if (!fresh_candidate_) return none;
+      if (!fresh_candidate_ && !fresh_list_) return none;
       if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
-      return cannot_write_board() ? store_failed : none;
+      const bool fails =
+          (fresh_candidate_ && cannot_write_board()) || (fresh_list_ && cannot_write_list());
+      return fails ? store_failed : none;
+    }
+    case PeripheralSet::kId:
+      return message.as<PeripheralSet>().channel < kMostPeripherals ? RefusalCode::kNone
+                                                                    : RefusalCode::kOutOfRange;
+    case PeripheralsWrite::kId: {
+      const auto request = message.as<PeripheralsWrite>();
+      PeripheralList list = staged_;
+      list.count = request.channel_count;
+      list.board = request.board;
+      PackedList packed;
+      const bool is_meant = request.channel_count <= kMostPeripherals &&
+                            write_list(list, packed.data()) == request.crc;
+      const Codes refused = peripherals_state_ == PeripheralsState::kTrial
+                                ? Codes(RefusalCode::kBoardOnTrial)
+                            : !is_meant ? Codes(RefusalCode::kBoardRefused)
+                                        : Codes();
+      return board_codes(refused, cannot_write_list());
+    }
+    case PeripheralsConfirm::kId: {
+      PackedList packed;
+      const bool meant =
+          message.as<PeripheralsConfirm>().crc == write_list(peripherals_, packed.data());
+      const Codes refused = peripherals_state_ != PeripheralsState::kTrial
+                                ? Codes(RefusalCode::kNoBoardOnTrial)
+                            : !meant ? Codes(RefusalCode::kBoardRefused)
+                                     : Codes();
+      return board_codes(refused, cannot_write_list());
     }
     case BoardWrite::kId: {
       const Codes refused = board_state_ == BoardState::kTrial ? Codes(RefusalCode::kBoardOnTrial)
                             : !fits_the_chip(message)          ? Codes(RefusalCode::kBoardRefused)
                                                                : Codes();
-      return board_codes(refused);
+      return board_codes(refused, cannot_write_board());
     }
     case BoardConfirm::kId: {
       const bool waits = board_state_ == BoardState::kTrial || board_state_ == BoardState::kBuiltIn;
@@ -284,7 +330,7 @@ Codes Witness::request_codes(const Seen& message) const {
       const Codes refused = !waits   ? Codes(RefusalCode::kNoBoardOnTrial)
                             : !meant ? Codes(RefusalCode::kBoardRefused)
                                      : Codes();
-      return board_codes(refused);
+      return board_codes(refused, cannot_write_board());
     }
     default:
       return none;
@@ -292,12 +338,67 @@ Codes Witness::request_codes(const Seen& message) const {
 }
 
 /// `refused`: what speaks against it beside the robot's state.
-Codes Witness::board_codes(Codes refused) const {
+Codes Witness::board_codes(Codes refused, bool cannot_write) const {
   const Codes stopped = stopped_code();
   if (!stopped.empty()) return stopped;
   if (board_confirmed() && estopped()) return RefusalCode::kEstopped;
   if (!refused.empty()) return refused;
-  return cannot_write_board() ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+  return cannot_write ? RefusalCode::kStoreFailed : RefusalCode::kNone;
+}
+
+/// A fault that a sensor caused lasts as long as it is triggered.
+Codes Witness::fault_codes() const {
+  if (lasting_ != 0) return RefusalCode::kCausePresent;
+  if ((simulator_.faults() & fault::kExternal) == 0) return RefusalCode::kNone;
+  if ((forbidden_ & reflex::kStop) != 0) return RefusalCode::kCausePresent;
+  Codes codes = RefusalCode::kNone;
+  if ((perhaps_forbidden_ & reflex::kStop) != 0) codes |= RefusalCode::kCausePresent;
+  return codes;
+}
+
+// --- sensors -------------------------------------------------------------------------------------
+
+/// What those of the active list forbid that are triggered now.
+uint8_t Witness::triggered() const {
+  if (peripherals_state_ != PeripheralsState::kStored &&
+      peripherals_state_ != PeripheralsState::kTrial)
+    return 0;
+  const sim::Sensors& sensors = simulator_.board.sensors;
+  // A pin that the board uses otherwise shows the sensor's input open, which is high.
+  const auto is_open = [this](const Peripheral& entry) {
+    for (size_t i = 0; i < kBoardPinCount; ++i)
+      if (simulator_.board.wired().pin(static_cast<BoardPin>(i)) == entry.pin_a) return true;
+    return false;
+  };
+  uint8_t forbidden = 0;
+  for (const Peripheral& entry : peripherals_) {
+    const auto place = static_cast<size_t>(entry.place);
+    const bool is_front = entry.place == Place::kFrontLeft || entry.place == Place::kFrontRight;
+    if (entry.kind == PeripheralKind::kBumper && (sensors.bumpers[place] || is_open(entry)))
+      forbidden |= is_front ? reflex::kNoForward : reflex::kNoReverse;
+    if (entry.kind == PeripheralKind::kCliff && (sensors.cliffs[place] || is_open(entry)))
+      forbidden |= reflex::kStop;
+    if (entry.kind == PeripheralKind::kStageFault && sensors.stage_fault && !is_open(entry))
+      forbidden |= reflex::kStop;
+  }
+  return forbidden;
+}
+
+void Witness::reads_sensors() {
+  constexpr uint64_t kReleasedUs = 80'000;
+  sensors_unread_ = false;
+  const uint8_t now = triggered();
+  if (now_us() >= touched_us_ + kReleasedUs) touched_ = 0;
+  forbidden_ = now;
+  perhaps_forbidden_ = now | touched_;
+}
+
+void Witness::notes_touch() {
+  touched_us_ = now_us();
+  touched_ |= triggered();
+  perhaps_forbidden_ |= touched_;
+  // It may be free again before the next step, which then does not see it.
+  forbidden_ &= triggered();
 }
 
 Codes Witness::codes(const ParameterSet& request) const {
@@ -353,7 +454,7 @@ Codes Witness::codes(const ParameterTrial& request) const {
 // --- what it sends -------------------------------------------------------------------------------
 
 Finding Witness::sends(const Seen& message) {
-  if (message.id == WheelState::kId) return {};
+  if (message.id == WheelState::kId || is_of_sensors(message.id)) return {};
   if (message.id == Event::kId) {
     // It may be of the trial's end, which comes before the messages of a step.
     if (!task_) expires_trial();
@@ -402,6 +503,12 @@ Finding Witness::takes_effect(const Seen& answer) {
   if (task_->is_new) remembers(answer);
   if (message.id == BoardWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
     fresh_candidate_ = false;
+  if (message.id == PeripheralsWrite::kId && task_->refusal == RefusalCode::kStoreFailed)
+    fresh_list_ = false;
+  // The list's request was written, and the board's was not.
+  if (message.id == Restart::kId && task_->refusal == RefusalCode::kStoreFailed && fresh_list_ &&
+      !cannot_write_list())
+    flash_.list_state = Candidate::kRequested;
   // A save that fails for good leaves the values as they are set; so does a reset of them.
   if (message.id == ParameterReset::kId && task_->refusal == RefusalCode::kStoreFailed)
     values_ = defaults();
@@ -423,7 +530,8 @@ Finding Witness::opens(const DeviceHello& hello) {
   newest_command_ = 0;
   newest_request_ = 0;
   kept_.clear();
-  fresh_candidate_ = false;
+  fresh_candidate_ = fresh_list_ = false;
+  staged_ = {};
   return {};
 }
 
@@ -482,6 +590,18 @@ void Witness::acts(const Seen& message) {
       return;
     case BoardWrite::kId:
       fresh_candidate_ = true;
+      return;
+    case PeripheralSet::kId: {
+      const uint8_t* const entry = message.body.data() + message.body.size() - Peripheral::kSize;
+      staged_.entries[message.as<PeripheralSet>().channel] = Peripheral::decode(entry);
+      return;
+    }
+    case PeripheralsWrite::kId:
+      fresh_list_ = true;
+      return;
+    case PeripheralsConfirm::kId:
+      fresh_list_ = false;
+      peripherals_state_ = PeripheralsState::kStored;
       return;
     case BoardConfirm::kId:
       fresh_candidate_ = false;
@@ -543,6 +663,20 @@ void Witness::change_flash(const Seen& message, Flash& flash) const {
       return;
     case Restart::kId:
       if (fresh_candidate_) flash.candidate_state = Candidate::kRequested;
+      if (fresh_list_) flash.list_state = Candidate::kRequested;
+      return;
+    case PeripheralsWrite::kId: {
+      const auto request = message.as<PeripheralsWrite>();
+      PeripheralList list = staged_;
+      list.count = request.channel_count;
+      list.board = request.board;
+      write_list(list, flash.list_candidate.emplace().data());
+      flash.list_state = Candidate::kWritten;
+      return;
+    }
+    case PeripheralsConfirm::kId:
+      write_list(peripherals_, flash.list.emplace().data());
+      flash.list_state = Candidate::kNone;
       return;
     case BoardConfirm::kId:
       flash.confirmed = board_;
@@ -604,9 +738,20 @@ void Witness::cut_at_write(Written what) {
     if (what == Written::kLatch) {
       flash.estop = !flash.estop;
     } else if (task_ && task_->is_new) {
+      // A restart notes the list first, and then the board.
+      if (task_->message.id == Restart::kId && fresh_list_) {
+        Flash list_alone = flash;
+        list_alone.list_state = Candidate::kRequested;
+        maybe_flashes_.push_back(list_alone);
+      }
       change_flash(task_->message, flash);
     } else {
+      // A start writes what it tries, the board's first.
       flash.candidate_state = boot_of(flash).candidate_state;
+      if (what == Written::kPeripherals) {
+        maybe_flashes_.push_back(flash);
+        flash.list_state = boot_of(flash).list_state;
+      }
     }
     maybe_flashes_.push_back(flash);
   }
@@ -634,10 +779,49 @@ void Witness::resets(bool loses_memory) {
   granted_.reset();
   task_.reset();
   trial_ = Trial::kNone;
-  restarting_ = fresh_candidate_ = false;
+  restarting_ = fresh_candidate_ = fresh_list_ = false;
+  staged_ = {};
+}
+
+/// Which list the board that is active then has.
+void Witness::boot_peripherals(const Flash& flash, Start& start) const {
+  start.list_state = flash.list_state;
+  const sim::SimulatedBoard& board = simulator_.board;
+  const bool confirmed = start.state == BoardState::kStored || start.state == BoardState::kTrial;
+  const auto is_usable = [&](const PackedList& packed) {
+    PeripheralList list;
+    return read_list(packed.data(), packed.size(), list) == PeripheralFault::kNone && confirmed &&
+           list.board == fingerprint(start.board);
+  };
+  const auto take = [&](const PackedList& packed, PeripheralsState state) {
+    start.peripherals_state = is_usable(packed) ? state : PeripheralsState::kUnusable;
+    if (is_usable(packed)) read_list(packed.data(), packed.size(), start.peripherals);
+  };
+  if (board.peripheral_store.unreadable != 0 || board.flash.faults != 0) {
+    start.peripherals_state = PeripheralsState::kUnusable;
+    return;
+  }
+  const bool writable = !board.peripheral_store.failing;
+  if (flash.list_state == Candidate::kRequested && writable) {
+    start.list_state = Candidate::kTried;
+    if (is_usable(*flash.list_candidate))
+      return take(*flash.list_candidate, PeripheralsState::kTrial);
+  }
+  if (writable) start.list_state = Candidate::kNone;
+  if (flash.list) return take(*flash.list, PeripheralsState::kStored);
+  // The simulated robot's own.
+  if (!confirmed || fingerprint(start.board) != fingerprint(built_in_board())) return;
+  start.peripherals_state = PeripheralsState::kStored;
+  start.peripherals = sim::default_peripherals();
 }
 
 Witness::Start Witness::boot_of(const Flash& flash) const {
+  Start start = boot_board(flash);
+  boot_peripherals(flash, start);
+  return start;
+}
+
+Witness::Start Witness::boot_board(const Flash& flash) const {
   Start start;
   start.candidate_state = flash.candidate_state;
   // Nothing is known of the wiring.
@@ -675,7 +859,11 @@ Finding Witness::starts() {
     }
   }
   maybe_flashes_.clear();
-  if (problem.text.empty()) flash_.candidate_state = boot_of(flash_).candidate_state;
+  if (problem.text.empty()) {
+    const Start start = boot_of(flash_);
+    flash_.candidate_state = start.candidate_state;
+    flash_.list_state = start.list_state;
+  }
   note_state();
   memory_kept_ = false;
   setpoint_us_ = now_us();
@@ -691,6 +879,14 @@ Finding Witness::starts_from(const Flash& flash) {
             "the board is " + name_of(simulator_.board_state()) + " instead of " +
                 name_of(start.state)};
   }
+  peripherals_state_ = start.peripherals_state;
+  peripherals_ = start.peripherals;
+  sensors_unread_ = peripherals_.count != 0;
+  forbidden_ = perhaps_forbidden_ = touched_ = 0;
+  if (simulator_.peripherals_state() != start.peripherals_state)
+    return {Rule::kPeripheralsOfTheBoard, "the peripherals are " +
+                                              name_of(simulator_.peripherals_state()) +
+                                              " instead of " + name_of(start.peripherals_state)};
   flash_damaged_ = simulator_.board.flash.faults != 0;
   values_ = loaded(flash);
   lasting_ = simulator_.board.store.unreadable | simulator_.board.flash.faults;

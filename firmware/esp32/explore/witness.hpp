@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "peripherals.hpp"
 #include "rule_ids.hpp"
 #include "simulator.hpp"
 #include "wire_decoder.hpp"
@@ -51,6 +52,8 @@ struct Granted {
 /// How far the board that was written is on its way.
 enum class Candidate { kNone, kWritten, kRequested, kTried };
 
+using PackedList = std::array<uint8_t, PeripheralList::kSize>;
+
 /// What lies in flash.
 struct Flash {
   std::optional<Values> parameters;  ///< None: the defaults.
@@ -58,6 +61,9 @@ struct Flash {
   std::optional<BoardDescription> confirmed;
   std::optional<BoardDescription> candidate;
   Candidate candidate_state = Candidate::kNone;
+  std::optional<PackedList> list;  ///< Of peripherals, confirmed.
+  std::optional<PackedList> list_candidate;
+  Candidate list_state = Candidate::kNone;
   bool estop = false;
 
   bool operator==(const Flash&) const = default;
@@ -97,7 +103,7 @@ class Witness {
   /// It wrote, or erased, its note of a latched e-stop.
   void notes_latch() { flash_.estop = simulator_.state() == SupervisorState::kEstopped; }
   /// The power went at a write: what it was to change may have changed.
-  enum class Written { kParameters, kBoard, kLatch };
+  enum class Written { kParameters, kBoard, kPeripherals, kLatch };
   void cut_at_write(Written what);
   /// The chip was reset, and begins to boot.
   void resets(bool loses_memory);
@@ -123,6 +129,18 @@ class Witness {
   bool board_confirmed() const {
     return board_state_ == BoardState::kStored || board_state_ == BoardState::kTrial;
   }
+  PeripheralsState peripherals_state() const { return peripherals_state_; }
+  /// The active list; empty if there is none.
+  const PeripheralList& peripherals() const { return peripherals_; }
+  /// What the sensors forbid for certain, as flags of `reflex`: they are triggered, and were so
+  /// when the firmware last read them.
+  uint8_t forbidden() const { return forbidden_; }
+  /// What they may forbid: they were triggered a moment ago.
+  uint8_t perhaps_forbidden() const { return perhaps_forbidden_; }
+  /// A control step reads the sensors.
+  void reads_sensors();
+  /// Somebody touched one.
+  void notes_touch();
   bool unarmed() const { return unarmed_; }
   uint32_t lasting_faults() const { return lasting_; }
   SupervisorState last_state() const { return last_state_; }
@@ -157,7 +175,9 @@ class Witness {
   Codes request_codes(const Seen& message) const;
   Codes codes(const ParameterSet& request) const;
   Codes codes(const ParameterTrial& request) const;
-  Codes board_codes(Codes last) const;
+  Codes board_codes(Codes last, bool cannot_write) const;
+  Codes fault_codes() const;
+  uint8_t triggered() const;
   Codes stopped_code() const;
   Codes lasting_code() const;
   Finding takes_effect(const Seen& answer);
@@ -170,8 +190,13 @@ class Witness {
     BoardState state = BoardState::kNone;
     BoardDescription board;
     Candidate candidate_state = Candidate::kNone;
+    PeripheralsState peripherals_state = PeripheralsState::kEmpty;
+    PeripheralList peripherals;
+    Candidate list_state = Candidate::kNone;
   };
+  void boot_peripherals(const Flash& flash, Start& start) const;
   Start boot_of(const Flash& flash) const;
+  Start boot_board(const Flash& flash) const;
   std::vector<Flash> possible_flashes() const;
   Finding starts_from(const Flash& flash);
   void presumes();
@@ -181,6 +206,9 @@ class Witness {
   uint32_t contradictions(const Values& values) const;
   uint32_t doubtful_contradictions(const Values& values) const;
   uint32_t contradictions(const Values& values, double margin) const;
+  bool cannot_write_list() const {
+    return simulator_.board.peripheral_store.failing || flash_damaged_;
+  }
   bool cannot_write_board() const { return simulator_.board.board_store.failing || flash_damaged_; }
   bool estopped() const {
     return simulator_.state() == SupervisorState::kEstopped || contact_open();
@@ -217,6 +245,16 @@ class Witness {
   BoardState board_state_ = BoardState::kNone;
   BoardDescription board_;
   bool fresh_candidate_ = false;  ///< Written in this session.
+
+  PeripheralsState peripherals_state_ = PeripheralsState::kEmpty;
+  PeripheralList peripherals_;
+  bool fresh_list_ = false;      ///< Written in this session.
+  PeripheralList staged_;        ///< What PeripheralSet has set in this session.
+  bool sensors_unread_ = false;  ///< No control step has read them since the start.
+  uint8_t forbidden_ = 0;
+  uint8_t perhaps_forbidden_ = 0;
+  uint64_t touched_us_ = 0;  ///< When one was last triggered, or free again.
+  uint8_t touched_ = 0;      ///< What they have forbidden since then.
 
   SupervisorState last_state_ = SupervisorState::kBoot;
   uint32_t last_faults_ = 0;
