@@ -14,9 +14,12 @@
 #include "line.hpp"
 #include "nvs_store.hpp"
 #include "partition_flash.hpp"
+#include "peripheral_keeper.hpp"
 #include "pins.hpp"
 #include "recorder_keeper.hpp"
 #include "sdkconfig.h"
+#include "sensor_server.hpp"
+#include "sensors.hpp"
 #include "soc/soc_caps.h"
 #include "task_watchdog.hpp"
 #include "twin_store.hpp"
@@ -34,17 +37,21 @@ namespace {
 
 NvsStore parameter_slots[2]{NvsStore{"parameters.0"}, NvsStore{"parameters.1"}};
 NvsStore board_slots[2]{NvsStore{"board.0"}, NvsStore{"board.1"}};
+NvsStore peripheral_slots[2]{NvsStore{"peripherals.0"}, NvsStore{"peripherals.1"}};
 NvsStore latch_slots[2]{NvsStore{"latch.0"}, NvsStore{"latch.1"}};
 TwinStore store{parameter_slots[0], parameter_slots[1]};
 TwinStore board_store{board_slots[0], board_slots[1]};
+TwinStore peripheral_store{peripheral_slots[0], peripheral_slots[1]};
 TwinStore latch_store{latch_slots[0], latch_slots[1]};
 RtcLatchMemory latches;
 PartitionFlash recorder_flash;
 /// Start-up code leaves it as it is, so that what was recorded outlives a panic and a watchdog.
 __NOINIT_ATTR RecorderMemory recorder_memory;
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
+PeripheralKeeper peripherals{peripheral_store};
 ParameterSpec specs[kParameterCount];
 Battery battery;
+Sensors sensors;
 DeadMan dead_man;
 SharedState shared_state;
 LatestBattery latest_battery{shared_state};
@@ -94,12 +101,15 @@ void start() {
   const bool could_float = float_pins();
   for (NvsStore& slot : parameter_slots) slot.start();
   for (NvsStore& slot : board_slots) slot.start();
+  for (NvsStore& slot : peripheral_slots) slot.start();
   for (NvsStore& slot : latch_slots) slot.start();
   const bool has_pins = choose_board() && could_float;
   Line& line = choose_line();
   const bool has_board = keeper.is_confirmed();
   const bool has_line = line.start();
   static Machine machine{keeper.board()};
+  peripherals.start(has_board ? &keeper.board() : nullptr);
+  const bool has_sensors = sensors.start(peripherals.list());
   const bool has_machine = !has_board || (has_pins && machine.start(stored_parameters()));
   // Its entropy source is the ADC, so this comes before the battery takes that.
   Identity identity = make_identity(0);
@@ -125,7 +135,10 @@ void start() {
                        specs,
                        &keeper};
   // A robot that cannot drive safely still reports why.
-  if (!(has_line && has_machine && is_watched)) device.report_driver_failure();
+  if (!(has_line && has_machine && has_sensors && is_watched)) device.report_driver_failure();
+
+  static SensorServer sensor_server{peripherals, &sensors, has_battery ? &latest_battery : nullptr};
+  device.sense(sensor_server);
 
   static RecorderKeeper recorder{recorder_memory, recorder_flash, origin_of(identity),
                                  identity.reset_reason, keeper.fingerprint()};
