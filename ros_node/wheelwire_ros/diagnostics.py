@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from wheelwire import BaseDriver, WheelSample, WheelwireError
+from wheelwire import BaseDriver, SensorState, SensorStatus, WheelSample, WheelwireError
 
 from .connection import RobotConnection
 from .robot_state import RobotState
+from .sensors import channel_words
 from .time_base import WAITING_FOR_CLOCK
 
 TWIN = (
@@ -72,8 +74,9 @@ def open_statuses(
     state: RobotState,
     link_values: dict[str, Any],
     ignored_types: list[str],
+    channels: Sequence[SensorStatus] = (),
 ) -> list[DiagnosticStatus]:
-    """The statuses of link, robot and commands of an open robot.
+    """The statuses of link, robot, commands and sensors of an open robot.
 
     Args:
         name: The node's.
@@ -84,6 +87,7 @@ def open_statuses(
         state: The robot's.
         link_values: The node's own counters for the status of the link.
         ignored_types: Message types that others publish on cmd_vel but the node does not hear.
+        channels: The robot's sensors.
     """
     identity = identity_of(connection.robot)
     # The silence first: it may be the reason why a session cannot be prepared.
@@ -96,6 +100,7 @@ def open_statuses(
         "link": (*link, values | link_values),
         "robot": _robot(connection, sample, silence, state),
         "commands": _commands(connection, ignored_types),
+        **{f"sensor {status.info.name}": _sensor(status) for status in channels},
     }
     return [
         _status(f"{name}: {part}", level, message, identity.get("board_id", ""), values)
@@ -211,6 +216,13 @@ def _commands(connection: RobotConnection, ignored_types: list[str]) -> Part:
         "have all publishers publish one type, or set cmd_vel_type"
     )
     return WARN, message, values
+
+
+def _sensor(status: SensorStatus) -> Part:
+    limits, message, values = channel_words(status)
+    if status.state is not SensorState.OK:
+        return STALE, message, values
+    return WARN if limits else OK, message, values
 
 
 def _status(

@@ -18,13 +18,14 @@ from wheelwire import (
 from wheelwire.diagnosis import Stop
 from wheelwire.drivers.transport_driver import DeviceDriver
 
-from . import diagnostics, parameters, pose, robot_state
+from . import diagnostics, parameters, pose, robot_state, sensors
 from .commands import CommandSubscriber
 from .connection import RobotConnection
 from .estimator import MotionEstimator, PoseRecord
 from .publishers import MotionPublisher
 from .reader import Pacer, SampleReader
 from .robot_state import ResetWatch, RobotState
+from .sensors import SensorPublisher
 from .time_base import Offset, TimeBase
 
 DRIVING = SupervisorState.DRIVING
@@ -129,6 +130,7 @@ class OpenRobot:
             prepared=connection.is_prepared,
             estopped=self._estopped_by_us,
             stop=self._stop,
+            limits=self._sensors.limits(),
         )
 
     def statuses(self, name: str, driver_type: str) -> list[Any]:
@@ -149,6 +151,7 @@ class OpenRobot:
                 "samples_dropped": self._reader.dropped,
             },
             self._commands.ignored_types,
+            self._sensors.channels,
         )
         return statuses if self._time_base.runs else [*statuses, diagnostics.clock_status(name)]
 
@@ -175,10 +178,19 @@ class OpenRobot:
 
     def _join_graph(self, robot: BaseDriver, resources: ExitStack) -> None:
         node, threads, get = self._node, self._node.threads, self._node.setting
-        # Waits for the first sample, which shows whether there is a topic for the battery.
+        self._sensors = SensorPublisher(
+            node,
+            threads,
+            resources,
+            sensors.start(robot, get("imu_rate")),
+            parameters.sensor_topics(get),
+            self._time_base.to_ros_ns,
+        )
+        # Waits for the first sample, which shows whether the board's divider measures the battery.
         first = robot.read()
         self._remember_pose(first, resources)
-        topics = parameters.topics(get, has_battery=first.battery_v is not None)
+        has_divider = first.battery_v is not None
+        topics = parameters.topics(get, has_battery=has_divider and not self._sensors.has_battery)
         pose.subscribe_set_pose(node, threads, resources, self.set_pose, topics.frames.odom)
         self._publisher = MotionPublisher(node, threads, resources, topics)
         self._commands = CommandSubscriber(
@@ -271,7 +283,10 @@ class OpenRobot:
                 "and by more if somebody moved the robot"
             )
         # A signal may end rclpy's context at any moment, after which nothing can be published.
-        if self.connection.active and self._node.context.ok() and self._pacer.is_due(sample):
+        publishes = self.connection.active and self._node.context.ok()
+        # Before the wheels' sample, which is the newest: a filter gets them in order.
+        has_news = self._sensors.take(sample, publishes=publishes)
+        if publishes and self._pacer.is_due(sample):
             stamp_ns = self._time_base.to_ros_ns(sample.stamp)
             if stamp_ns is not None:
                 self._publisher.publish(motion, stamp_ns)
@@ -281,6 +296,7 @@ class OpenRobot:
             self._stop = ""
         if (
             was_reset
+            or has_news
             or before is None
             or (sample.state, sample.faults) != (before.state, before.faults)
         ):

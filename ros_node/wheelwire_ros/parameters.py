@@ -14,6 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter as RosParameter
 
+from wheelwire.drivers.device_sensors import MAX_RATE_HZ
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME, Kind
 
 from . import parameter_values as checks
@@ -21,6 +22,7 @@ from .commands import AUTO, STAMPED, TYPES
 from .connection import Tuning
 from .parameter_values import Get
 from .publishers import Frames, MotionTopics
+from .sensors import SensorTopics
 from .speed_limiter import AxisLimits, Limits
 
 Value = bool | int | float | str | list[float] | list[str]
@@ -108,6 +110,16 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("battery_full_v", math.nan,
             "Voltage of the full battery, 100 % in battery_state. .NAN: not known. [V]",
             check=checks.above_zero),
+    Setting("imu_rate", 100, "Rate of imu/data_raw at most, where the board has an IMU. [Hz]",
+            1, MAX_RATE_HZ),
+    Setting("imu_frame_id", "imu_link", "Frame of the IMU: at its place, with the robot's axes.",
+            check=checks.frame),
+    Setting("imu_bias_at_rest", True,
+            "Measure the gyroscope's bias whenever the wheels stand for a second; take it off."),
+    Setting("bumper_radius", 0.2,
+            "Bumpers and cliffs are published as points at this distance from the robot's centre, "
+            "outside the body that Nav2 knows. [m]", 0, 10),
+    Setting("bumper_height", 0.05, "Height of these points. [m]", 0, 10),
     Setting("pose_file", "auto",
             "Where the pose is saved for the next start. auto: below ROS_HOME, by the name of the "
             "node and its board. Empty: nowhere, and each start begins at the origin."),
@@ -240,9 +252,13 @@ def command_type(get: Get) -> str:
 
 def frames(get: Get) -> Frames:
     """The frames' names, with the prefix and a slash if there is one."""
+    return Frames(*(_frame(name, get) for name in ("odom_frame_id", "base_frame_id")))
+
+
+def _frame(parameter: str, get: Get) -> str:
     prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
-    names = get("odom_frame_id"), get("base_frame_id")
-    return Frames(*(f"{prefix}/{name}" if prefix else name for name in names))
+    name = str(get(parameter))
+    return f"{prefix}/{name}" if prefix else name
 
 
 def topics(get: Get, *, has_battery: bool) -> MotionTopics:
@@ -255,4 +271,16 @@ def topics(get: Get, *, has_battery: bool) -> MotionTopics:
         battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
         pose_diagonal=get("pose_covariance_diagonal"),
         twist_diagonal=get("twist_covariance_diagonal"),
+    )
+
+
+def sensor_topics(get: Get) -> SensorTopics:
+    """The settings of what the node publishes about sensors."""
+    return SensorTopics(
+        imu_frame=_frame("imu_frame_id", get),
+        takes_bias=get("imu_bias_at_rest"),
+        base_frame=_frame("base_frame_id", get),
+        bumper_radius_m=get("bumper_radius"),
+        bumper_height_m=get("bumper_height"),
+        battery_range_v=(get("battery_empty_v"), get("battery_full_v")),
     )

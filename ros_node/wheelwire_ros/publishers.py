@@ -28,6 +28,8 @@ except ImportError:  # not on PyPI; every ROS installation has it
 NANOSECONDS = 1_000_000_000
 DEPTH = 10
 BATTERY_PERIOD_NS = NANOSECONDS
+LEAST_CURRENT_A = 0.02
+"""Below this a shunt's offset decides the sign, and nobody knows whether the battery charges."""
 TF_DEPTH = 100
 """The same as tf2_ros's TransformBroadcaster."""
 PLANAR = (0, 1, 5)
@@ -175,23 +177,33 @@ def pose_covariance(planar: Any, base_diagonal: Sequence[float]) -> list[float]:
     return matrix
 
 
-def battery_message(voltage_v: float, empty_v: float, full_v: float) -> BatteryState:
-    """A battery whose voltage alone is measured; everything else says that it is unknown.
+def battery_message(
+    voltage_v: float, empty_v: float, full_v: float, current_a: float | None = None
+) -> BatteryState:
+    """A battery; what is not measured says that it is unknown.
 
     Args:
         voltage_v: [V]
         empty_v: The voltage that is 0 %; NaN: unknown. [V]
         full_v: The voltage that is 100 %; NaN: unknown. [V]
+        current_a: Drawn from it; None: nothing measures it. [A]
     """
     share = (voltage_v - empty_v) / (full_v - empty_v)
     unknown = math.nan
+    status = BatteryState.POWER_SUPPLY_STATUS_UNKNOWN
+    if current_a is not None and abs(current_a) >= LEAST_CURRENT_A:
+        status = (
+            BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+            if current_a > 0
+            else BatteryState.POWER_SUPPLY_STATUS_CHARGING
+        )
     return BatteryState(
-        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_UNKNOWN,
+        power_supply_status=status,
         power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN,
         power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_UNKNOWN,
         voltage=voltage_v,
         temperature=unknown,
-        current=unknown,
+        current=unknown if current_a is None else -current_a,  # ROS: negative when discharging
         charge=unknown,
         capacity=unknown,
         design_capacity=unknown,

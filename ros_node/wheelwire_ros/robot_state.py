@@ -11,6 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from wheelwire import BaseDriver, Fault, SupervisorState, WheelSample, WheelwireError
 
+from .sensors import Limits
+
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A subscriber that comes later gets the last message, too."""
 NOT_CONFIGURED = "not configured"
@@ -18,6 +20,8 @@ PREPARING = "a new session is being prepared"
 ESTOP_BY_NODE = "the e-stop was set by ~/estop of this node"
 ESTOP_BY_OTHERS = "the e-stop was set by its contact or by another program"
 ACKNOWLEDGED_BY = "~/clear_fault acknowledges it"
+
+NO_LIMITS = Limits()
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -44,19 +48,22 @@ class RobotState(NamedTuple):
     """Of the device; empty where the driver does not report it."""
     stop: str = ""
     """Why the robot stopped, until it drives again."""
+    limits: Limits = NO_LIMITS
+    """What the sensors keep it from."""
 
     @property
     def level(self) -> Any:
         """As in /diagnostics."""
         if self.link in ("closed", "lost") or self.faults or self.state == "ESTOPPED":
             return ERROR
-        return WARN if self.cause or self.reset else OK
+        return WARN if self.cause or self.reset or self.limits.sentences else OK
 
     @property
     def words(self) -> str:
         """One sentence for a person."""
-        if self.cause or self.reset:
-            return "; ".join(filter(None, (self.cause, self.reset)))
+        told = [*filter(None, (self.cause, self.reset)), *self.limits.sentences]
+        if told:
+            return "; ".join(told)
         return SupervisorState[self.state].doc if self.state else "connected"
 
     @property
@@ -71,6 +78,9 @@ class RobotState(NamedTuple):
             "faults": self.fault_names,
             "cause": self.cause,
             "stop": self.stop,
+            "triggered": " ".join(self.limits.triggered),
+            "reflexes": " ".join(self.limits.reflexes),
+            "sensors": "; ".join(self.limits.sentences),
             "link": self.link,
             "boot_id": "" if self.boot_id is None else f"{self.boot_id:08x}",
             "session": str(self.session),
@@ -146,6 +156,7 @@ def of_robot(
     prepared: bool,
     estopped: bool,
     stop: str,
+    limits: Limits = NO_LIMITS,
 ) -> RobotState:
     """The state of an open robot.
 
@@ -158,6 +169,7 @@ def of_robot(
         prepared: Whether the session is prepared.
         estopped: Whether this node has set the e-stop.
         stop: Why it stopped; empty while it drives.
+        limits: What the sensors keep it from.
     """
     # The first of these that applies hides the rest: behind a lost link nobody knows more.
     if silence is not None:
@@ -177,6 +189,7 @@ def of_robot(
         resets=resets.count,
         board_id=resets.board_id,
         stop=stop,
+        limits=limits,
     )
     if sample is None:
         return state

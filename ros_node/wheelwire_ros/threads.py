@@ -7,7 +7,7 @@ urgent callbacks     `urgent`         cmd_vel, ~/estop and ~/stop; each 0.2 s wh
 stop workers         (4 threads)      e-stop and stop, until acknowledged
 request worker       (1 thread)       the robot's parameters, save, clear, preparing a new session
 transition worker    (1 thread)       lifecycle transitions, and so connecting; autostart at 1 Hz
-samples              (its own)        reads the robot; odom, tf, joint_states, battery_state
+samples              (its own)        reads the robot; odom, tf, joint_states, what sensors measured
 pose                 (its own)        writes pose_file, at most once a second
 
 Only the workers and the thread of the samples wait for the robot.

@@ -69,8 +69,8 @@ class TimeBase:
         self._seen: deque[tuple[int, int]] = deque()
         """Readings of the monotonic clock and of /clock, the newest last, over `RATE_WINDOW_NS`."""
         self._lock = threading.Lock()
-        self._step_ns = self._last_ros_ns = 0
-        """Of the last conversion: what /clock said, and the result."""
+        self._last: dict[str, tuple[int, int]] = {}
+        """Of each stream's last conversion: what /clock said, and the result."""
         self._log = log
         self._monotonic_ns = monotonic_ns
         self._note_offsets = note_offsets
@@ -111,11 +111,11 @@ class TimeBase:
         self._offsets = (*self._offsets, offset)[-KEPT:]
         self._note_offsets(self._offsets)
 
-    def to_ros_ns(self, stamp_s: float) -> int | None:
+    def to_ros_ns(self, stamp_s: float, stream: str = "wheels") -> int | None:
         """Convert a past monotonic time to ROS time; the result is never in the future.
 
         None if that was before the ROS clock's beginning, or if /clock has not advanced since the
-        last conversion: of all samples between two of its steps only the first has a time.
+        stream's last conversion: of its samples between two steps only the first has a time.
         """
         if not self.runs:
             self.measure()
@@ -126,7 +126,7 @@ class TimeBase:
         if recorded:
             return stamp_ns + _offset_at(recorded, stamp_ns)
         if self._is_simulated():
-            return self._to_simulated_ns(stamp_ns)
+            return self._to_simulated_ns(stamp_ns, stream)
         ros_ns = stamp_ns + _offset_at(self._offsets, stamp_ns)
         # A stamp in the future makes tf2 raise an extrapolation error. It shows that the ROS clock
         # was set back since the offset was measured.
@@ -136,17 +136,17 @@ class TimeBase:
         # Simulations begin at 0: 0 is "no time" in a header, and a negative time is none at all.
         return ros_ns if ros_ns > 0 else None
 
-    def _to_simulated_ns(self, stamp_ns: int) -> int | None:
+    def _to_simulated_ns(self, stamp_ns: int, stream: str) -> int | None:
         now_ns, ros_now_ns = self._follow_simulation()
-        if ros_now_ns == self._step_ns:
+        step_ns, last_ros_ns = self._last.get(stream, (0, 0))
+        if ros_now_ns == step_ns:
             return None
-        is_later = ros_now_ns > self._step_ns
-        self._step_ns = ros_now_ns
+        is_later = ros_now_ns > step_ns
         ros_ns = min(ros_now_ns - round((now_ns - stamp_ns) * self.rate), ros_now_ns)
         # Where the speed of /clock changes, the ages of two samples are of different speeds.
-        if is_later and ros_ns <= self._last_ros_ns:
+        if is_later and ros_ns <= last_ros_ns:
             ros_ns = ros_now_ns
-        self._last_ros_ns = ros_ns
+        self._last[stream] = ros_now_ns, ros_ns
         return ros_ns if ros_ns > 0 else None
 
     def _follow_simulation(self) -> tuple[int, int]:

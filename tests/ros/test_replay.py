@@ -15,7 +15,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -37,6 +37,7 @@ class Heard:
         self.messages: dict[tuple[str, int], bytes] = {}
         for name, type_ in TOPICS.items():
             graph.node.create_subscription(type_, name, self._note(name, type_), DEPTH, raw=True)
+        self.imu = graph.listen(Imu, "imu/data_raw")
         self._graph = graph
 
     def _note(self, name: str, type_: Any) -> Any:
@@ -116,6 +117,7 @@ def replayed(file: Path, speed: float) -> dict[tuple[str, int], bytes]:
         assert graph.change_state(NODE, Transition.TRANSITION_ACTIVATE)
         wait(lambda: heard.messages, "messages")
         heard.wait_for_the_end()
+        assert heard.imu
         # It stays, and says why nothing comes any more.
         assert "ended" in graph.first(DiagnosticArray, "/diagnostics").status[0].message
         return heard.messages

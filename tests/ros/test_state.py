@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,41 +14,21 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import SetBool, Trigger
 
 from support.pty_device import PtyDevice
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
-from support.ros_rig import NODE, Rig, open_rig
+from support.ros_rig import NODE, Rig, State, open_rig, values
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
-
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
     with open_rig(tmp_path) as rig:
         yield rig
-
-
-class State:
-    """What ~/state reported last."""
-
-    def __init__(self, graph: Graph) -> None:
-        self.told: list[Any] = []
-        graph.node.create_subscription(DiagnosticStatus, f"{NODE}/state", self.told.append, LATCHED)
-
-    def wait(self, condition: Callable[[dict[str, str]], bool]) -> Any:
-        """Until the newest message fulfils a condition of its values."""
-        wait(lambda: self.told and condition(values(self.told[-1])), "a condition of ~/state")
-        return self.told[-1]
-
-
-def values(status: Any) -> dict[str, str]:
-    return {pair.key: pair.value for pair in status.values}
 
 
 def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:

@@ -13,7 +13,7 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import BatteryState, JointState
+from sensor_msgs.msg import BatteryState, Imu, JointState
 from std_msgs.msg import UInt8MultiArray
 
 import support.ros  # noqa: F401 - keeps a warning of rclpy's first use quiet
@@ -113,6 +113,22 @@ def test_battery_state(places: set[int], name: str) -> None:
     assert (message.voltage, message.percentage, message.present) == (7.5, 0.25, True)
     assert message.power_supply_technology == message.POWER_SUPPLY_TECHNOLOGY_UNKNOWN
     assert message.capacity != message.capacity
+
+
+@names
+def test_imu(places: set[int], name: str) -> None:
+    turn, push = [0.1, 0.2, 0.3], [1.0, 2.0, 9.8]
+    data = messages.imu(name).fill(
+        1, 2, *turn, *messages.variances(0.5), *push, *messages.variances(2.0)
+    )
+    message = assert_same(data, Imu, places)
+    assert (message.header.stamp.sec, message.header.frame_id) == (1, name)
+    velocity, acceleration = message.angular_velocity, message.linear_acceleration
+    assert [velocity.x, velocity.y, velocity.z] == turn
+    assert [acceleration.x, acceleration.y, acceleration.z] == push
+    assert list(message.orientation_covariance) == [-1.0, *[0.0] * 8]
+    assert list(message.angular_velocity_covariance) == [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
+    assert list(message.linear_acceleration_covariance) == [4.0, 0, 0, 0, 4.0, 0, 0, 0, 4.0]
 
 
 @names

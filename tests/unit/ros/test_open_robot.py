@@ -31,6 +31,7 @@ class Parts:
         calls.connection.active = True
         calls.resets.note.return_value = False
         calls.poses.at.return_value = None
+        calls.sensors.take.return_value = False
         calls.estimator.unseen_m = 0.0
         parts: dict[str, Any] = {
             "_node": SimpleNamespace(
@@ -50,6 +51,7 @@ class Parts:
             "_pacer": calls.pacer,
             "_time_base": calls.time_base,
             "_publisher": calls.publisher,
+            "_sensors": calls.sensors,
             "_newest": None,
             "_closing": False,
             "_preparing": False,

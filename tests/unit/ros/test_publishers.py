@@ -125,6 +125,15 @@ def test_one_message_after_the_other() -> None:
         assert joints.header == type(joints.header)(stamp=odometry.header.stamp)
 
 
+@pytest.mark.parametrize(
+    ("current_a", "status"), [(1.5, "DISCHARGING"), (-0.8, "CHARGING"), (0.005, "UNKNOWN")]
+)
+def test_a_batterys_current_is_negative_while_it_discharges(current_a: float, status: str) -> None:
+    message = publishers.battery_message(7.4, math.nan, math.nan, current_a)
+    assert message.current == pytest.approx(-current_a)
+    assert message.power_supply_status == getattr(message, f"POWER_SUPPLY_STATUS_{status}")
+
+
 def test_a_battery_says_what_it_does_not_know() -> None:
     message = publishers.battery_message(7.4, math.nan, math.nan)
     assert message.voltage == pytest.approx(7.4)

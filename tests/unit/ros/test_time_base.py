@@ -155,6 +155,16 @@ def test_between_two_steps_of_a_simulated_clock_one_sample_has_a_time() -> None:
     assert all(b > a for a, b in pairwise(found))
 
 
+def test_one_stream_of_samples_takes_no_time_from_another() -> None:
+    now_ns, base = simulated(2.0, 200_000_000)
+    found = {"wheels": 0, "imu": 0}
+    for _ in range(500):
+        now_ns[0] += 10_000_000
+        for stream in found:
+            found[stream] += base.to_ros_ns((now_ns[0] - 1_000_000) / 1e9, stream) is not None
+    assert min(found.values()) >= 50
+
+
 def test_a_recording_that_begins_anew_is_followed() -> None:
     now_ns, start_ns = [10**12], [10**10]
     base = TimeBase(

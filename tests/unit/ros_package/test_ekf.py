@@ -11,6 +11,7 @@ import yaml
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from wheelwire_protocol.sensors import IMUS, SensorChip
 from wheelwire_ros.parameters import SETTINGS
 
 PACKAGE = Path(__file__).parents[3] / "ros_node"
@@ -46,7 +47,16 @@ def test_the_wheels_give_velocities_with_a_variance(ekf: dict[str, Any]) -> None
 
 
 def test_the_imu_gives_the_yaw_rate(ekf: dict[str, Any]) -> None:
+    assert ekf["imu0"] == "imu/data_raw"
     assert _fused(ekf["imu0_config"]) == {VYAW}
+
+
+def test_the_wheels_turn_counts_only_without_the_imu() -> None:
+    variances = NODE["twist_covariance_diagonal"]
+    assert isinstance(variances, list)
+    table = IMUS[SensorChip.MPU6050]
+    gyro = (table.gyro_noise * table.gyro_radps) ** 2
+    assert float(variances[IN_TWIST[VYAW]]) / gyro == pytest.approx(30_000, rel=0.1)
 
 
 def test_one_of_them_publishes_the_transform(ekf: dict[str, Any]) -> None:

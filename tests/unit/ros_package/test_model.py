@@ -11,6 +11,8 @@ import pytest
 from wheelwire import load_config
 
 MODEL = Path(__file__).parents[3] / "ros_node" / "urdf" / "pi4b.urdf"
+PLACES = {"base_link", "base_footprint", "imu_link"}
+"""Links without a body."""
 WHEELS = {"left_wheel_joint": 1, "right_wheel_joint": -1}
 
 
@@ -65,7 +67,8 @@ def test_names_are_what_the_node_publishes(robot: ET.Element) -> None:
 
     defaults = {setting.name: setting.default for setting in SETTINGS}
     assert [defaults["left_wheel_names"], defaults["right_wheel_names"]] == [[w] for w in WHEELS]
-    assert robot.find(f"link[@name='{defaults['base_frame_id']}']") is not None
+    for frame in ("base_frame_id", "imu_frame_id"):
+        assert robot.find(f"link[@name='{defaults[frame]}']") is not None
 
 
 def test_base_footprint_is_where_base_link_is(robot: ET.Element) -> None:
@@ -75,6 +78,13 @@ def test_base_footprint_is_where_base_link_is(robot: ET.Element) -> None:
     assert joint.get("type") == "fixed"
     assert joint.find("origin") is None
     assert _joint(robot, "left_wheel_joint").find("parent[@link='base_link']") is not None
+
+
+def test_the_imus_frame_has_the_robots_axes(robot: ET.Element) -> None:
+    """The samples are in them, however the chip is mounted."""
+    joint = _joint(robot, "imu_joint")
+    assert _name(joint, "parent") == "base_link"
+    assert "rpy" not in _the(joint, "origin").attrib
 
 
 def test_the_caster_stands_on_the_floor(robot: ET.Element) -> None:
@@ -91,7 +101,7 @@ def test_the_root_has_no_inertia(robot: ET.Element) -> None:
 def test_inertias_are_those_of_the_bodies(robot: ET.Element) -> None:
     """Homogeneous bodies; the axes of inertia are those of the geometry."""
     inertials = [link for link in robot.findall("link") if link.find("inertial") is not None]
-    bodies = {link.get("name") for link in robot.findall("link")} - {"base_link", "base_footprint"}
+    bodies = {link.get("name") for link in robot.findall("link")} - PLACES
     assert {link.get("name") for link in inertials} == bodies
     for link in inertials:
         mass = _numbers(link, "inertial/mass", "value")[0]

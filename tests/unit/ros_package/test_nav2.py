@@ -90,7 +90,21 @@ def test_topics_are_the_nodes(nav2: Parameters) -> None:
     assert len(scans) == 3
     assert {topic.removeprefix("/") for topic in scans} == {"scan"}
     for costmap in ("local_costmap", "global_costmap"):  # they have namespaces of their own
-        assert nav2[costmap]["obstacle_layer"]["scan"]["topic"] == "/scan"
+        layer = nav2[costmap]["obstacle_layer"]
+        assert layer["observation_sources"].split() == ["scan", "bumpers"]
+        assert layer["scan"]["topic"] == "/scan"
+        assert layer["bumpers"]["topic"] == "/bumpers"
+        assert layer["bumpers"]["data_type"] == "PointCloud2"
+
+
+def test_the_bumpers_points_are_outside_what_nav2_clears(nav2: Parameters) -> None:
+    pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+    from wheelwire_ros.parameters import SETTINGS
+
+    radius = {setting.name: setting.default for setting in SETTINGS}["bumper_radius"]
+    assert isinstance(radius, float)
+    for costmap in ("local_costmap", "global_costmap"):
+        assert nav2[costmap]["robot_radius"] < radius < 2 * nav2[costmap]["robot_radius"]
 
 
 def test_all_senders_have_the_same_type(nav2: Parameters) -> None:

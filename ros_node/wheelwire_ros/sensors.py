@@ -1,0 +1,356 @@
+"""What the robot's sensors measure: the topics of IMU, bumpers and battery, and words about them.
+
+Nothing here has a thread: the thread that reads the wheels' samples takes those of the sensors
+before each of them, so that a filter gets them in the order of their stamps.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from typing import Any, NamedTuple, TypeVar
+
+from sensor_msgs.msg import BatteryState, Imu, PointCloud2, PointField
+
+from wheelwire import (
+    BaseDriver,
+    BatteryLevel,
+    DriverUnavailable,
+    GroupUnavailable,
+    ImuSample,
+    InputReading,
+    InputsSample,
+    InvalidCommand,
+    PowerSample,
+    Reflex,
+    SensorEventCode,
+    SensorInfo,
+    Sensors,
+    SensorState,
+    SensorStatus,
+    WheelSample,
+    WheelwireError,
+)
+from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.recording import messages
+from wheelwire.sensors import sentence_of_event, sentence_of_state
+from wheelwire_protocol.sensors import (
+    REAR_PLACES,
+    PeripheralKind,
+    Place,
+    SensorChip,
+)
+
+from .gyro_bias import GyroBias, Vector
+from .publishers import NANOSECONDS, battery_message, time_message
+from .threads import NodeThreads
+
+IMU_DEPTH = 100
+"""The samples of half a second: they come with those of the wheels, several at once."""
+DEPTH = 10
+BATTERY_PERIOD_NS = NANOSECONDS
+OBSTACLES = (PeripheralKind.BUMPER, PeripheralKind.CLIFF)
+ANGLES_DEG = {
+    Place.NONE: 0.0,
+    Place.FRONT: 0.0,
+    Place.FRONT_LEFT: 45.0,
+    Place.FRONT_RIGHT: -45.0,
+    Place.REAR: 180.0,
+    Place.REAR_LEFT: 135.0,
+    Place.REAR_RIGHT: -135.0,
+}
+"""Where an input is, counter-clockwise from the front."""
+PASSING = (SensorState.UNREAD, SensorState.MISSED)
+"""States that a busy computer sees for a moment, too: /diagnostics has them, ~/state does not."""
+_POINT = struct.Struct("<3f")
+
+Sample = TypeVar("Sample")
+ToRosNs = Callable[[float, str], int | None]
+"""A stamp on the ROS clock; None if it has none. The text names the stream of samples."""
+
+
+class SensorTopics(NamedTuple):
+    """The settings of what the node publishes about sensors."""
+
+    imu_frame: str
+    takes_bias: bool
+    """Whether the gyroscope's bias is measured at rest, and taken off."""
+    base_frame: str
+    bumper_radius_m: float
+    bumper_height_m: float
+    battery_range_v: tuple[float, float]
+    """The voltages of an empty and of a full battery; NaN: unknown."""
+
+
+class Limits(NamedTuple):
+    """What the sensors keep the robot from. By default nothing."""
+
+    triggered: tuple[str, ...] = ()
+    """Channels of the inputs that act on the robot."""
+    reflexes: tuple[str, ...] = ()
+    """What is forbidden now, by name."""
+    sentences: tuple[str, ...] = ()
+    """The same for people, and which sensors cannot be used."""
+
+
+def start(robot: BaseDriver, rate_hz: int) -> Sensors | None:
+    """Have the robot send its sensors' samples; None if it has no sensors.
+
+    Raises:
+        LinkLost, RequestTimeout: The robot was not reached.
+    """
+    try:
+        sensors = robot.sensors
+        sensors.start(rate_hz)
+    except (DriverUnavailable, GroupUnavailable, InvalidCommand):
+        return None
+    return sensors
+
+
+class SensorPublisher:
+    """Publishes what the sensors measure while the lifecycle node is active.
+
+    Args:
+        node: The lifecycle node.
+        threads: The node's.
+        resources: Removes the topics when it closes.
+        sensors: The robot's; None: it has none.
+        topics: What to publish.
+        to_ros_ns: Converts the samples' stamps.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        threads: NodeThreads,
+        resources: ExitStack,
+        sensors: Sensors | None,
+        topics: SensorTopics,
+        to_ros_ns: ToRosNs,
+    ) -> None:
+        self._sensors = sensors
+        self._topics = topics
+        self._to_ros_ns = to_ros_ns
+        self._imu: Any = None
+        self._bumpers: Any = None
+        self._battery: Any = None
+        self._imu_samples: SampleIterator[ImuSample] | None = None
+        self._power_samples: SampleIterator[PowerSample] | None = None
+        self._input_samples: SampleIterator[InputsSample] | None = None
+        self._unstamped: list[InputsSample] = []
+        self._battery_due_ns = 0
+        if sensors is None:
+            return
+
+        def publisher(type_: Any, name: str, depth: int = DEPTH) -> Any:
+            return threads.entity(
+                resources,
+                lambda: node.create_lifecycle_publisher(type_, name, depth),
+                node.destroy_lifecycle_publisher,
+            )
+
+        self._events = sensors.events()
+        imu = sensors.imu.info
+        if imu is not None:
+            self._imu = publisher(Imu, "imu/data_raw", IMU_DEPTH)
+            self._imu_samples = sensors.imu.samples()
+            self._bias = GyroBias(imu.gyro_noise if topics.takes_bias else 0.0)
+            self._imu_message = messages.imu(topics.imu_frame)
+            self._imu_variances = tuple(
+                messages.variances(noise) for noise in (imu.gyro_noise, imu.acceleration_noise)
+            )
+        if sensors.power.info is not None:
+            self._battery = publisher(BatteryState, "battery_state")
+            self._power_samples = sensors.power.samples()
+        if sensors.inputs.info is not None:
+            self._input_samples = sensors.inputs.samples()
+        if any(status.info.kind in OBSTACLES for status in sensors.channels):
+            self._bumpers = publisher(PointCloud2, "bumpers")
+
+    @property
+    def has_battery(self) -> bool:
+        """Whether `battery_state` is published here."""
+        return self._battery is not None
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        """All channels as they are now; none while the robot is out of reach."""
+        with suppress(WheelwireError):
+            return () if self._sensors is None else self._sensors.channels
+        return ()
+
+    def limits(self) -> Limits:
+        """What the sensors keep the robot from now."""
+        channels = self.channels
+        if self._sensors is None or not channels:
+            return Limits()
+        return limits_of(channels, self._sensors.inputs.latest)
+
+    def take(self, wheels: WheelSample, *, publishes: bool) -> bool:
+        """Take what has come up to a sample of the wheels, and publish it.
+
+        Returns whether `limits` may have changed.
+        """
+        if self._sensors is None:
+            return False
+        if self._imu is not None:
+            self._bias.note_wheels(wheels)
+        for imu in taken(self._imu_samples):
+            gyro = self._bias.corrected(imu)
+            if publishes:
+                self._publish_imu(imu, gyro)
+        powers, inputs = list(taken(self._power_samples)), list(taken(self._input_samples))
+        if publishes:
+            for power in powers:
+                self._publish_battery(power)
+            if self._bumpers is not None:
+                # One for which /clock had no time is not lost: the next comes after a second.
+                self._unstamped = [
+                    one for one in (*self._unstamped, *inputs) if not self._publish_bumpers(one)
+                ][-1:]
+        # The events as well: a sensor that becomes stale changes no input.
+        return bool([*taken(self._events), *powers, *inputs])
+
+    def _publish_imu(self, sample: ImuSample, gyro: Vector) -> None:
+        stamp_ns = self._to_ros_ns(sample.stamp, "imu")
+        if stamp_ns is not None:
+            stamp, (of_gyro, of_other) = messages.stamp(stamp_ns), self._imu_variances
+            self._imu.publish(
+                self._imu_message.fill(*stamp, *gyro, *of_gyro, *sample.acceleration, *of_other)
+            )
+
+    def _publish_battery(self, sample: PowerSample) -> None:
+        stamp_ns = self._to_ros_ns(sample.stamp, "power")
+        if stamp_ns is not None and stamp_ns >= self._battery_due_ns:
+            self._battery_due_ns = stamp_ns + BATTERY_PERIOD_NS
+            message = battery_message(
+                sample.voltage_v, *self._topics.battery_range_v, sample.current_a
+            )
+            self._publish(self._battery, message, stamp_ns)
+
+    def _publish_bumpers(self, sample: InputsSample) -> bool:
+        """Whether it had a stamp."""
+        stamp_ns = self._to_ros_ns(sample.stamp, "inputs")
+        if stamp_ns is not None:
+            infos = [status.info for status in self.channels]
+            topics = self._topics
+            points = obstacles(infos, sample, topics.bumper_radius_m, topics.bumper_height_m)
+            self._publish(self._bumpers, cloud_message(points), stamp_ns)
+        return stamp_ns is not None
+
+    def _publish(self, publisher: Any, message: Any, stamp_ns: int) -> None:
+        message.header.stamp = time_message(stamp_ns)
+        message.header.frame_id = self._topics.base_frame
+        publisher.publish(message)
+
+
+def taken(iterator: SampleIterator[Sample] | None) -> Iterator[Sample]:
+    """What waits in an iterator; nothing without one, nor once the driver is closed."""
+    if iterator is not None:
+        # Whoever reads the wheels' samples learns of the end, too.
+        with suppress(StopIteration, WheelwireError):
+            while (sample := iterator.poll()) is not None:
+                yield sample
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def limits_of(channels: Sequence[SensorStatus], inputs: InputsSample | None) -> Limits:
+    """What the sensors keep the robot from.
+
+    Args:
+        channels: All of them.
+        inputs: The newest sample of the inputs; None: there is none.
+    """
+    sentences = [
+        f"{status.info.name}: {sentence_of_state(status.state)}"
+        for status in channels
+        if status.state is not SensorState.OK and status.state not in PASSING
+    ]
+    for status in channels:
+        sentences += filter(None, [_sentence(status)])
+    if inputs is None:
+        return Limits(sentences=tuple(sentences))
+    reflexes = tuple(str(one.name) for one in Reflex if one in inputs.reflexes)
+    return Limits(inputs.triggered, reflexes, tuple(sentences))
+
+
+def _sentence(status: SensorStatus) -> str:
+    """What a channel does to the robot; empty: nothing."""
+    info, sample = status.info, status.sample
+    if isinstance(sample, PowerSample) and sample.level > BatteryLevel.OK:
+        return sentence_of_event(info.name, SensorEventCode.BATTERY, sample.level)
+    if isinstance(sample, InputsSample) and sample.channels[info.name].triggered:
+        return sentence_of_event(info.name, SensorEventCode.TRIGGERED, _reflex(info))
+    return ""
+
+
+def _reflex(info: SensorInfo) -> Reflex:
+    """What a digital input does when it has triggered."""
+    if info.kind is not PeripheralKind.BUMPER:
+        return Reflex.STOP
+    return Reflex.NO_REVERSE if info.place in REAR_PLACES else Reflex.NO_FORWARD
+
+
+def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
+    """Of a channel: whether it limits the robot, its state in words, and its values."""
+    info, sample = status.info, status.sample
+    values: dict[str, Any] = {
+        "state": "OK" if status.state is SensorState.OK else "STALE",
+        "reason": "" if status.state is SensorState.OK else status.state.name,
+        "kind": info.kind.name,
+        "chip": "" if info.chip is SensorChip.NONE else info.chip.name,
+        "rate_hz": info.rate_hz,
+        "age_s": math.nan if status.age_s is None else status.age_s,
+    }
+    if isinstance(sample, ImuSample):
+        values["yaw_rate_radps"] = sample.gyro[2]
+        values["temperature_c"] = sample.temperature_c
+    elif isinstance(sample, PowerSample):
+        values["voltage_v"] = sample.voltage_v
+        values["current_a"] = math.nan if sample.current_a is None else sample.current_a
+        values["level"] = sample.level.name
+    elif isinstance(sample, InputsSample):
+        reading: InputReading = sample.channels[info.name]
+        values["triggered"] = reading.triggered
+        values["edges"] = reading.edges
+    sentence = _sentence(status)
+    return bool(sentence), sentence or sentence_of_state(status.state), values
+
+
+# --- bumpers and cliffs as points ----------------------------------------------------------------
+
+
+def obstacles(
+    infos: Sequence[SensorInfo], sample: InputsSample, radius_m: float, height_m: float
+) -> list[tuple[float, float, float]]:
+    """A point where each triggered bumper or cliff is, on a circle about the robot's centre."""
+    points = []
+    for info in infos:
+        reading = sample.channels.get(info.name)
+        if info.kind in OBSTACLES and reading is not None and reading.triggered:
+            angle_rad = math.radians(ANGLES_DEG[info.place])
+            x_m, y_m = radius_m * math.cos(angle_rad), radius_m * math.sin(angle_rad)
+            points.append((x_m, y_m, height_m))
+    return points
+
+
+def cloud_message(points: Sequence[tuple[float, float, float]]) -> PointCloud2:
+    """A cloud of points with x, y and z; without points it is empty."""
+    fields = [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate("xyz")
+    ]
+    return PointCloud2(
+        height=1,
+        width=len(points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=_POINT.size,
+        row_step=_POINT.size * len(points),
+        data=b"".join(_POINT.pack(*point) for point in points),
+        is_dense=True,
+    )

@@ -1,0 +1,204 @@
+"""imu/data_raw, bumpers and the words about sensors: what the board measures, and nothing stale."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import struct
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import Imu, PointCloud2
+
+from support.ros import Graph, Repeater, wait
+from support.ros_process import RobotNode
+from support.ros_rig import Rig, State, open_rig, stamp_s, twist, values
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.sensors import IMUS, SensorChip
+
+TABLE = IMUS[SensorChip.MPU6050]
+GRAVITY_MPS2 = 9.8
+RADIUS_M = 0.2
+HEIGHT_M = 0.05
+OBEYED_S = 0.5
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    with open_rig(tmp_path_factory.mktemp("rig")) as rig:
+        yield rig
+
+
+@pytest.fixture(scope="module")
+def imu(rig: Rig) -> deque[Any]:
+    return rig.graph.listen(Imu, "imu/data_raw")
+
+
+@pytest.fixture(scope="module")
+def clouds(rig: Rig) -> deque[Any]:
+    return rig.graph.listen(PointCloud2, "bumpers")
+
+
+@pytest.fixture(scope="module")
+def state(rig: Rig) -> State:
+    return State(rig.graph)
+
+
+def points(cloud: Any) -> list[tuple[float, float, float]]:
+    """Those of a cloud, read by its own description."""
+    offsets = {field.name: field.offset for field in cloud.fields}
+    assert [offsets[name] for name in "xyz"] == [0, 4, 8]
+    assert len(cloud.data) == cloud.row_step == cloud.width * cloud.point_step
+    found = struct.iter_unpack("<3f", bytes(cloud.data))
+    return [(x, y, z) for x, y, z in found]
+
+
+def test_an_imu_at_rest(rig: Rig, imu: deque[Any]) -> None:
+    wait(lambda: len(imu) > 100, "imu/data_raw")
+    message = imu[-1]
+    assert message.header.frame_id == "imu_link"
+    assert message.orientation_covariance[0] == -1
+    assert not any(message.orientation_covariance[1:])
+    assert message.linear_acceleration.z == pytest.approx(GRAVITY_MPS2, abs=0.2)
+    assert message.angular_velocity.z == pytest.approx(0, abs=0.02)
+    for matrix, noise in (
+        (message.angular_velocity_covariance, TABLE.gyro_noise * TABLE.gyro_radps),
+        (
+            message.linear_acceleration_covariance,
+            TABLE.accelerometer_noise * TABLE.accelerometer_mps2,
+        ),
+    ):
+        expected = [0.0] * 9
+        expected[::4] = [noise**2] * 3
+        assert list(matrix) == pytest.approx(expected, rel=1e-4)
+    stamps = [stamp_s(one) for one in tuple(imu)[-100:]]
+    steps = [later - earlier for earlier, later in itertools.pairwise(stamps)]
+    assert min(steps) > 0
+    assert sorted(steps)[len(steps) // 2] == pytest.approx(0.01, abs=0.001)
+    now_s = rig.graph.node.get_clock().now().nanoseconds / 1e9
+    assert 0 <= now_s - stamps[-1] < 1
+
+
+def test_a_turn_to_the_left_is_positive_in_the_robots_axes(rig: Rig, imu: deque[Any]) -> None:
+    with Repeater(rig.commands, lambda: twist(0.0, 1.0)):
+        wait(lambda: imu and imu[-1].angular_velocity.z > 0.8, "the turn by the gyroscope")
+        wait(lambda: rig.odometry[-1].twist.twist.angular.z > 0.8, "the same by the wheels")
+
+
+def test_the_gyroscopes_bias_is_taken_off_at_rest(rig: Rig, imu: deque[Any]) -> None:
+    rig.truth(lambda state: not state.drive_on)
+    rig.simulator.set("imu.bias", 0.05)
+    wait(lambda: imu[-1].angular_velocity.z > 0.04, "the bias")
+    wait(lambda: abs(imu[-1].angular_velocity.z) < 0.005, "the same taken off")
+    rig.simulator.set("imu.bias", 0.0)
+    wait(lambda: abs(imu[-1].angular_velocity.z) > 0.04, "the change")
+    wait(lambda: abs(imu[-1].angular_velocity.z) < 0.005, "no bias")
+
+
+@pytest.mark.parametrize("fault", ["imu.absent", "imu.freeze", "imu.bus_hung"])
+def test_a_stale_imu_is_silent_and_says_why(rig: Rig, imu: deque[Any], fault: str) -> None:
+    reason = {"imu.absent": "ABSENT", "imu.freeze": "FROZEN", "imu.bus_hung": "HUNG"}[fault]
+    rig.diagnostics.wait("sensor imu", lambda s, _: s.level == DiagnosticStatus.OK)
+    rig.simulator.set(fault, 1)
+    told = rig.diagnostics.wait("sensor imu", lambda _, v: v["reason"] == reason)
+    assert told["state"] == "STALE"
+    imu.clear()
+    odometry = len(rig.odometry)
+    wait(lambda: len(rig.odometry) > odometry + 50, "a second of odom")
+    assert not imu
+    rig.simulator.set(fault, 0)
+    wait(lambda: imu, "imu/data_raw after its fault")
+    rig.diagnostics.wait("sensor imu", lambda s, _: s.level == DiagnosticStatus.OK)
+
+
+def test_a_stale_imu_is_in_the_state(rig: Rig, state: State) -> None:
+    state.wait(lambda v: v["link"] == "connected" and not v["sensors"])
+    rig.simulator.set("imu.absent", 1)
+    told = state.wait(lambda v: "imu: STALE, ABSENT" in v["sensors"])
+    assert told.level == DiagnosticStatus.WARN
+    assert "it does not answer" in told.message
+    assert not values(told)["cause"]
+    rig.simulator.set("imu.absent", 0)
+    assert state.wait(lambda v: not v["sensors"]).level == DiagnosticStatus.OK
+
+
+@pytest.mark.parametrize(("name", "side"), [("front_left", 1), ("front_right", -1)])
+def test_a_bumper_is_a_point_where_it_is(
+    rig: Rig, clouds: deque[Any], state: State, name: str, side: int
+) -> None:
+    wait(lambda: clouds and not points(clouds[-1]), "an empty cloud")
+    rig.simulator.set(f"bumper.{name}", 1)
+    wait(lambda: points(clouds[-1]), "a point")
+    cloud = clouds[-1]
+    across_m = RADIUS_M * math.sqrt(0.5)
+    assert cloud.header.frame_id == "base_link"
+    assert points(cloud) == [pytest.approx((across_m, side * across_m, HEIGHT_M))]
+    told = state.wait(lambda v: v["triggered"] == f"bumper.{name}")
+    assert values(told)["reflexes"] == "NO_FORWARD"
+    assert told.message == f"bumper.{name} triggered: the robot only backs out"
+    assert told.level == DiagnosticStatus.WARN
+    rig.diagnostics.wait(f"sensor bumper.{name}", lambda s, _: s.level == DiagnosticStatus.WARN)
+    rig.simulator.set(f"bumper.{name}", 0)
+    wait(lambda: not points(clouds[-1]), "an empty cloud again")
+    told = state.wait(lambda v: not v["triggered"])
+    assert not values(told)["reflexes"]
+    assert told.level == DiagnosticStatus.OK
+
+
+def test_both_bumpers_are_two_points_and_the_robot_only_backs_out(
+    rig: Rig, clouds: deque[Any]
+) -> None:
+    for name in ("front_left", "front_right"):
+        rig.simulator.set(f"bumper.{name}", 1)
+    wait(lambda: clouds and len(points(clouds[-1])) == 2, "two points")
+    with rig.driving():
+        time.sleep(OBEYED_S)
+        rig.truth(lambda state: not state.drive_on)
+    with Repeater(rig.commands, lambda: twist(-0.2)):
+        rig.truth(lambda state: state.drive_on)
+    for name in ("front_left", "front_right"):
+        rig.simulator.set(f"bumper.{name}", 0)
+    wait(lambda: not points(clouds[-1]), "an empty cloud")
+
+
+def test_after_a_reset_of_the_device_the_topics_go_on(
+    rig: Rig, imu: deque[Any], clouds: deque[Any]
+) -> None:
+    rig.simulator.reset()
+    rig.diagnostics.wait("robot", lambda _, v: v["resets_unacknowledged"] == "1")
+    imu.clear()
+    clouds.clear()
+    wait(lambda: imu and clouds, "both topics")
+
+
+def test_the_node_names_frame_radius_and_rate(graph: Graph, tmp_path: Path) -> None:
+    with (
+        Simulator(link=tmp_path / "port") as simulator,
+        RobotNode(
+            graph,
+            port=simulator.port,
+            tf_frame_prefix="robot1",
+            imu_frame_id="gyro",
+            imu_rate=50,
+            bumper_radius=0.5,
+            bumper_height=0.0,
+        ),
+    ):
+        simulator.set("bumper.front_left", 1)
+        imu = graph.listen(Imu, "imu/data_raw")
+        clouds = graph.listen(PointCloud2, "bumpers")
+        wait(lambda: len(imu) > 20 and clouds and points(clouds[-1]), "both topics")
+    assert imu[-1].header.frame_id == "robot1/gyro"
+    assert clouds[-1].header.frame_id == "robot1/base_link"
+    ((x_m, y_m, z_m),) = points(clouds[-1])
+    assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.5, 0.0))
+    seconds = stamp_s(imu[-1]) - stamp_s(imu[-11])
+    assert seconds == pytest.approx(10 / 50, abs=0.05)

@@ -1,0 +1,75 @@
+"""The gyroscope's bias is what it measures at rest, and nothing else."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
+
+from support.host_samples import sample
+from wheelwire import ImuSample
+from wheelwire_ros.gyro_bias import GyroBias
+
+NOISE_RADPS = 0.001
+BIAS = (0.01, -0.02, 0.03)
+
+
+class Robot:
+    """Its samples at 100 Hz."""
+
+    def __init__(self, noise_radps: float = NOISE_RADPS) -> None:
+        self.bias = GyroBias(noise_radps)
+        self._random = Random(1)
+        self._stamp = 0.0
+        self._ticks = 0
+
+    def run(
+        self, seconds: float, yaw_rate_radps: float = 0.0, *, wheels_turn: bool = False
+    ) -> None:
+        for _ in range(round(seconds * 100)):
+            self._stamp += 0.01
+            self._ticks += wheels_turn
+            self.bias.note_wheels(sample(left_ticks=self._ticks))
+            x, y, z = (one + self._random.gauss(0, NOISE_RADPS) for one in BIAS)
+            gyro = x, y, z + yaw_rate_radps
+            imu = ImuSample(0, 0, gyro, (0.0, 0.0, 9.8), 20.0, self._stamp, 0.001)
+            self.corrected = self.bias.corrected(imu)
+
+
+def test_a_second_of_rest_tells_the_bias() -> None:
+    robot = Robot()
+    robot.run(0.9)
+    assert robot.bias.radps == (0, 0, 0)
+    robot.run(0.3)
+    assert robot.bias.radps == pytest.approx(BIAS, abs=NOISE_RADPS / 2)
+    assert robot.corrected == pytest.approx((0, 0, 0), abs=5 * NOISE_RADPS)
+    robot.run(1.0, 0.5, wheels_turn=True)
+    assert robot.bias.radps == pytest.approx(BIAS, abs=NOISE_RADPS / 2)
+    assert robot.corrected[2] == pytest.approx(0.5, abs=5 * NOISE_RADPS)
+
+
+def test_a_robot_that_drives_is_not_at_rest() -> None:
+    robot = Robot()
+    robot.run(5.0, 0.2, wheels_turn=True)
+    assert robot.bias.radps == (0, 0, 0)
+
+
+def test_a_robot_that_a_hand_turns_is_not_at_rest() -> None:
+    robot = Robot()
+    for step in range(50):
+        robot.run(0.1, 0.02 * (step % 10))
+    assert robot.bias.radps == (0, 0, 0)
+
+
+def test_a_steady_turn_of_the_floor_is_no_bias() -> None:
+    robot = Robot()
+    robot.run(5.0, 1.0)
+    assert robot.bias.radps == (0, 0, 0)
+
+
+def test_without_a_known_noise_no_bias_is_taken() -> None:
+    robot = Robot(noise_radps=0.0)
+    robot.run(3.0)
+    assert robot.bias.radps == (0, 0, 0)
