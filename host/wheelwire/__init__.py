@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from wheelwire_protocol.codes import Fault as Fault
     from wheelwire_protocol.codes import RefusalCode as RefusalCode
     from wheelwire_protocol.codes import SupervisorState as SupervisorState
+    from wheelwire_protocol.sensors import BatteryLevel as BatteryLevel
+    from wheelwire_protocol.sensors import Reflex as Reflex
+    from wheelwire_protocol.sensors import SensorEventCode as SensorEventCode
+    from wheelwire_protocol.sensors import SensorState as SensorState
 
     from . import aio as aio
     from .config import RobotConfig as RobotConfig
@@ -22,6 +26,9 @@ if TYPE_CHECKING:
     from .config import load_config as load_config
     from .config import open_robot as open_robot
     from .drivers.base import BaseDriver as BaseDriver
+    from .drivers.device_sensors import Sensor as Sensor
+    from .drivers.device_sensors import Sensors as Sensors
+    from .drivers.device_sensors import SensorStatus as SensorStatus
     from .drivers.factory import driver_names as driver_names
     from .drivers.factory import open_driver as open_driver
     from .drivers.serial import SerialDriver as SerialDriver
@@ -31,6 +38,7 @@ if TYPE_CHECKING:
     from .errors import DriverUnavailable as DriverUnavailable
     from .errors import Expired as Expired
     from .errors import ForeignDevice as ForeignDevice
+    from .errors import GroupUnavailable as GroupUnavailable
     from .errors import InvalidArgument as InvalidArgument
     from .errors import InvalidCommand as InvalidCommand
     from .errors import LinkClosed as LinkClosed
@@ -41,6 +49,8 @@ if TYPE_CHECKING:
     from .errors import RecordingError as RecordingError
     from .errors import RequestTimeout as RequestTimeout
     from .errors import RobotNotNamed as RobotNotNamed
+    from .errors import SensorMissing as SensorMissing
+    from .errors import SensorStale as SensorStale
     from .errors import SimulatorNotFound as SimulatorNotFound
     from .errors import UnknownParameter as UnknownParameter
     from .errors import WheelwireError as WheelwireError
@@ -61,12 +71,19 @@ if TYPE_CHECKING:
     from .motion.odometry import Pose as Pose
     from .samples import WheelSample as WheelSample
     from .samples import WheelTravel as WheelTravel
+    from .sensors import ImuSample as ImuSample
+    from .sensors import InputReading as InputReading
+    from .sensors import InputsSample as InputsSample
+    from .sensors import PowerSample as PowerSample
+    from .sensors import SensorEvent as SensorEvent
+    from .sensors import SensorInfo as SensorInfo
     from .simulation.simulator import Simulator as Simulator
 
 _MODULES = {
     "motion.covariance": ("PoseCovariance",),
     "config": ("RobotConfig", "connect", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
+    "drivers.device_sensors": ("Sensor", "SensorStatus", "Sensors"),
     "drivers.serial": ("SerialDriver",),
     "errors": (
         "ConfigurationError",
@@ -75,6 +92,7 @@ _MODULES = {
         "DriverUnavailable",
         "Expired",
         "ForeignDevice",
+        "GroupUnavailable",
         "InvalidArgument",
         "InvalidCommand",
         "LinkClosed",
@@ -85,6 +103,8 @@ _MODULES = {
         "RecordingError",
         "RequestTimeout",
         "RobotNotNamed",
+        "SensorMissing",
+        "SensorStale",
         "SimulatorNotFound",
         "UnknownParameter",
         "WheelwireError",
@@ -95,6 +115,14 @@ _MODULES = {
     "files.pins": ("Pins",),
     "motion.odometry": ("Odometry", "OdometryUpdate", "Pose"),
     "samples": ("WheelTravel", "WheelSample"),
+    "sensors": (
+        "ImuSample",
+        "InputReading",
+        "InputsSample",
+        "PowerSample",
+        "SensorEvent",
+        "SensorInfo",
+    ),
     "link.sample_iterator": ("SampleIterator",),
     "simulation.simulator": ("Simulator",),
     "link.info": ("Health", "LinkStatistics"),
@@ -102,9 +130,11 @@ _MODULES = {
     "link.port_list": ("SerialPort", "ports"),
 }
 _CODES = ("Fault", "RefusalCode", "SupervisorState")
+_SENSOR_CODES = ("BatteryLevel", "Reflex", "SensorEventCode", "SensorState")
 _MODULE_OF = {
     **{name: f".{module}" for module, names in _MODULES.items() for name in names},
     **dict.fromkeys(_CODES, "wheelwire_protocol.codes"),
+    **dict.fromkeys(_SENSOR_CODES, "wheelwire_protocol.sensors"),
 }
 
 __all__ = [  # loaded when first used, so that the import stays quick

@@ -18,7 +18,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator
 from contextlib import AbstractAsyncContextManager
 from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, cast, overload
 
 from .arguments import timeout_s
 from .config import driver_at, named
@@ -27,6 +27,15 @@ from .drivers.device_board import AwaitableBoard as Board
 from .drivers.device_parameters import AwaitableParameters as Parameters
 from .drivers.device_parameters import AwaitableTrial as Trial
 from .drivers.device_recorder import AwaitableRecorder as DeviceRecorder
+from .drivers.device_sensors import (
+    DEFAULT_RATE_HZ,
+    OF_IMU,
+    OF_INPUTS,
+    OF_POWER,
+    SensorsView,
+    SensorView,
+    Streams,
+)
 from .drivers.factory import check_options, driver_class
 from .drivers.linked import LinkedRobot
 from .drivers.loop_callbacks import LoopCallbacks
@@ -35,8 +44,10 @@ from .drivers.requests import AwaitableDevice
 from .errors import DriverUnavailable
 from .link.news import Happening
 from .link.sample_iterator import SampleIterator as _SampleQueue
+from .link.sensor_stream import EVENTS
 from .motion.kinematics import WheelVelocities
 from .samples import WheelSample
+from .sensors import ImuSample, InputsSample, PowerSample, SensorEvent
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:
@@ -64,6 +75,8 @@ __all__ = [
     "Parameters",
     "PinDriver",
     "SampleIterator",
+    "Sensor",
+    "Sensors",
     "StopWatch",
     "Trial",
     "connect",
@@ -71,6 +84,8 @@ __all__ = [
 ]
 
 DriverT = TypeVar("DriverT", bound="Driver")
+SampleT = TypeVar("SampleT")
+SensorSampleT = TypeVar("SensorSampleT", ImuSample, PowerSample, InputsSample)
 
 
 class Driver(AwaitableDevice, LinkedRobot):
@@ -97,6 +112,7 @@ class Driver(AwaitableDevice, LinkedRobot):
         super().__init__(on_loop)
         self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
         self._parameters = Parameters(on_loop)
+        self._sensors = Sensors(on_loop)
         # In place of the driver's own, which waits.
         robot._finalizer.detach()
         self._finalizer = weakref.finalize(self, on_loop.abandon)
@@ -148,7 +164,7 @@ class Driver(AwaitableDevice, LinkedRobot):
             raise self._latest_sample.why_none(timeout)
         return taken
 
-    def samples(self) -> SampleIterator:
+    def samples(self) -> SampleIterator[WheelSample]:
         """All samples from now on, for `async for sample in robot.samples():`.
 
         Each iterator has a queue of its own that holds one second of samples; its `dropped` counts
@@ -156,7 +172,7 @@ class Driver(AwaitableDevice, LinkedRobot):
         and ends when the driver is closed.
         """
         self._on_loop.check_thread()
-        return SampleIterator(self._on_loop)
+        return SampleIterator(self._on_loop, self._latest_sample.iterate())
 
     async def get_encoder_ticks(self) -> tuple[int, int]:
         """(left, right) ticks of the newest sample, forward positive, without bounds.
@@ -193,6 +209,26 @@ class Driver(AwaitableDevice, LinkedRobot):
     def recorder(self) -> DeviceRecorder:
         """What the device has recorded of its stops."""
         return DeviceRecorder(self._on_loop)
+
+    @property
+    def sensors(self) -> Sensors:
+        """All sensors of the robot."""
+        return self._sensors
+
+    @property
+    def imu(self) -> Sensor[ImuSample]:
+        """The robot's gyroscope and accelerometer."""
+        return self._sensors.imu
+
+    @property
+    def power(self) -> Sensor[PowerSample]:
+        """The robot's supply: a power sensor, or the battery's divider."""
+        return self._sensors.power
+
+    @property
+    def inputs(self) -> Sensor[InputsSample]:
+        """The robot's digital inputs: bumpers, cliff sensors, fault outputs of power stages."""
+        return self._sensors.inputs
 
     async def close(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once.
@@ -324,26 +360,36 @@ class StopWatch:
         await self._callbacks.wait()
 
 
-class SampleIterator(AsyncIterator[WheelSample]):
+class SampleIterator(AsyncIterator[SampleT]):
     """As `wheelwire.SampleIterator`, for `async for`."""
 
-    def __init__(self, on_loop: LoopLink) -> None:
+    def __init__(
+        self,
+        on_loop: LoopLink,
+        queue: _SampleQueue[SampleT],
+        begin: Callable[[], Awaitable[object]] | None = None,
+    ) -> None:
         # Polled, and waited for on the loop: its own `next` would block the thread.
-        self._queue: _SampleQueue = on_loop.latest_sample.iterate()
+        self._queue = queue
         self._on_loop = on_loop
+        self._begin = begin
+        """What has to be asked for first, once."""
 
     @property
     def dropped(self) -> int:
         """Samples that were not taken in time."""
         return self._queue.dropped
 
-    async def __anext__(self) -> WheelSample:
+    async def __anext__(self) -> SampleT:
         """The next sample.
 
         Raises:
             StopAsyncIteration: The driver was closed.
-            WheelwireError: The link has ended otherwise.
+            WheelwireError: The link has ended otherwise, or what is asked for first has failed.
         """
+        if self._begin is not None:
+            await self._begin()
+            self._begin = None
         while True:
             try:
                 sample = self._queue.poll()
@@ -353,6 +399,45 @@ class SampleIterator(AsyncIterator[WheelSample]):
             if sample is not None:
                 return sample
             await self._on_loop.wait_for(self._on_loop.latest_sample.changed, self._queue.is_ready)
+
+
+class Sensor(SensorView[SensorSampleT]):
+    """One sensor of a robot, or all its digital inputs together. See `wheelwire.Sensor`."""
+
+    async def read(self, timeout: float = 1.0) -> SensorSampleT:
+        """As `wheelwire.Sensor.read`."""
+        return await self._read(timeout)
+
+    def samples(self) -> SampleIterator[SensorSampleT]:
+        """As `wheelwire.Sensor.samples`, for `async for`; errors come with the first sample."""
+        return _iterator(self._streams, self._name, self._begin)
+
+
+class Sensors(SensorsView):
+    """All sensors of a robot. See `wheelwire.Sensors`."""
+
+    def __init__(self, on_loop: LoopLink) -> None:
+        super().__init__(on_loop, on_loop.latest_sample)
+        streams = self._streams
+        self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
+        self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
+        self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
+
+    async def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
+        """As `wheelwire.Sensors.start`."""
+        await self._start(rate_hz)
+
+    def events(self) -> SampleIterator[SensorEvent]:
+        """As `wheelwire.Sensors.events`, for `async for`; errors come with the first event."""
+        return _iterator(self._streams, EVENTS, self._streams.begin)
+
+
+def _iterator(
+    streams: Streams, key: str, begin: Callable[[], Awaitable[object]]
+) -> SampleIterator[Any]:
+    on_loop = cast("LoopLink", streams.requests)
+    on_loop.check_thread()
+    return SampleIterator(on_loop, streams.latest.iterate_sensor(key), begin)
 
 
 class Opening(Awaitable[DriverT], AbstractAsyncContextManager[DriverT], Generic[DriverT]):

@@ -31,6 +31,7 @@ from wheelwire_protocol.native import BoardIssue, check_board
 from wheelwire_protocol.types import BOARD_LAYOUT
 
 from .errors import ConfigurationError, shown
+from .peripherals import Peripheral, peripheral_problems
 
 # Little-endian and without padding, as on the wire.
 _FORMAT = "<" + "".join(letters for _, letters in BOARD_LAYOUT)
@@ -74,6 +75,8 @@ class BoardDescription:
         line: The line to the host.
         pulldowns: Pins with an external resistor to ground.
         module: What carries the chip; it decides which pins its memory takes.
+        peripherals: Sensors, inputs and the battery's levels, by channel. A device stores them
+            beside the board: they are no part of its packed form, nor of its fingerprint.
     """
 
     name: str
@@ -93,6 +96,7 @@ class BoardDescription:
     line: BoardLine = BoardLine.UART
     pulldowns: frozenset[int] = field(default_factory=frozenset)
     module: Module = Module.ANY
+    peripherals: tuple[Peripheral, ...] = ()
 
     def fingerprint(self) -> int:
         """The 32-bit checksum that names this board; another board has another one.
@@ -159,13 +163,14 @@ class BoardDescription:
                 yield function, pin
 
     def problems(self) -> list[str]:
-        """What is wrong with it, a sentence each; empty if it can be used.
+        """What is wrong with it and its peripherals, a sentence each; empty if it can be used.
 
         Raises:
             ConfigurationError: A value does not fit into its field.
             NativeMissingError: The firmware's core, whose rules these are, is missing.
         """
-        return self._sentences(warnings=False)
+        found = self._sentences(warnings=False)
+        return [*found, *peripheral_problems(self.peripherals, self.packed())]
 
     def warnings(self) -> list[str]:
         """What is worth a look although it can be used, a sentence each; raises as `problems`."""
@@ -220,6 +225,7 @@ def unpacked(data: bytes) -> BoardDescription:
             battery_divider=values["battery_divider_permille"] / 1000,
             line=BoardLine(values["line"]),
             pulldowns=frozenset(pin for pin in range(64) if values["pulldowns"] >> pin & 1),
+            peripherals=(),
             **pins("", ["standby", "estop", "battery", "led"]),
         )
     except ValueError as error:

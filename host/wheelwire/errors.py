@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from wheelwire_protocol.codes import Fault, RefusalCode
+from wheelwire_protocol.sensors import SensorState
 
 NO_FAULT = Fault(0)
 _MAX_SHOWN_LENGTH = 60
@@ -313,15 +314,39 @@ class GroupUnavailable(WheelwireError):  # noqa: N818
 
     exit_code = 25
 
-    def __init__(self, group: str, host: int, device: int) -> None:
+    def __init__(self, group: str, host: int, device: int, *, needed_by: str = "") -> None:
         theirs = f"has others (0x{device:08x})" if device else "has none"
+        needed_by = needed_by and f"{needed_by}: "
         super().__init__(
-            f"the messages about {group}s of this library are 0x{host:08x}, the device {theirs}: "
-            "use firmware and library of one release for this; everything else works"
+            f"{needed_by}the messages about {group}s of this library are 0x{host:08x}, the device "
+            f"{theirs}: use firmware and library of one release for this; everything else works"
         )
         self.group = group
         self.host = host
         self.device = device
+
+
+class SensorMissing(WheelwireError):  # noqa: N818
+    """The robot has no such sensor."""
+
+    exit_code = 32
+
+
+class SensorStale(WheelwireError):  # noqa: N818
+    """A sensor's samples cannot be used now.
+
+    Args:
+        channel: Its name, as in `imu`.
+        state: Why.
+        sentence: The same for people.
+    """
+
+    exit_code = 33
+
+    def __init__(self, channel: str, state: SensorState, sentence: str) -> None:
+        super().__init__(f"{channel} is {sentence}; `wheelwire sensors` shows all channels")
+        self.channel = channel
+        self.state = state
 
 
 class RecordingError(WheelwireError):

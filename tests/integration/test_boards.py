@@ -18,13 +18,33 @@ from wheelwire.commissioning.setup import choose_board
 from wheelwire.drivers import requests
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.drivers.transport_driver import DeviceDriver
-from wheelwire.files.board import board_mapping, load_board, shipped_boards
+from wheelwire.files.board import board_mapping, load_board, parse_board, shipped_boards
+from wheelwire.link.tap import Kind, TapReader
+from wheelwire.peripherals import DigitalInput, Pull, fingerprint
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.board import BoardState
+from wheelwire_protocol.codec import BY_TYPE
 from wheelwire_protocol.codes import Board as Chip
 from wheelwire_protocol.codes import Fault, Group, RefusalCode
-from wheelwire_protocol.types import GROUP_HASHES, GroupGet
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.sensors import PeripheralKind, PeripheralsState, Place
+from wheelwire_protocol.types import (
+    GROUP_HASHES,
+    BoardConfirm,
+    BoardWrite,
+    GroupGet,
+    PeripheralsConfirm,
+    PeripheralsWrite,
+    Restart,
+)
 
+WITH_BUMPERS = replace(
+    load_board("l298n"),
+    peripherals=tuple(
+        DigitalInput(PeripheralKind.BUMPER, place, pin, pull=Pull.EXTERNAL)
+        for place, pin in ((Place.FRONT_LEFT, 36), (Place.REAR, 39))
+    ),
+)
 OF_ESP32 = [name for name in shipped_boards() if load_board(name).chip is Chip.ESP32]
 
 
@@ -64,6 +84,22 @@ def test_a_fresh_chip_drives_once_its_board_is_confirmed() -> None:
         fresh.reset()
         assert run_json("board", "read", fresh.port)["state"] == "STORED"
         assert run_json("info", fresh.port)["warnings"] == []
+
+
+def test_a_robot_without_the_bumpers_of_the_named_board_is_not_driven(
+    simulator: Simulator,
+) -> None:
+    inputs = {"bumper_front": {"pin": 36, "pull": "external"}}
+    board = parse_board({**board_mapping(load_board("l298n")), "inputs": inputs})
+    with pytest.raises(errors.BoardMismatch, match="with others"):
+        open_driver("serial", port=simulator.port, board=board)
+    with open_driver("serial", port=simulator.port) as robot:
+        robot.board.take_up(board)
+    with open_driver("serial", port=simulator.port, board=board) as robot:
+        robot.set_velocity(0.1, 0.1)
+    # A file that names none is no reason to refuse a robot that has some.
+    with open_driver("serial", port=simulator.port, board="l298n") as robot:
+        robot.set_velocity(0.1, 0.1)
 
 
 def test_a_robot_on_another_board_than_the_named_one_is_not_driven(
@@ -107,16 +143,22 @@ def test_a_board_is_written_kept_and_read_back(simulator: Simulator) -> None:
     result = run("board", "write", simulator.port, "tb6612")
     assert (result.returncode, result.stdout) == (0, "TB6612FNG: written, tried and confirmed\n")
     after = run_json("board", "read", simulator.port)
-    assert after == {"state": "STORED", "board": board_mapping(load_board("tb6612"))}
+    assert after == {
+        "state": "STORED",
+        "board": board_mapping(load_board("tb6612")),
+        "peripherals": "STORED",
+    }
     simulator.reset()
     assert run_json("board", "read", simulator.port) == after
 
 
 def test_what_is_read_is_a_file_that_can_be_written(simulator: Simulator, tmp_path: Path) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_BUMPERS)
     text = run("board", "read", simulator.port).stdout
     file = tmp_path / "read.yaml"
     file.write_text(text)
-    assert load_board(file) == load_board("l298n")
+    assert load_board(file) == WITH_BUMPERS
     assert run_json("board", "write", simulator.port, str(file)) == {
         "board": "L298N, ESP32-DevKitC",
         "written": True,
@@ -276,6 +318,143 @@ def test_a_set_up_confirms_the_board_that_the_robot_is_on(answer: str) -> None:
         assert offer(fresh, Chooser(answer)) == ["board: L298N, ESP32-DevKitC"]
 
 
+# --- peripherals ---------------------------------------------------------------------------------
+
+
+def state_of_list(robot: DeviceDriver) -> PeripheralsState:
+    stored = robot.board.read_peripherals()
+    assert stored is not None
+    return stored.state
+
+
+def test_peripherals_are_written_with_the_board_and_kept(simulator: Simulator) -> None:
+    both = replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals)
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(both)
+        assert robot.board.read() == (BoardState.STORED, both)
+        assert state_of_list(robot) is PeripheralsState.STORED
+        info = robot.info.peripherals
+        assert info is not None
+        assert (info.state, info.size) == (PeripheralsState.STORED, 2)
+        assert robot.warnings == ()
+        keep_driving(robot)
+    simulator.reset()
+    with SerialDriver(simulator.port) as robot:
+        assert robot.board.read() == (BoardState.STORED, both)
+
+
+def test_a_board_that_the_robot_is_on_is_not_written_again(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        sent = TapReader()
+        robot._link.listen_to_tap(sent)
+        robot.board.take_up(WITH_BUMPERS)
+        frames = b"".join(one.data for one in sent.take() if one.kind is Kind.SENT)
+        kinds = {type(message) for message in Decoder().feed(frames)}
+        assert {PeripheralsWrite, PeripheralsConfirm, Restart} <= kinds
+        assert not {BoardWrite, BoardConfirm} & kinds
+        robot.board.take_up(replace(WITH_BUMPERS, peripherals=()))
+        assert robot.board.read_peripherals() == (
+            PeripheralsState.STORED,
+            (),
+            fingerprint((), WITH_BUMPERS.fingerprint()),
+        )
+
+
+def test_a_bumper_stops_the_robot_that_it_was_written_to(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_BUMPERS)
+        simulator.set("bumper.front_left", 1)
+        keep_driving(robot)
+        assert robot.read().left_duty == 0.0
+        for _ in range(50):
+            robot.set_velocity(-0.1, 0.0)
+            robot.read()
+        assert robot.read().left_mps < -0.05
+
+
+def test_both_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> None:
+    both = replace(load_board("tb6612"), peripherals=WITH_BUMPERS.peripherals)
+    with SerialDriver(simulator.port) as robot:
+        robot.board.write(both)
+        robot.board.restart()
+        assert robot.board.read() == (BoardState.TRIAL, both)
+        assert state_of_list(robot) is PeripheralsState.TRIAL
+        with pytest.raises(errors.DeviceRefused, match="on trial"):
+            keep_driving(robot)
+    assert run_json("board", "confirm", simulator.port, "--yes")["was_confirmed"] is False
+    with SerialDriver(simulator.port) as robot:
+        assert robot.board.read() == (BoardState.STORED, both)
+        assert state_of_list(robot) is PeripheralsState.STORED
+        keep_driving(robot)
+
+
+def test_peripherals_on_trial_are_confirmed_by_the_command(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.write(WITH_BUMPERS)
+        robot.board.restart()
+        (warning,) = robot.warnings
+        assert warning.startswith("Peripherals are on trial")
+    assert run_json("board", "confirm", simulator.port, "--yes")["was_confirmed"] is False
+    assert run_json("board", "confirm", simulator.port)["was_confirmed"] is True
+    assert run_json("board", "read", simulator.port)["peripherals"] == "STORED"
+
+
+def test_a_host_that_dies_before_the_list_is_confirmed_leaves_the_former_one(
+    simulator: Simulator,
+) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_BUMPERS)
+        robot.board.write(replace(WITH_BUMPERS, peripherals=()))
+        robot.board.restart()
+        assert state_of_list(robot) is PeripheralsState.TRIAL
+    simulator.reset()
+    with SerialDriver(simulator.port) as robot:
+        assert robot.board.read() == (BoardState.STORED, WITH_BUMPERS)
+
+
+def test_a_board_without_a_list_of_its_own_drives_nothing(simulator: Simulator) -> None:
+    """As when a program of a release without peripherals has replaced the board."""
+    other = load_board("tb6612")
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_BUMPERS)
+        fields = BY_TYPE[BoardWrite].unpack(bytes(9) + other.packed() + bytes(4))
+        robot._link.request(BoardWrite(0, 0, *fields[2:]))
+        robot.board.restart()
+        robot.board.confirm(other)
+        assert state_of_list(robot) is PeripheralsState.UNUSABLE
+        with pytest.raises(errors.DeviceRefused) as refused:
+            keep_driving(robot)
+        assert refused.value.code == RefusalCode.BOARD_UNCONFIRMED
+    (warning,) = run_json("info", simulator.port)["warnings"]
+    assert "list of peripherals" in warning
+    line = check_error(run("board", "confirm", simulator.port), errors.ConfigurationError)
+    assert "TB6612FNG is confirmed" in line
+    assert "wheelwire board write" in line
+    assert run("board", "write", simulator.port, "tb6612").returncode == 0
+    drive = run("drive", simulator.port, "--linear", "0.2", "--seconds", "0.5")
+    assert drive.returncode == 0, drive.stderr
+
+
+def test_firmware_without_peripherals_takes_boards_without_them(
+    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        requests,
+        "GroupGet",
+        lambda s, r, asked: GroupGet(s, r, 77 if asked is Group.SENSOR else asked),
+    )
+    with SerialDriver(simulator.port) as robot:
+        with pytest.raises(
+            errors.GroupUnavailable,
+            match=r"has peripherals, and nothing was written: .* has none",
+        ):
+            robot.board.take_up(WITH_BUMPERS)
+        assert robot.board.read()[1] == load_board("l298n")
+        robot.board.take_up(load_board("tb6612"))
+        assert robot.board.read() == (BoardState.STORED, load_board("tb6612"))
+        assert robot.board.read_peripherals() is None
+
+
 def test_the_same_on_asyncio(simulator: Simulator) -> None:
     async def use() -> None:
         async with aio.open_driver("serial", port=simulator.port) as robot:
@@ -284,6 +463,7 @@ def test_the_same_on_asyncio(simulator: Simulator) -> None:
             await robot.board.take_up(load_board("tb6612"))
             state, board = await robot.board.read()
             assert (state, board) == (BoardState.STORED, load_board("tb6612"))
+            assert await robot.board.read_peripherals() is not None
             await robot.board.write(load_board("drv8833"))
             await robot.board.restart()
             assert (await robot.board.read())[0] is BoardState.TRIAL

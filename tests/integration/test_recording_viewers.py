@@ -28,6 +28,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated robot's, with every channel in use."""
     path = tmp_path_factory.mktemp("day") / "day.mcap"
     with open_driver("mock", record=path) as robot:
+        robot.imu.read(timeout=2.0)
         end = time.monotonic() + 1.5
         while time.monotonic() < end:
             robot.set_velocity(0.2, 0.5, ttl=0.3)

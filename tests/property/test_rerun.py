@@ -16,8 +16,10 @@ from wheelwire.link.rerun import Rerun
 from wheelwire.link.session import Phase, Session
 from wheelwire.link.tap import Kind, Record, TapReader
 from wheelwire.simulation.bad_line import Impairment
+from wheelwire.simulation.libfwsim import FwSim
 from wheelwire_protocol.codes import StopMode
-from wheelwire_protocol.types import ParameterGet, ParameterSet
+from wheelwire_protocol.decoder import Decoder
+from wheelwire_protocol.types import GroupGet, ParameterGet, ParameterSet, SensorStream
 
 BAD = Impairment(delay_us=300, jitter_us=4000, loss=0.05, flip=0.02, repeat=0.02, reorder=0.02)
 
@@ -135,6 +137,44 @@ def test_a_listener_that_comes_late_knows_what_was_answered_since() -> None:
     again.feed_all(reader.take())
     assert again.session is not None
     assert again.session.values == line.session.values
+
+
+def without_questions(data: bytes) -> bytes:
+    """Whole frames without those that ask for groups, which is how a session asks for a board."""
+    frames = [b"\0" + frame + b"\0" for frame in data.split(b"\0") if frame]
+    return b"".join(
+        frame for frame in frames if not any(isinstance(m, GroupGet) for m in Decoder().feed(frame))
+    )
+
+
+@pytest.mark.parametrize("after_ms", [0, 50, 90, 110, 150, 200, 400])
+def test_whenever_a_listener_comes_it_knows_board_and_sensors(after_ms: int) -> None:
+    """The line loses what the session itself asks for, until 0.1 s after it has opened."""
+    now_us, since_open_ms = 1_000_000, 0
+    session, reader = Session(lambda: 7, None, ()), TapReader(limit=1_000_000)
+    with FwSim() as sim:
+        session.connect(now_us)
+        while since_open_ms < 2000:
+            session.advance(now_us)
+            sent = session.take_output()
+            sim.write(sent if since_open_ms > 100 else without_questions(sent))
+            sim.advance_us(1000)
+            now_us += 1000
+            session.receive(sim.read(), now_us)
+            if session.phase is Phase.OPEN:
+                if since_open_ms == after_ms:
+                    session.listen(reader, now_us)
+                if since_open_ms == 1000:
+                    session.request(SensorStream(0, 0, 50), lambda _: None, now_us)
+                since_open_ms += 1
+    again = Rerun()
+    again.feed_all(reader.take())
+    assert again.session is not None
+    assert session.peripherals is not None
+    assert again.session.peripherals == session.peripherals
+    assert again.session.board == session.board
+    assert again.session.sensors.rate_hz == 50
+    assert again.session.sensors.infos == session.sensors.infos
 
 
 def test_a_slow_listener_loses_the_oldest_and_knows_how_many() -> None:

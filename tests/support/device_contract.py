@@ -69,7 +69,7 @@ def wait(robot: SerialDriver, condition: Callable[[WheelSample], bool]) -> Wheel
     raise AssertionError("no such sample")
 
 
-def in_time(samples: SampleIterator) -> Iterator[WheelSample]:
+def in_time(samples: SampleIterator[WheelSample]) -> Iterator[WheelSample]:
     """The samples, for a limited time."""
     end = time.monotonic() + TIMEOUT_S
     for sample in samples:

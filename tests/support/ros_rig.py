@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from support import stop_host
 from support.ros import Diagnostics, Graph, Repeater, open_graph, wait
@@ -22,6 +24,7 @@ NODE = "/hardware_robot"
 SPEED_MPS = 0.3
 TRUTH_HZ = 200.0
 SECOND = 1_000_000_000
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def twist(linear_mps: float, angular_radps: float = 0.0) -> Any:
@@ -32,6 +35,23 @@ def stamp_s(message: Any) -> float:
     """The time in a message's header."""
     stamp = message.header.stamp
     return float(stamp.sec + stamp.nanosec / 1e9)
+
+
+class State:
+    """What ~/state reported last."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.told: list[Any] = []
+        graph.node.create_subscription(DiagnosticStatus, f"{NODE}/state", self.told.append, LATCHED)
+
+    def wait(self, condition: Callable[[dict[str, str]], bool]) -> Any:
+        """Until the newest message fulfils a condition of its values."""
+        wait(lambda: self.told and condition(values(self.told[-1])), "a condition of ~/state")
+        return self.told[-1]
+
+
+def values(status: Any) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
 
 
 class Rig:

@@ -11,6 +11,7 @@ import pytest
 from wheelwire import errors
 from wheelwire.errors import Release
 from wheelwire_protocol.codes import Fault, RefusalCode
+from wheelwire_protocol.sensors import SensorState
 
 OURS, THEIRS = Release(1, 2, "0.1.0"), Release(3, 4, "0.2.0")
 WITH_ARGUMENTS: dict[type[errors.WheelwireError], errors.WheelwireError] = {
@@ -25,6 +26,7 @@ WITH_ARGUMENTS: dict[type[errors.WheelwireError], errors.WheelwireError] = {
         errors.WrongBoard("240ac4123456", "240ac4abcdef"),
         errors.BoardMismatch("devkit", "other", confirmed=False),
         errors.GroupUnavailable("board", 0x1234, 0x5678),
+        errors.SensorStale("imu", SensorState.FROZEN, "STALE, FROZEN"),
         errors.UnknownParameter("wheel_radios", ["wheel_radius"]),
         errors.ParameterOutOfRange("wheel_radius", 7.0, "at most 1"),
     )

@@ -30,6 +30,7 @@ from .log import app as log_app
 from .output import UsageError, print_error, print_interruption, show_help_alone
 from .parameters import app as parameters_app
 from .robot import clear, drive, estop, info, monitor, restart, stop
+from .sensors import sensors
 from .setup import setup
 from .sim import app as sim_app
 from .support import support
@@ -47,7 +48,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
-    *(ports, setup, tune, info, drive, teleop, monitor, stop, estop, clear, restart),
+    *(ports, setup, tune, info, drive, teleop, monitor, sensors, stop, estop, clear, restart),
     *(why, doctor, support, flash, demo, mcu),
 ):
     app.command()(command)
@@ -75,7 +76,8 @@ def run() -> int:
     """Run the command line; returns its exit code."""
     _open_closed_streams()
     # An error of the command says what a log line of the link would say, and what to do.
-    logging.getLogger("wheelwire.link").addHandler(logging.NullHandler())
+    for name in ("wheelwire.link", "wheelwire.sensors"):
+        logging.getLogger(name).addHandler(logging.NullHandler())
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # print ? on an ASCII terminal, do not fail

@@ -27,6 +27,7 @@ from wheelwire.files.board import (
     shipped_boards,
     to_yaml,
 )
+from wheelwire.files.peripherals import peripheral_sections
 from wheelwire_protocol.board import (
     CHIPS,
     MODULES,
@@ -44,6 +45,7 @@ from wheelwire_protocol.board import (
 )
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.native import check_board
+from wheelwire_protocol.sensors import PeripheralsState
 
 from .address import (
     ROBOT_HELP,
@@ -154,6 +156,8 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
             for function, pin in found.wiring()
         ],
     )
+    if found.peripherals:
+        _show_peripherals(found)
     inputs = [name for name in OUTPUTS if name in stage.inputs]
     print_table(
         f"{found.stage.name.lower()}: {stage.parts}",
@@ -170,6 +174,20 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
         ("dead time", stage.dead_time),
     ):
         console.print(f"{what}: {text}")
+
+
+def _show_peripherals(found: BoardDescription) -> None:
+    sections = peripheral_sections(found.peripherals)
+    inputs = sections.pop("inputs", {})
+    rows = sections | {f"inputs.{name}": content for name, content in inputs.items()}
+    print_table(
+        "peripherals",
+        ("section", "connected to"),
+        [
+            (name, ", ".join(f"{key} {value}" for key, value in content.items()))
+            for name, content in rows.items()
+        ],
+    )
 
 
 @app.command("check")
@@ -216,9 +234,9 @@ def write(
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Store a board in the device, restart it, and keep the board if the device comes back.
+    """Store a board and its peripherals, restart the device, and keep them if it comes back.
 
-    Until then it is on trial: nothing drives, and the previous board returns after 10 s.
+    Until then they are on trial: nothing drives, and the previous ones return after 10 s.
     """
     # One list: Click cannot leave out the first of two arguments.
     robot, (name,) = split(context, arguments or (), "FILE")
@@ -260,7 +278,7 @@ def confirm(
     baud_rate: BaudRateOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Confirm the board that a device reports, and let it drive.
+    """Confirm the board and the peripherals that a device reports, and let it drive.
 
     A device with newly installed firmware assumes the board that came with it, and drives nothing
     until somebody has confirmed it.
@@ -273,9 +291,12 @@ def confirm(
                 "the device has no board that could be confirmed: write one with "
                 "`wheelwire board write`"
             )
-        is_new = state is not BoardState.STORED
+        stored = board.read_peripherals()
+        of_list = PeripheralsState.EMPTY if stored is None else stored.state
+        is_new = state is not BoardState.STORED or of_list is PeripheralsState.TRIAL
         if is_new:
             _ask_to_confirm(found, yes=yes, as_json=as_json)
+        if is_new or of_list is PeripheralsState.UNUSABLE:  # which it refuses
             board.accept(found)
     if as_json:
         print_json({"board": found.name, "confirmed": True, "was_confirmed": not is_new})
@@ -307,14 +328,24 @@ def _ask_to_confirm(found: BoardDescription, *, yes: bool, as_json: bool) -> Non
 def read(
     robot: RobotArgument = None, baud_rate: BaudRateOption = None, as_json: JsonFlag = False
 ) -> None:
-    """Show the device's active board, as a file."""
+    """Show the device's active board and peripherals, as a file."""
     with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
-        state, found = _device_board(driver).read()
+        board = _device_board(driver)
+        state, found = board.read()
+        stored = board.read_peripherals()
     if as_json:
-        print_json({"state": state, "board": board_mapping(found) if found else None})
+        print_json(
+            {
+                "state": state,
+                "board": board_mapping(found) if found else None,
+                "peripherals": stored.state if stored else None,
+            }
+        )
         return
-    # The state is a comment of YAML, so that the output is a board's file.
+    # The states are comments of YAML, so that the output is a board's file.
     typer.echo(f"# {state.doc}")
+    if stored is not None:
+        typer.echo(f"# peripherals: {stored.state.doc}")
     if found is not None:
         typer.echo(to_yaml(found), nl=False)
 
@@ -388,6 +419,7 @@ def _ask_for_board(like: str | None) -> BoardDescription:
             encoder_filter_ns=base.encoder_filter_ns,
             battery_divider=base.battery_divider,
             estop_contact=base.estop_contact,
+            peripherals=base.peripherals,
         )
     # The stage that was chosen may be slower than the one that the frequency was meant for.
     made = replace(

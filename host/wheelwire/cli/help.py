@@ -38,6 +38,8 @@ PAGE_OF = {
     "RecordingError": "recording",
     "RequestTimeout": "troubleshooting/link",
     "RobotNotNamed": "command-line/robot",
+    "SensorMissing": "sensors",
+    "SensorStale": "sensors/states",
     "WrongBoard": "boards",
 }
 """Class of an error -> the page, and section, that explains it at length."""
@@ -56,6 +58,7 @@ PAGE_OF_COMMAND = {
     "params": "robot-file",
     "ports": "troubleshooting/port",
     "restart": "command-line",
+    "sensors": "sensors",
     "setup": "first-hour",
     "sim": "simulator",
     "stop": "stops",

@@ -23,7 +23,7 @@ from wheelwire.errors import (
     PortUnavailable,
     fault_names,
 )
-from wheelwire.link.info import ActiveBoard, DeviceInfo
+from wheelwire.link.info import ActiveBoard, ActivePeripherals, DeviceInfo
 from wheelwire.motion.kinematics import Twist
 from wheelwire.motion.odometry import Odometry, Pose
 from wheelwire.samples import WheelSample
@@ -89,6 +89,7 @@ def info(
         [
             ("chip", f"{device.board.name}, {device.board_id}"),
             ("board", _board(link.board)),
+            ("peripherals", _peripherals(link.peripherals)),
             ("firmware", _firmware(device)),
             ("last start", device.reset_reason.doc),
             ("core dump", _CORE_DUMP if device.has_core_dump else "none"),
@@ -118,6 +119,12 @@ def _board(board: ActiveBoard | None) -> str:
     if board is None:
         return "not stored on the device"
     return f"{board.name}, {board.fingerprint:08x}: {board.state.doc}"
+
+
+def _peripherals(found: ActivePeripherals | None) -> str:
+    if found is None:
+        return "unknown to the firmware"
+    return f"{found.size}, {found.fingerprint:08x}: {found.state.doc}"
 
 
 def _warnings(driver: DeviceDriver) -> list[str]:

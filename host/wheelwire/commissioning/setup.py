@@ -490,7 +490,7 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
         say(f"board: {present.name}")
         return
     offered = _boards_for(robot.info.device.board)
-    picture = next((name for name, board in offered.items() if board == present), None)
+    picture = next((name for name, board in offered.items() if _is_same(board, present)), None)
     pictures = pictures_directory()
     as_it_is = f"{KEEP}: none, nothing drives"
     if present is not None:
@@ -507,12 +507,17 @@ def choose_board(robot: BaseDriver, person: Person, say: Say) -> None:
     chosen = present if answer == KEEP else offered[answer]
     if chosen is None:
         return
-    if chosen == present:
+    if _is_same(chosen, present):
         robot.board.accept(chosen)
         say(f"{chosen.name}: confirmed")
     else:
         robot.board.take_up(chosen)
         say(f"{chosen.name}: written, tried and confirmed")
+
+
+def _is_same(board: BoardDescription, present: BoardDescription | None) -> bool:
+    """Whatever its peripherals."""
+    return present is not None and board.packed() == present.packed()
 
 
 def tell_contradictions(robot: BaseDriver, say: Say) -> None:

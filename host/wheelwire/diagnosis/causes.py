@@ -5,17 +5,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 from wheelwire_protocol.codes import Fault, RefusalCode, ResetReason
+from wheelwire_protocol.sensors import BatteryLevel, PeripheralKind, Reflex, SensorState
+
+if TYPE_CHECKING:
+    from ..link.sensor_stream import InputsMeasurement
 
 
 class Cause(NamedTuple):
     """One cause of a stop.
 
     Attributes:
-        sentence: What happened. A wheel's begins with its side: "{wheel}".
+        sentence: What happened. A wheel's begins with its side, "{wheel}", a sensor's with its
+            name, "{channel}".
         look_at: What to look at first.
     """
 
@@ -66,7 +72,16 @@ CAUSES: dict[str, Cause] = {
     "store_unreadable": Cause("The saved parameters cannot be read from flash", "the flash"),
     "no_board": Cause("No board is stored that this device can use", "`wheelwire board write`"),
     "external_fault": Cause(
-        "An input of the board stopped the robot", "what is wired to that input"
+        "An input of the board stopped the robot", "`wheelwire sensors`, then what is wired to it"
+    ),
+    "cliff_seen": Cause("{channel} saw no floor", "where the robot stands, then that sensor"),
+    "stage_tripped": Cause(
+        "{channel} said that a power stage has tripped", "the motors' currents, then its heat"
+    ),
+    "battery_at_stop": Cause("The battery fell to the level at which the robot stops", "charge it"),
+    "sensor_stale": Cause(
+        "{channel}, which can stop the robot, gave nothing that can be used",
+        "`wheelwire sensors`, then that sensor's wires",
     ),
     # --- emergency stops, and stops that somebody asked for
     "contact_open": Cause(
@@ -229,6 +244,11 @@ RESETS: dict[ResetReason, str] = {
     ResetReason.BROWNOUT: "brownout",
 }
 
+_STOPPING_INPUTS = {
+    PeripheralKind.CLIFF: "cliff_seen",
+    PeripheralKind.STAGE_FAULT: "stage_tripped",
+}
+
 REFUSALS: dict[RefusalCode, str] = {
     RefusalCode.EXPIRED: "setpoints_expired",
     RefusalCode.BOARD_UNCONFIRMED: "board_unconfirmed",
@@ -268,9 +288,9 @@ _FLAG_ALONE = {"wheel_never_counted": ("encoder_dead", "wheel_blocked")}
 
 
 def sentence_of(causes: Sequence[str], side: str = "") -> str:
-    """What happened: one of these causes. `side`: of the wheel."""
-    wheel = side.capitalize() or "A"
-    first, *others = (CAUSES[name].sentence.format(wheel=wheel) for name in causes)
+    """What happened: one of these causes. `side`: of the wheel, or the name of the sensor."""
+    names = {"wheel": side.capitalize() or "A", "channel": side or "A sensor"}
+    first, *others = (CAUSES[name].sentence.format(**names) for name in causes)
     return first + "".join(f"; or {text[0].lower()}{text[1:]}" for text in others) + "."
 
 
@@ -279,9 +299,33 @@ def look_at_of(causes: Iterable[str]) -> str:
     return ", then ".join(dict.fromkeys(CAUSES[name].look_at for name in causes))
 
 
-def latched_causes(faults: Fault) -> Iterator[tuple[Fault, tuple[str, ...], str]]:
-    """Each latched fault, the causes that its flag alone leaves open, and the wheel's side."""
+def sensor_causes(inputs: InputsMeasurement) -> dict[str, str]:
+    """The sensors that stop the robot by a report of the device: their names, and the cause."""
+    message, states = inputs.message, inputs.states
+    found = {}
+    for number, info in inputs.infos.items() if message.reflexes & Reflex.STOP else ():
+        if info.kind in _STOPPING_INPUTS and message.triggered >> number & 1:
+            found[info.name] = _STOPPING_INPUTS[info.kind]
+        elif info.kind is PeripheralKind.BATTERY and states[number] is not SensorState.OK:
+            found[info.name] = "sensor_stale"
+        elif info.kind is PeripheralKind.BATTERY and message.level == BatteryLevel.STOP:
+            found[info.name] = "battery_at_stop"
+    return found
+
+
+def latched_causes(
+    faults: Fault, sensors: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[tuple[Fault, tuple[str, ...], str]]:
+    """Each latched fault, the causes that its flag alone leaves open, and the wheel's side.
+
+    Args:
+        faults: Those that are latched.
+        sensors: What `sensor_causes` found: of the first of them, the cause and its name.
+    """
     for fault in Fault:
-        if fault in faults:
+        if fault is Fault.EXTERNAL and fault in faults and sensors:
+            channel, name = next(iter(sensors.items()))
+            yield fault, (name,), channel
+        elif fault in faults:
             side, name = WHEEL_FAULTS.get(fault) or ("", OTHER_FAULTS[fault])
             yield fault, _FLAG_ALONE.get(name, (name,)), side

@@ -167,6 +167,9 @@ class Diagnosis:
                 self._take(frame.message, frame.host_us)
         for measurement in self._rerun.feed(record):
             self._take_sample(measurement)
+        session = self._rerun.session
+        if session is not None:
+            self._history.note_sensors(session.sensors, record.host_us)
         if record.kind is Kind.START:
             self._begin()
         elif self._rerun.session is not None:
@@ -407,6 +410,8 @@ class Diagnosis:
         self, at_us: int, faults: Fault, samples: tuple[Measurement, ...], first: bool
     ) -> Stop:
         names = ", ".join(str(one.name) for one in Fault if one in faults)
+        if Fault.EXTERNAL in faults and not first:
+            return self._stopped_by_sensor(at_us, faults)
         for one, name in OTHER_FAULTS.items():
             if one in faults and (not first or one in LASTING):
                 return self._stop(at_us, (name,), (f"{names}: {one.doc}", *supply_fall(samples)))
@@ -416,6 +421,17 @@ class Diagnosis:
             if one in faults:
                 return self._wheel_fault(at_us, one, side, name, samples)
         return self._stop(at_us, ("external_fault",), (names,))
+
+    def _stopped_by_sensor(self, at_us: int, faults: Fault) -> Stop:
+        """An input, the battery or a stale sensor stopped the robot."""
+        evidence = [f"{one.name}: {one.doc}" for one in Fault if one in faults]
+        found = self._history.stopping_sensors(at_us)
+        if not found:
+            evidence.append("what the sensors measured was not asked for, or not received")
+            return self._stop(at_us, ("external_fault",), evidence)
+        channel, cause = next(iter(found.items()))
+        evidence += [sentence_of((other,), name) for name, other in found.items()]
+        return self._stop(at_us, (cause,), evidence, channel)
 
     def _wheel_fault(
         self, at_us: int, fault: Fault, side: str, name: str, samples: tuple[Measurement, ...]

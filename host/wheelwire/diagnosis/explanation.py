@@ -14,27 +14,35 @@ from .causes import (
     REQUEST_REFUSALS,
     latched_causes,
     look_at_of,
+    sensor_causes,
     sentence_of,
 )
 
 # A refused setpoint must not wait for what only a watch needs.
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..link.sensor_stream import SensorStream
     from .watch import StopWatch
 
 _Said: TypeAlias = tuple[str, tuple[str, ...], str]
 """Sentence, evidence, and what to look at."""
 _NOTHING: _Said = "", (), ""
+_Sensors: TypeAlias = "Callable[[], SensorStream]"
+"""Asked for a refusal alone: where there is one, there is a session."""
 
 
-def explain(error: WheelwireError, watch: StopWatch | None) -> None:
+def explain(
+    error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None = None
+) -> None:
     """Have the error say why the robot does not drive, answer or do what it was asked for.
 
-    As far as the error and a watch of stops know.
+    As far as the error, a watch of stops and the sensors know.
     """
-    error.why, error.evidence, error.look_at = _said(error, watch)
+    error.why, error.evidence, error.look_at = _said(error, watch, sensors)
 
 
-def _said(error: WheelwireError, watch: StopWatch | None) -> _Said:
+def _said(error: WheelwireError, watch: StopWatch | None, sensors: _Sensors | None) -> _Said:
     if isinstance(error, LinkLost):
         return _one_of(error.causes, str(error)) if error.causes else _NOTHING
     if isinstance(error, ProtocolMismatch):
@@ -56,12 +64,18 @@ def _said(error: WheelwireError, watch: StopWatch | None) -> _Said:
         return _one_of(ESTOPPED, evidence)
     if code is RefusalCode.CAUSE_PRESENT and not error.faults:
         return _one_of(("contact_open",), evidence)
-    found = list(latched_causes(error.faults))
+    found = list(latched_causes(error.faults, _stopping(sensors)))
     return (
         " ".join(sentence_of(causes, side) for _, causes, side in found),
         (*(f"{fault.name}: {fault.doc}" for fault, _, _ in found), evidence),
         look_at_of(name for _, causes, _ in found for name in causes),
     )
+
+
+def _stopping(sensors: _Sensors | None) -> dict[str, str]:
+    """The sensors that have stopped the robot, and the cause."""
+    stopped = None if sensors is None else sensors().stopped
+    return {} if stopped is None else sensor_causes(stopped)
 
 
 def _one_of(causes: tuple[str, ...], evidence: str) -> _Said:

@@ -9,11 +9,13 @@ from typing import NamedTuple, TypeVar
 from wheelwire_protocol.types import AnyMessage, Refuse
 
 from ..link.requests import COPY_ID
+from ..link.sensor_stream import INPUTS, InputsMeasurement, SensorMeasurement, SensorStream
 from ..link.setpoints import ASKED
 from ..link.state_stream import Measurement
 from ..link.tap import STOP_ASKED, Kind, Record
 from ..link.tap_wire import decoded_json
 from ..samples import tick_difference
+from .causes import sensor_causes
 
 T = TypeVar("T")
 SPAN_US = 5_000_000
@@ -60,6 +62,11 @@ class History:
         self.supply: deque[tuple[int, float, bool]] = deque(maxlen=SUPPLY_POINTS)
         self.stop_us = -SPAN_US
         self._stop_asked = -SPAN_US, ""
+        self._inputs: SensorMeasurement | None = None
+        self._stopping: dict[str, str] = {}
+        """The sensors that stop the robot now, and the cause."""
+        self._stopped: dict[str, tuple[int, str]] = {}
+        """Those that did, and until when."""
         self._explained: dict[str | int, set[int]] = {}
         """When stops were that were explained by the same."""
         self._newest_us: int | None = None
@@ -94,6 +101,17 @@ class History:
         ):
             self.supply.append((now_us, volts, drives(measurement)))
 
+    def note_sensors(self, sensors: SensorStream, now_us: int) -> None:
+        """Which sensors stop the robot now, as far as they were asked for."""
+        inputs = sensors.newest.get(INPUTS)
+        if inputs is self._inputs:
+            return
+        self._inputs = inputs
+        found = sensor_causes(inputs) if isinstance(inputs, InputsMeasurement) else {}
+        for name in self._stopping.keys() - found.keys():
+            self._stopped[name] = now_us, self._stopping[name]
+        self._stopping = found
+
     def begin_boot(self) -> None:
         """Forget what was before a reset of the device."""
         self.samples.clear()
@@ -108,6 +126,11 @@ class History:
         _drop(self.gaps, lambda one: one[1] < before_us)
 
     # --- questions -------------------------------------------------------------------------------
+
+    def stopping_sensors(self, at_us: int) -> dict[str, str]:
+        """The sensors that have stopped the robot since then, by name, and the cause."""
+        ended = {name: cause for name, (when, cause) in self._stopped.items() if when >= at_us}
+        return self._stopping | ended
 
     def was_sent(self, kind: type[AnyMessage], since_us: int) -> bool:
         """Whether this host sent such a message since then."""

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from types import TracebackType
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from ..arguments import timeout_s
-from ..errors import RequestTimeout
+from ..errors import DriverUnavailable, RequestTimeout
 from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
 from ..parameters import Parameters
 from ..samples import WheelSample
 from .callbacks import InlineCallbacks, ThreadCallbacks
 from .driving import Driving
+
+if TYPE_CHECKING:
+    from ..sensors import ImuSample, InputsSample, PowerSample
+    from .device_sensors import Sensor, Sensors
 
 FIRST_SAMPLE_S = 1.0
 
@@ -89,7 +93,7 @@ class BaseDriver(Driving):
             self._check_link()
             raise
 
-    def samples(self) -> SampleIterator:
+    def samples(self) -> SampleIterator[WheelSample]:
         """All samples from now on, for `for sample in robot.samples():`.
 
         Each iterator has a queue of its own that holds one second of samples; its `dropped` counts
@@ -119,6 +123,26 @@ class BaseDriver(Driving):
     @abstractmethod
     def parameters(self) -> Parameters:
         """The robot's parameters, by name."""
+
+    @property
+    def sensors(self) -> Sensors:
+        """All sensors of the robot; `DriverUnavailable` if the driver has none."""
+        raise DriverUnavailable(f"the driver of {self._name} has no sensors: name another robot")
+
+    @property
+    def imu(self) -> Sensor[ImuSample]:
+        """The robot's gyroscope and accelerometer."""
+        return self.sensors.imu
+
+    @property
+    def power(self) -> Sensor[PowerSample]:
+        """The robot's supply: a power sensor, or the battery's divider."""
+        return self.sensors.power
+
+    @property
+    def inputs(self) -> Sensor[InputsSample]:
+        """The robot's digital inputs: bumpers, cliff sensors, fault outputs of power stages."""
+        return self.sensors.inputs
 
     @property
     def sessions(self) -> int:

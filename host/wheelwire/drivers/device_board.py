@@ -1,4 +1,4 @@
-"""Reads, writes, tries and confirms the board that a device has stored.
+"""Reads, writes, tries and confirms what a device has stored: its board and its peripherals.
 
 Each operation is written once, for asyncio and for threads.
 """
@@ -6,32 +6,70 @@ Each operation is written once, for asyncio and for threads.
 from __future__ import annotations
 
 import time
-from typing import cast
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.codes import Group
+from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import (
     BOARD_LAYOUT,
+    PERIPHERAL_LAYOUT,
+    AnyMessage,
     BoardConfirm,
     BoardGet,
     BoardValue,
     BoardWrite,
+    PeripheralGet,
+    PeripheralsConfirm,
+    PeripheralSet,
+    PeripheralsWrite,
+    PeripheralValue,
     Restart,
 )
 
 from ..board import BoardDescription, unpacked
-from ..errors import BoardNotKept, LinkLost, WheelwireError
+from ..errors import (
+    BoardNotKept,
+    ConfigurationError,
+    GroupUnavailable,
+    LinkLost,
+    WheelwireError,
+)
+from ..peripherals import ENTRY_SIZE, Peripheral, fingerprint, packed_entry, unpacked_entry
 from .requests import Requests, blocking
 
 RESTART_TIMEOUT_S = 8.0
 """A chip is back within one second; the trial of a board ends after ten."""
 _POLL_S = 0.02
 _FIELDS = len(BOARD_LAYOUT)
+_ENTRY_FIELDS = len(PERIPHERAL_LAYOUT)
+
+
+class StoredPeripherals(NamedTuple):
+    """The active list of a device's peripherals.
+
+    Attributes:
+        state: Where it is from.
+        entries: By channel; empty while it cannot be used.
+        fingerprint: The checksum that names it.
+    """
+
+    state: PeripheralsState
+    entries: tuple[Peripheral, ...]
+    fingerprint: int
+
+
+class _Written(NamedTuple):
+    """What the next restart tries."""
+
+    board: bool
+    peripherals: bool
 
 
 class AwaitableBoard:
-    """The board of one device."""
+    """The board of one device, and its peripherals."""
 
     def __init__(self, requests: Requests) -> None:
         self._requests = requests
@@ -39,11 +77,141 @@ class AwaitableBoard:
     async def read(self) -> tuple[BoardState, BoardDescription | None]:
         """Whether the active board was confirmed, and the board; None if there is none.
 
+        It has the peripherals that are active on it, see `read_peripherals`.
+
         Raises:
             GroupUnavailable: The device has no messages about boards, or those of another release.
             ConfigurationError: The board has codes that are unknown here.
             LinkLost, RequestTimeout: The device was not reached.
         """
+        state, board = await self._read_board()
+        if board is None:
+            return state, None
+        stored = await self.read_peripherals()
+        return state, replace(board, peripherals=stored.entries) if stored else board
+
+    async def read_peripherals(self) -> StoredPeripherals | None:
+        """The active list of peripherals; None if the firmware has no messages about them.
+
+        Raises:
+            ConfigurationError: An entry has codes that are unknown here.
+            LinkLost, RequestTimeout: The device was not reached.
+        """
+        try:
+            await self._requests.check_group(Group.SENSOR)
+        except GroupUnavailable:
+            return None
+        value = cast("PeripheralValue", await self._requests.ask(PeripheralGet(0, 0, 0)))
+        values = [value]
+        for channel in range(1, value.channel_count):
+            answer = await self._requests.ask(PeripheralGet(0, 0, channel))
+            values.append(cast("PeripheralValue", answer))
+        # Each message ends with the entry's fields, in the layout of a packed entry.
+        pack = BY_TYPE[PeripheralValue].pack_body
+        packed = [pack(*one)[-ENTRY_SIZE:] for one in values[: value.channel_count]]
+        entries = tuple(map(unpacked_entry, packed))
+        return StoredPeripherals(PeripheralsState(value.state), entries, value.crc)
+
+    async def write(self, board: BoardDescription) -> None:
+        """Store a board and its peripherals, to be tried at the next restart.
+
+        A board that the device is on already is not written again with other peripherals.
+
+        Raises:
+            DeviceRefused: The robot drives, the board breaks a rule of this device, or another
+                one is on trial.
+            GroupUnavailable: As `read`; or the board has peripherals, and the firmware has no
+                messages about them. Nothing was written.
+            LinkLost, RequestTimeout: As `read`.
+        """
+        await self._write(board)
+
+    async def confirm(self, board: BoardDescription) -> None:
+        """Save what is on trial, the firmware's own board too, and let it drive.
+
+        The firmware's own board drives after a restart, which the device begins by itself.
+
+        Args:
+            board: The board that the device is on, as `read` reported it.
+
+        Raises:
+            DeviceRefused: The device has another board, or none that waits for a confirmation.
+            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
+        """
+        state, _ = await self._read_board()
+        stored = await self.read_peripherals()
+        if stored is not None and stored.state is PeripheralsState.TRIAL:
+            # First: a board without its peripherals drives nothing, the other way round it would.
+            await self._requests.ask(PeripheralsConfirm(0, 0, stored.fingerprint))
+            if state is BoardState.STORED:
+                return
+        await self._requests.ask(BoardConfirm(0, 0, board.fingerprint()))
+
+    async def accept(self, board: BoardDescription) -> None:
+        """Confirm the active board and its peripherals, and wait until the device drives on it.
+
+        Args:
+            board: The board that the device is on, as `read` reported it.
+
+        Raises:
+            BoardNotKept: The device is on another board by now, or came back without this one.
+            ConfigurationError: It is on the board, but its stored peripherals are not of it.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
+        """
+        state, found = await self.read()
+        # A trial may have ended while somebody compared the board.
+        if found is None or not _is_same(found, board):
+            raise BoardNotKept(
+                f"the device is on {found.name if found else 'no board'} by now, not on "
+                f"{board.name}: nothing was confirmed; write the board again"
+            )
+        before = self._requests.link.info.device.boot_id
+        if state is not BoardState.STORED or await self._is_on_trial():
+            await self.confirm(board)
+        if state is BoardState.BUILT_IN:
+            await self._await_restart(before)
+        state, found = await self._read_board()
+        if state is not BoardState.STORED or found is None or not _is_same(found, board):
+            raise BoardNotKept(f"{board.name} was not confirmed; try again")
+        stored = await self.read_peripherals()
+        if stored is not None and stored.state is PeripheralsState.UNUSABLE:
+            raise ConfigurationError(
+                f"{board.name} is confirmed, but the list of peripherals that is stored is "
+                "damaged or of another board, and nothing drives: write the board's file, which "
+                "names them, with `wheelwire board write`"
+            )
+
+    async def take_up(self, board: BoardDescription) -> None:
+        """Write a board and its peripherals, restart, and confirm both if they come back.
+
+        Raises:
+            BoardNotKept: The device is back with the previous board, or the previous peripherals.
+            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
+        """
+        written = await self._write(board)
+        await self.restart()
+        state, found = await self._read_board()
+        expected = BoardState.TRIAL if written.board else BoardState.STORED
+        # The packed forms are what was written and saved: there a number may have been rounded.
+        if state is not expected or found is None or not _is_same(found, board):
+            raise BoardNotKept(
+                "the new board was not kept; the previous one is active "
+                f"({found.name if found else 'none'}): try again"
+            )
+        # The device was reached on it, so its line to the host is right at least.
+        if written.peripherals:
+            stored = await self.read_peripherals()
+            wanted = fingerprint(board.peripherals, board.fingerprint())
+            if stored is None or (stored.state, stored.fingerprint) != (
+                PeripheralsState.TRIAL,
+                wanted,
+            ):
+                raise BoardNotKept(
+                    "the new peripherals were not kept, and nothing was confirmed: try again"
+                )
+        await self.confirm(board)
+
+    async def _read_board(self) -> tuple[BoardState, BoardDescription | None]:
         # First: a device of another release may mean something else by these messages.
         await self._check_group()
         value = cast("BoardValue", await self._requests.ask(BoardGet(0, 0)))
@@ -54,80 +222,39 @@ class AwaitableBoard:
         body = BY_TYPE[BoardValue].pack_body(*value)
         return state, unpacked(body[-_packed_size() :])
 
-    async def write(self, board: BoardDescription) -> None:
-        """Store a board, to be tried at the next restart.
+    async def _write(self, board: BoardDescription) -> _Written:
+        state, found = await self._read_board()
+        stored = await self.read_peripherals()
+        if stored is None:
+            if board.peripherals:
+                needed_by = f"{board.name} has peripherals, and nothing was written"
+                await self._requests.check_group(Group.SENSOR, needed_by)
+            has_list = False
+        else:
+            # Where none was ever stored, one that is left out means the same as an empty one.
+            has_list = bool(board.peripherals) or stored.state is not PeripheralsState.EMPTY
+        is_on_it = state is BoardState.STORED and found is not None and _is_same(found, board)
+        written = _Written(board=not (is_on_it and has_list), peripherals=has_list)
+        # The board last: without its peripherals a restart would leave one that drives nothing.
+        if written.peripherals:
+            await self._write_peripherals(board)
+        if written.board:
+            fields = _fields_of(BoardWrite, _size_of_ids(), board.packed())
+            await self._requests.ask(BoardWrite(0, 0, *fields[-_FIELDS:]))
+        return written
 
-        Raises:
-            DeviceRefused: The robot drives, the board breaks a rule of this device, or another
-                one is on trial.
-            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
-        """
-        await self._check_group()
-        # A message of zeros around the packed board, unpacked, gives the message's fields.
-        unpack = BY_TYPE[BoardWrite].unpack
-        head = bytes(HEADER_SIZE + _size_of_ids())
-        fields = unpack(head + board.packed() + bytes(CRC_SIZE))
-        await self._requests.ask(BoardWrite(0, 0, *fields[-_FIELDS:]))
+    async def _write_peripherals(self, board: BoardDescription) -> None:
+        size = _size_of_ids() + 1  # and the channel
+        for channel, entry in enumerate(board.peripherals):
+            fields = _fields_of(PeripheralSet, size, packed_entry(entry))
+            await self._requests.ask(PeripheralSet(0, 0, channel, *fields[-_ENTRY_FIELDS:]))
+        of_board = board.fingerprint()
+        crc = fingerprint(board.peripherals, of_board)
+        await self._requests.ask(PeripheralsWrite(0, 0, len(board.peripherals), of_board, crc))
 
-    async def confirm(self, board: BoardDescription) -> None:
-        """Save the board that is on trial, or the firmware's own, and let it drive.
-
-        The firmware's own drives after a restart, which the device begins by itself.
-
-        Args:
-            board: The board that the device is on, as `read` reported it.
-
-        Raises:
-            DeviceRefused: The device has another board, or none that waits for a confirmation.
-            GroupUnavailable, LinkLost, RequestTimeout: As `read`.
-        """
-        await self._check_group()
-        await self._requests.ask(BoardConfirm(0, 0, board.fingerprint()))
-
-    async def accept(self, board: BoardDescription) -> None:
-        """Confirm the active board, and wait until the device drives on it.
-
-        Args:
-            board: The board that the device is on, as `read` reported it.
-
-        Raises:
-            BoardNotKept: The device is on another board by now, or came back without this one.
-            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `confirm` and `restart`.
-        """
-        state, found = await self.read()
-        # A trial may have ended while somebody compared the board.
-        if found is None or found.packed() != board.packed():
-            raise BoardNotKept(
-                f"the device is on {found.name if found else 'no board'} by now, not on "
-                f"{board.name}: nothing was confirmed; write the board again"
-            )
-        before = self._requests.link.info.device.boot_id
-        await self.confirm(board)
-        if state is BoardState.BUILT_IN:
-            await self._await_restart(before)
-        state, found = await self.read()
-        if state is not BoardState.STORED or found is None or found.packed() != board.packed():
-            raise BoardNotKept(f"{board.name} was not confirmed; try again")
-
-    async def take_up(self, board: BoardDescription) -> None:
-        """Write a board, restart the device, and confirm the board if the device comes back on it.
-
-        Raises:
-            BoardNotKept: The device is back with the previous board.
-            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
-        """
-        await self.write(board)
-        await self.restart()
-        state, found = await self.read()
-        # The packed forms are what was written and saved: there a number may have been rounded.
-        same = found is not None and found.packed() == board.packed()
-        if state is not BoardState.TRIAL or not same:
-            raise BoardNotKept(
-                "the new board was not kept; the previous one is active "
-                f"({found.name if found else 'none'}): try again"
-            )
-        # The device was reached on it, so its line to the host is right at least.
-        await self.confirm(board)
+    async def _is_on_trial(self) -> bool:
+        stored = await self.read_peripherals()
+        return stored is not None and stored.state is PeripheralsState.TRIAL
 
     async def restart(self) -> None:
         """Restart the device, and wait until it is back.
@@ -168,17 +295,27 @@ class AwaitableBoard:
 
 
 class DeviceBoard:
-    """The board of one device, for threads."""
+    """The board of one device, and its peripherals, for threads."""
 
     def __init__(self, requests: Requests) -> None:
         self._awaited = AwaitableBoard(requests)
 
     read = blocking(AwaitableBoard.read)
+    read_peripherals = blocking(AwaitableBoard.read_peripherals)
     write = blocking(AwaitableBoard.write)
     confirm = blocking(AwaitableBoard.confirm)
     accept = blocking(AwaitableBoard.accept)
     take_up = blocking(AwaitableBoard.take_up)
     restart = blocking(AwaitableBoard.restart)
+
+
+def _is_same(found: BoardDescription, board: BoardDescription) -> bool:
+    return found.packed() == board.packed()
+
+
+def _fields_of(kind: type[AnyMessage], size: int, packed: bytes) -> tuple[Any, ...]:
+    """The fields of a message that begins with `size` bytes and ends with packed ones."""
+    return BY_TYPE[kind].unpack(bytes(HEADER_SIZE + size) + packed + bytes(CRC_SIZE))
 
 
 def _packed_size() -> int:

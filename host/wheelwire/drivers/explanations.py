@@ -9,6 +9,7 @@ from ..errors import WheelwireError
 
 if TYPE_CHECKING:
     from ..diagnosis.watch import StopWatch
+    from ..link.device_link import DeviceLink
 
 
 class Explanations:
@@ -16,16 +17,19 @@ class Explanations:
 
     Attributes:
         watch: Of the robot's stops, if there is one.
+        link: To the robot, whose sensors may say what stopped it.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, link: DeviceLink | None = None) -> None:
         self.watch: StopWatch | None = None
+        self.link = link
 
     def explain(self, error: WheelwireError) -> None:
         """Add to the error the sentence of its stop, the evidence and what to look at."""
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
-        explain(error, self.watch)
+        link = self.link
+        explain(error, self.watch, None if link is None else lambda: link.sensors)
 
     def __enter__(self) -> None:
         pass

@@ -172,6 +172,12 @@ class LoopLink(Requests):
         """Wait."""
         await asyncio.sleep(seconds)
 
+    async def wait_for_sample(
+        self, latest: LatestSample, ready: Callable[[], bool], timeout_s: float
+    ) -> None:
+        """As `Requests.wait_for_sample`, on the loop."""
+        await self.wait_for(latest.changed, ready, timeout_s)
+
     def answer_to(self, message: RequestMessage) -> Answer:
         """Only in virtual time: anything else would block the loop."""
         if isinstance(self.link, Link):

@@ -23,6 +23,7 @@ from ..link.connection import CONNECT_TIMEOUT_S, LinkOptions
 from ..link.info import ExpectedBoard
 from ..link.port_loop import OpenPort
 from ..parameters import checked_values
+from ..peripherals import fingerprint
 from .linked import WATCHED
 
 DEFAULT_BAUD_RATE = 921_600
@@ -99,7 +100,7 @@ class DeviceOptions:
             from ..files.board import load_board  # here, for most give no board
 
             board = load_board(board)
-        expected = None if board is None else ExpectedBoard(board.name, board.fingerprint())
+        expected = None if board is None else _expected(board)
         settings = {
             PARAMETER_BY_NAME[name].id: value for name, value in checked_values(parameters).items()
         }
@@ -180,3 +181,10 @@ class ReplayOptions:
                 f"{MAX_REPLAY_SPEED}"
             )
         return path("file", self.file), float(self.speed)
+
+
+def _expected(board: BoardDescription) -> ExpectedBoard:
+    of_board = board.fingerprint()
+    # Without any in the file the robot may have some: they only forbid.
+    of_list = fingerprint(board.peripherals, of_board) if board.peripherals else 0
+    return ExpectedBoard(board.name, of_board, of_list)

@@ -30,6 +30,7 @@ from wheelwire_protocol.types import (
 
 from ..errors import DeviceRefused, GroupUnavailable
 from ..link.device_link import DeviceLink
+from ..link.latest_sample import LatestSample
 from ..link.requests import Answer, RequestMessage, subject
 from .explanations import Explanations
 
@@ -70,15 +71,27 @@ class Requests:
             sentences = " ".join(flag.doc for flag in Contradiction if flag in flags)
             raise error.hinted(subject(message), sentences) from None
 
-    async def check_group(self, group: Group) -> None:
-        """Raise `GroupUnavailable` unless both sides have the same messages of this group."""
+    async def check_group(self, group: Group, needed_by: str = "") -> None:
+        """Raise `GroupUnavailable` unless both sides have the same messages of this group.
+
+        Args:
+            group: The group.
+            needed_by: What needs it, for the error.
+        """
         info = cast("GroupInfo", await self.ask(GroupGet(0, 0, group)))
         if info.hash != schema_hash(group):
-            raise GroupUnavailable(group.name.lower(), schema_hash(group), info.hash)
+            name, own = group.name.lower(), schema_hash(group)
+            raise GroupUnavailable(name, own, info.hash, needed_by=needed_by)
 
     async def pause(self, seconds: float) -> None:
         """Wait."""
         time.sleep(seconds)
+
+    async def wait_for_sample(
+        self, latest: LatestSample, ready: Callable[[], bool], timeout_s: float
+    ) -> None:
+        """Wait until `ready()`, which is asked whenever a sample has come, or for `timeout_s`."""
+        latest.wait_for(ready, timeout_s)
 
 
 class AwaitableDevice:

@@ -23,6 +23,7 @@ from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks
 from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .device_recorder import DeviceRecorder
+from .device_sensors import Sensors
 from .explanations import Explanations
 from .linked import LinkedRobot
 from .options import TransportOptions, takes
@@ -62,7 +63,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         if link.in_virtual_time:
             self._callbacks = InlineCallbacks()
         # An object of its own: a method of the driver would keep the driver alive.
-        self._explanations = Explanations()
+        self._explanations = Explanations(link)
         if not _opened_later.get():
             with self._explanations:
                 link.open()
@@ -72,6 +73,7 @@ class DeviceDriver(LinkedRobot, BaseDriver):
         self._requests = Requests(link, self._explanations)
         self._awaited = AwaitableDevice(self._requests)
         self._parameters = DeviceParameters(self._requests)
+        self._sensors = Sensors(self._requests, self._latest_sample)
         # The link's thread appends to it: a deque needs no lock.
         self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
         self._recorders: list[Recorder] = []
@@ -90,6 +92,11 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def recorder(self) -> DeviceRecorder:
         """What the device has recorded of its stops."""
         return DeviceRecorder(self._requests)
+
+    @property
+    def sensors(self) -> Sensors:
+        """All sensors of the robot."""
+        return self._sensors
 
     def note(self, name: str, value: Any) -> None:
         """Add a note of the program that uses the robot to its recording.

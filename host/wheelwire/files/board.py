@@ -23,6 +23,7 @@ from wheelwire_protocol.board import (
 
 from ..board import BoardDescription, WheelPins
 from ..errors import ConfigurationError
+from .peripherals import SECTIONS, parse_peripherals, peripheral_sections
 from .reading import Section, file_named, names_in, reading
 
 CHIP_BY_NAME = {table.name: chip for chip, table in CHIPS.items()}
@@ -42,10 +43,9 @@ _TOP = [
     *("name", "chip", "module", "stage", "left", "right", "standby"),
     *("pwm_frequency_hz", "encoder_pulls", "encoder_filter_ns"),
     *("estop", "battery", "led", "link", "pulldowns"),
+    *SECTIONS,
 ]
 _WHEEL = [field.name for field in fields(WheelPins)]
-# A GPIO travels as a signed byte. Whether the chip has it is for the core's rules to say.
-_LAST_PIN = 127
 _LAST_PULLED_DOWN = 63
 """They travel as the bits of one 64-bit number."""
 _CHECKOUT = Path(__file__).parents[3]
@@ -117,17 +117,18 @@ def parse_board(content: object) -> BoardDescription:
         stage=board.code("stage", STAGE_BY_NAME),
         left=_wheel(board, "left"),
         right=_wheel(board, "right"),
-        standby=_pin(board, "standby"),
+        standby=board.pin("standby"),
         pwm_frequency_hz=board.whole("pwm_frequency_hz", 65_535, 20_000),
         encoder_pulls=board.code("encoder_pulls", _PULLS, "internal"),
         encoder_filter_ns=board.whole("encoder_filter_ns", 65_535, 1000),
-        estop=_pin(estop, "pin"),
+        estop=estop.pin("pin"),
         estop_contact=estop.code("contact", _CONTACTS, "normally_closed"),
-        battery=_pin(battery, "pin"),
+        battery=battery.pin("pin"),
         battery_divider=battery.above_zero("divider", 4.0),
-        led=_pin(board, "led"),
+        led=board.pin("led"),
         line=board.code("link", _LINES, "uart"),
         pulldowns=frozenset(pulldowns),
+        peripherals=parse_peripherals(board),
     )
 
 
@@ -165,7 +166,7 @@ def board_mapping(board: BoardDescription) -> dict[str, Any]:
         content["led"] = board.led
     content["link"] = _name_of(board.line, _LINES)
     content["pulldowns"] = sorted(board.pulldowns)
-    return content
+    return content | peripheral_sections(board.peripherals)
 
 
 def to_yaml(board: BoardDescription) -> str:
@@ -177,15 +178,7 @@ def to_yaml(board: BoardDescription) -> str:
 
 def _wheel(board: Section, side: str) -> WheelPins:
     wheel = Section(board.get(side), _WHEEL, side)
-    return WheelPins(**{name: _pin(wheel, name) for name in _WHEEL})
-
-
-def _pin(section: Section, name: str) -> int | None:
-    """Any pin may be left out: the rules say which ones a stage needs."""
-    value = section.get(name, None)
-    if value is not None and (type(value) is not int or not 0 <= value <= _LAST_PIN):
-        raise section.refusal(name, "it must be the number of a GPIO")
-    return value
+    return WheelPins(**{name: wheel.pin(name) for name in _WHEEL})
 
 
 def _name_of(code: _Code, codes: Mapping[str, _Code]) -> str:

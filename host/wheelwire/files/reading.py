@@ -16,6 +16,9 @@ from ..errors import ConfigurationError, InvalidArgument, shown
 LARGEST_BYTES = 1_000_000
 """No file of ours comes near it: a log or a recording that was given by mistake does."""
 
+# A GPIO travels as a signed byte. Whether the chip has it is for the core's rules to say.
+_LAST_PIN = 127
+
 _KINDS: tuple[tuple[str, set[str], str], ...] = (
     (
         "robot",
@@ -161,6 +164,15 @@ class Section:
         if not is_number(value) or value <= 0:
             raise self.refusal(name, "it must be a number above 0")
         return float(value)
+
+    def pin(self, name: str) -> int | None:
+        """A GPIO. Any may be left out: the core's rules say which ones are needed."""
+        value = self.get(name, None)
+        if value is None:
+            return None
+        if type(value) is not int or not 0 <= value <= _LAST_PIN:
+            raise self.refusal(name, "it must be the number of a GPIO")
+        return value
 
     def text(self, name: str) -> str | None:
         """A text, if there is one."""

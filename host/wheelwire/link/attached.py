@@ -308,6 +308,7 @@ class AttachedLink(RerunLink):
             status.get("low_latency"),
             session.device,
             session.board,
+            session.peripherals,
         )
 
     @property

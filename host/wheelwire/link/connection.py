@@ -234,8 +234,9 @@ class Link(DeviceLink):
         """Port, baud rate and device."""
         device, loop = self._device, self._loop
         # Not the port's own rate: during a search that is one of those that are tried.
-        rate, board = loop.policy.search.rate, self._session.board
-        return LinkInfo(loop.port, rate, loop.low_latency, device, board)
+        rate, session = loop.policy.search.rate, self._session
+        found = session.board, session.peripherals
+        return LinkInfo(loop.port, rate, loop.low_latency, device, *found)
 
     @property
     def statistics(self) -> LinkStatistics:

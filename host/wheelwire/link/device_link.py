@@ -17,6 +17,7 @@ from .clock import host_clock_us
 from .info import DeviceInfo, LinkInfo, LinkStatistics
 from .news import Happening, Listener, StandingNews
 from .requests import Answer, Done, RequestMessage
+from .sensor_stream import SensorStream
 from .session import Session
 from .state_stream import DUTY_SCALE
 from .tap import Tap, TapReader
@@ -95,6 +96,17 @@ class DeviceLink(ABC):
     def rolling_mps(self) -> float | None:
         """As `Session.rolling_mps`."""
         return self._session.rolling_mps
+
+    @property
+    def sensors(self) -> SensorStream:
+        """What the sensors measure; another object after an attached link took the session over."""
+        return self._session.sensors
+
+    @property
+    def knows_sensors(self) -> bool:
+        """Whether samples were asked for, and each channel has said what it is."""
+        peripherals = self._session.peripherals
+        return self.sensors.is_complete(None if peripherals is None else peripherals.size)
 
     def asked(self, now_us: int) -> Setpoint | None:
         """The newest setpoint of whoever drives; None once it has expired or was stopped."""

@@ -18,7 +18,8 @@ from wheelwire_protocol.codes import (
     ResetReason,
     SupervisorState,
 )
-from wheelwire_protocol.types import BoardValue, DeviceHello
+from wheelwire_protocol.sensors import PeripheralsState
+from wheelwire_protocol.types import BoardValue, DeviceHello, PeripheralValue
 
 from ..errors import DeviceRefused, LinkLost, ProtocolMismatch, Release
 
@@ -101,6 +102,29 @@ class ActiveBoard:
         return cls(name, state, value.crc, value.estop >= 0)
 
 
+class ActivePeripherals(NamedTuple):
+    """The list of a device's peripherals.
+
+    Attributes:
+        state: Whether it was confirmed, is on trial, or cannot be used.
+        size: How many entries it has.
+        fingerprint: The checksum that names it.
+    """
+
+    state: PeripheralsState
+    size: int
+    fingerprint: int
+
+    @classmethod
+    def from_value(cls, value: PeripheralValue) -> ActivePeripherals:
+        """Read a device's answer.
+
+        Raises:
+            ValueError: It has a state that means nothing.
+        """
+        return cls(PeripheralsState(value.state), value.channel_count, value.crc)
+
+
 @dataclass(frozen=True)
 class LinkInfo:
     """What a link is at this moment."""
@@ -113,6 +137,8 @@ class LinkInfo:
     device: DeviceInfo
     board: ActiveBoard | None
     """The board that the device is on; None until it has said so, and where it cannot tell."""
+    peripherals: ActivePeripherals | None = None
+    """The list of its peripherals; None as for `board`."""
 
 
 class ExpectedBoard(NamedTuple):
@@ -120,6 +146,8 @@ class ExpectedBoard(NamedTuple):
 
     name: str
     fingerprint: int
+    peripherals: int = 0
+    """Fingerprint of the list that it has to have, too; 0: any, or none."""
 
 
 class BootHistory:

@@ -21,7 +21,8 @@ class InlineLink(DeviceLink):
     @property
     def info(self) -> LinkInfo:
         """The name and the device."""
-        return LinkInfo(self.name, None, None, self._device, self._session.board)
+        session = self._session
+        return LinkInfo(self.name, None, None, self._device, session.board, session.peripherals)
 
     @property
     @abstractmethod

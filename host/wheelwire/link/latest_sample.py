@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from weakref import ref
 
 from wheelwire_protocol.types import WheelState
@@ -15,6 +15,7 @@ from wheelwire_protocol.types import WheelState
 from ..errors import RequestTimeout, WheelwireError
 from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
+from .latest_sensors import SensorQueues
 from .sample_iterator import QUEUE_US, SampleIterator
 from .state_stream import Measurement
 from .waiting import Notifier
@@ -49,12 +50,14 @@ class LatestSample:
         queue_us: How long an iterator holds a sample for a slow reader, on that clock.
         wait_for: Waits for a sample, as `Notifier.wait_for`.
         changed: Wakes who waits for a sample.
+        sensors: Passes on what sensors measure.
     """
 
     def __init__(self) -> None:
         self.now_us = host_clock_us
         self.queue_us = QUEUE_US
         self.changed = Notifier()
+        self.sensors = SensorQueues()
         self.wait_for = self.changed.wait_for
         self.notify_all = self.changed.notify_all
         """Wakes all that wait for a sample."""
@@ -70,7 +73,7 @@ class LatestSample:
         self._closed = False
         # As if long ago: the clock may be near zero just after the computer has started.
         self._asked_us = -ATTENTION_US
-        self._iterators: list[ref[SampleIterator]] = []
+        self._iterators: list[ref[SampleIterator[WheelSample]]] = []
         """Copied before iterating: other threads add to it."""
 
     def put(self, measurement: Measurement) -> None:
@@ -120,20 +123,25 @@ class LatestSample:
             iterator = reference()
             if iterator is not None:
                 iterator.end(None if self._closed else error)
+        self.sensors.end(None if self._closed else error)
         self.changed.notify_all()
 
     def close(self) -> None:
         """The driver is about to be closed: iterators then end instead of failing."""
         self._closed = True
 
-    def iterate(self) -> SampleIterator:
+    def iterate(self) -> SampleIterator[WheelSample]:
         """All samples from now on."""
-        iterator = SampleIterator(self._wait_for, self.queue_us)
+        iterator: SampleIterator[WheelSample] = SampleIterator(self._wait_for, self.queue_us)
         # Weakly: one that was abandoned in the middle of a loop is no longer filled.
         self._iterators.append(ref(iterator))
         if self._failure is not None:  # possibly before it was listed
             iterator.end(None if self._closed else self._failure)
         return iterator
+
+    def iterate_sensor(self, group: str) -> SampleIterator[Any]:
+        """All samples of a sensor, or all events, from now on."""
+        return self.sensors.iterate(group, self._wait_for, self.queue_us)
 
     def take(self, timeout_s: float) -> WheelSample:
         """Return the newest sample not returned yet, waiting for one if necessary.
@@ -204,7 +212,11 @@ class LatestSample:
 
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then the next sample is wanted without delay."""
-        return now_us < self._asked_us + ATTENTION_US or bool(self._iterators)
+        return (
+            now_us < self._asked_us + ATTENTION_US
+            or bool(self._iterators)
+            or self.sensors.is_iterated
+        )
 
     def _take_fresh(self) -> tuple[Measurement, ...]:
         """The unread sample, unless there is none or it is too old."""

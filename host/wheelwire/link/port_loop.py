@@ -378,6 +378,9 @@ class PortLoop:
             for measurement in session.receive(data, now_us, every_state=latest.is_iterated):
                 latest.put(measurement)
                 self._has_news = True
+            if session.sensors.sensed:
+                latest.sensors.take(self.port, session.sensors.sensed)
+                self._has_news = True
             self._coalescing.note_read(session.frames_received, now_us)
         if self._calls:
             self._do_calls(now_us)

@@ -42,8 +42,14 @@ from wheelwire_protocol.types import (
     ParameterSet,
     ParameterTrial,
     ParameterValue,
+    PeripheralGet,
+    PeripheralsConfirm,
+    PeripheralSet,
+    PeripheralsWrite,
+    PeripheralValue,
     Refuse,
     Restart,
+    SensorStream,
     SetStreamRate,
     Stop,
     UnsavedGet,
@@ -76,6 +82,11 @@ RequestMessage: TypeAlias = (
     | BoxRead
     | LedgerGet
     | UnsavedGet
+    | SensorStream
+    | PeripheralGet
+    | PeripheralSet
+    | PeripheralsWrite
+    | PeripheralsConfirm
 )
 Answer: TypeAlias = (
     Ack
@@ -90,6 +101,7 @@ Answer: TypeAlias = (
     | BoxPart
     | LedgerValue
     | UnsavedValue
+    | PeripheralValue
 )
 Done: TypeAlias = Callable[[Answer | WheelwireError], None]
 
@@ -120,6 +132,7 @@ _ANSWER_TYPES: dict[type[AnyMessage], type[Answer]] = {
     BoxRead: BoxPart,
     LedgerGet: LedgerValue,
     UnsavedGet: UnsavedValue,
+    PeripheralGet: PeripheralValue,
 }
 
 

@@ -45,9 +45,12 @@ class RerunLink(DeviceLink):
         was_open = self._is_open
         for measurement in self._rerun.feed(record):
             self._latest_sample.put(measurement)
+        session = self._rerun.session
+        if session is not None:
+            self._latest_sample.sensors.take(self.name, session.sensors.sensed)
         if was_open and not self._is_open:
             self._latest_sample.interrupt()
         if was_open is not self._is_open:
             self.changed.notify_all()
-        if self._rerun.session is not None:
+        if session is not None:
             self._tell_listener()

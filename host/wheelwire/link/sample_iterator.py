@@ -5,16 +5,30 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Generic, Protocol, TypeVar
 
 from ..errors import WheelwireError
-from ..samples import WheelSample
-from .state_stream import Measurement
+
+Sample = TypeVar("Sample")
+Sample_co = TypeVar("Sample_co", covariant=True)
+
+
+class Measured(Protocol[Sample_co]):
+    """What becomes a sample when somebody asks for it."""
+
+    @property
+    def arrived_us(self) -> int:
+        """The host's clock at the arrival, in us."""
+
+    def sample(self) -> Sample_co:
+        """The sample."""
+
 
 QUEUE_US = 1_000_000
 """Samples that came longer than this before the newest are dropped."""
 
 
-class SampleIterator:
+class SampleIterator(Generic[Sample]):
     """Each sample once, in order, from the moment at which the iterator was made.
 
     Its queue is its own and holds one second of samples: when whoever iterates is slower, the
@@ -34,11 +48,11 @@ class SampleIterator:
         self._queue_us = queue_us
         # Each in a list of its own: whoever takes it out of that has it, though another thread may
         # be about to do the same.
-        self._queue: deque[list[Measurement]] = deque()
+        self._queue: deque[list[Measured[Sample]]] = deque()
         self._over = False
         self._failure: WheelwireError | None = None
 
-    def put(self, measurement: Measurement) -> None:
+    def put(self, measurement: Measured[Sample]) -> None:
         """Add a measurement. Only one thread calls it."""
         queue = self._queue
         queue.append([measurement])
@@ -56,10 +70,10 @@ class SampleIterator:
         self._failure = failure
         self._over = True
 
-    def __iter__(self) -> SampleIterator:
+    def __iter__(self) -> SampleIterator[Sample]:
         return self
 
-    def __next__(self) -> WheelSample:
+    def __next__(self) -> Sample:
         """The next sample.
 
         Raises:
@@ -72,7 +86,7 @@ class SampleIterator:
                 return sample
             self._wait(self.is_ready)
 
-    def poll(self) -> WheelSample | None:
+    def poll(self) -> Sample | None:
         """As `next`, without waiting: None when there is no sample yet."""
         over = self._over  # first: what came before the end is still handed out
         while self._queue:

@@ -26,6 +26,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -43,6 +44,7 @@ from wheelwire_protocol.codes import (
 )
 from wheelwire_protocol.decoder import Decoder
 from wheelwire_protocol.framing import Encoder, encode_frame
+from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import (
     Ack,
     AnyMessage,
@@ -61,6 +63,8 @@ from wheelwire_protocol.types import (
     GroupGet,
     GroupInfo,
     Hello,
+    Imu,
+    Inputs,
     LedgerValue,
     LinkCounters,
     ParameterEntry,
@@ -70,8 +74,15 @@ from wheelwire_protocol.types import (
     ParameterSet,
     ParameterTrial,
     ParameterValue,
+    PeripheralGet,
+    PeripheralsConfirm,
+    PeripheralValue,
     Pong,
+    Power,
     Refuse,
+    SensorEvent,
+    SensorInfo,
+    SensorStream,
     SetStreamRate,
     Stop,
     UnsavedValue,
@@ -86,9 +97,10 @@ from ..errors import (
     WheelwireError,
     WrongBoard,
 )
-from .clock import Synchroniser
+from .clock import ClockEstimator, Synchroniser
 from .info import (
     ActiveBoard,
+    ActivePeripherals,
     BootHistory,
     DeviceInfo,
     ExpectedBoard,
@@ -100,6 +112,7 @@ from .info import (
 from .liveness import Liveness
 from .news import Happening, News
 from .requests import COPY_ID, Answer, Done, RequestMessage, RequestQueue, subject
+from .sensor_stream import SensorStream as Sensors
 from .setpoints import REARM_GAP, SETPOINT_IDS, OpenSession, SetpointSender
 from .state_stream import Measurement, StateStream
 from .tap import Kind, Tap, TapReader
@@ -111,6 +124,7 @@ RETRY_US = 1_000_000
 
 _CHANGES = (ParameterSet, ParameterSave, ParameterReset, ParameterTrial)
 """Requests that an application sends for the values that are on trial."""
+_CONFIRMS = (BoardConfirm, PeripheralsConfirm)
 _CLEARS = (message_id(ClearEstop), message_id(ClearFault))
 _LOG = logging.getLogger("wheelwire")
 
@@ -140,6 +154,7 @@ class Session:
 
     Attributes:
         board: What is known in this session of the device's board; None where it cannot tell.
+        peripherals: The same of the list of its peripherals.
         rolling_mps: How fast the robot rolled, by the device's report, although nothing drives it;
             None before there is one, and once it slowed down or drives.
         phase: Phase of the session.
@@ -154,6 +169,7 @@ class Session:
             open. Replaced as a whole when one of them changes.
         bytes_received: Since the start.
         frames_received: Good frames of known messages, since the start.
+        sensors: What the sensors measure, once the application asked for it.
         setpoints: Makes the frames of setpoints, for any thread.
         news: What has happened, in order; whoever serves the session takes it out.
         tap: Passes on what this session is given.
@@ -172,6 +188,7 @@ class Session:
     ) -> None:
         self.phase = Phase.CLOSED
         self.board: ActiveBoard | None = None
+        self.peripherals: ActivePeripherals | None = None
         self.rolling_mps: float | None = None
         self.error: WheelwireError = LinkLost("the port was not opened yet")
         self.device: DeviceInfo | None = None
@@ -195,7 +212,10 @@ class Session:
         self._any_board = any_board
         self._expected_board = expected_board
         self._board_is_known = False
+        self._peripherals_are_known = False
         """Whether the device said which board it is on, or that it cannot tell."""
+        self._own_questions = 0
+        """Beside those that prepare the session; what follows from an answer is another one."""
 
         self._encoder = Encoder()
         self._decoder = Decoder()
@@ -229,6 +249,7 @@ class Session:
         # The reason is replaced at each loss, so it is looked up when it is needed.
         self.setpoints = SetpointSender(self._send, self._trial, lambda: self.error, self.tap)
         self._state_stream = StateStream()
+        self.sensors = Sensors()
         # Of no session: `statistics` may be asked for before the first one.
         self._synchroniser = Synchroniser(0, self._send, 0)
         # Without WheelState, which `receive` collects itself.
@@ -249,6 +270,12 @@ class Session:
             BoxPart: self._on_answer,
             LedgerValue: self._on_answer,
             UnsavedValue: self._on_answer,
+            PeripheralValue: self._on_answer,
+            SensorInfo: self._on_sensor_info,
+            Imu: partial(self._on_sensed, self.sensors.take_imu),
+            Power: partial(self._on_sensed, self.sensors.take_power),
+            Inputs: partial(self._on_sensed, self.sensors.take_inputs),
+            SensorEvent: partial(self._on_sensed, self.sensors.take_event),
         }
 
     @property
@@ -353,6 +380,7 @@ class Session:
         # At once, not at the next `advance`: the last answer may just have come.
         if self.phase is Phase.PREPARING:
             self._open_when_prepared(now_us)
+        self._join()
         return found
 
     def advance(self, now_us: int) -> None:
@@ -371,6 +399,9 @@ class Session:
             self.setpoints.advance(now_us)
             if now_us >= self._ping_due_us:
                 self._synchroniser.ping(now_us)
+            sensors_due_us = self.sensors.due_us
+            if sensors_due_us is not None and now_us >= sensors_due_us:
+                self._ask_for_sensors(now_us)
             renewal = self._trial.renewal(now_us)
             if renewal is not None:
                 renewal = renewal._replace(session_id=self._id)
@@ -390,6 +421,7 @@ class Session:
             self._requests.next_deadline_us,
             self.setpoints.repeat_due_us,
             self._trial.due_us,
+            self.sensors.due_us,
         )
         due = [deadline for deadline in others if deadline is not None]
         return min([self._liveness.silent_us, self._ping_due_us, *due])
@@ -533,6 +565,7 @@ class Session:
         self.watched_values = None
         self.rolling_mps = None
         self.setpoints.end_session()
+        self.sensors.forget()
         self._id, self._boot_id = 0, None
         self.unanswered_since_us = None
         self._trial.lose()  # first: whoever hears of the end may drive again at once
@@ -604,23 +637,52 @@ class Session:
 
     def _ask_for_board(self, device: DeviceInfo, now_us: int) -> None:
         """Ask for the device's board; the session needs the answer only if it expects one."""
-        self.board = None
+        self.board = self.peripherals = None
         # Only a device that restarts when asked can have another board.
         self._board_is_known = Capability.RESTART not in device.capabilities
+        self._peripherals_are_known = self._board_is_known
         if self._board_is_known:
             return
 
         def take_group(answer: Answer | WheelwireError) -> None:
             # A device of another release may mean something else by the messages about boards.
             if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.BOARD):
-                self._requests.submit(BoardGet(self._id, 0), take_board, now_us)
+                self._ask(BoardGet(self._id, 0), take_board, now_us)
             else:
                 self._board_is_known = True
 
         def take_board(_: Answer | WheelwireError) -> None:
             self._board_is_known = True  # the answer is recorded like every other one
 
-        self._requests.submit(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
+        def take_sensors(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, GroupInfo) and answer.hash == schema_hash(Group.SENSOR):
+                self._ask(PeripheralGet(self._id, 0, 0), take_peripherals, now_us)
+                if self.sensors.rate_hz:
+                    self._ask_for_sensors(now_us)
+            else:
+                self._peripherals_are_known = True
+
+        def take_peripherals(_: Answer | WheelwireError) -> None:
+            self._peripherals_are_known = True
+
+        self._ask(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
+        self._ask(GroupGet(self._id, 0, Group.SENSOR), take_sensors, now_us)
+
+    def _ask(self, message: RequestMessage, done: Done, now_us: int) -> None:
+        """Send a request of the session's own, beside those that prepare it."""
+        self._own_questions += 1
+
+        def take(answer: Answer | WheelwireError) -> None:
+            self._own_questions -= 1
+            done(answer)
+
+        self._requests.submit(message, take, now_us)
+
+    def _ask_for_sensors(self, now_us: int) -> None:
+        """As the application did before, in this session or in an earlier one."""
+        self.sensors.due_us = None
+        asked = SensorStream(self._id, 0, self.sensors.rate_hz)
+        self._ask(asked, lambda _: None, now_us)
 
     def _board_mismatch(self) -> BoardMismatch | None:
         expected, found = self._expected_board, self.board
@@ -632,6 +694,11 @@ class Session:
             return BoardMismatch(expected.name, "none")
         if found.fingerprint != expected.fingerprint:
             return BoardMismatch(expected.name, found.name, confirmed=found.is_confirmed)
+        has = 0 if self.peripherals is None else self.peripherals.fingerprint
+        if expected.peripherals not in (0, has):
+            return BoardMismatch(
+                f"{expected.name} with the sensors of the file", f"{found.name} with others"
+            )
         return None
 
     def _on_prepared(self, failure: WheelwireError | None) -> None:
@@ -648,7 +715,9 @@ class Session:
             pause_us = RETRY_US if isinstance(failure, DeviceRefused) else 0
             self._begin_hello(failure, now_us, pause_us)
         elif self._synchroniser.ready:
-            if self._expected_board is not None and not self._board_is_known:
+            if self._expected_board is not None and not (
+                self._board_is_known and self._peripherals_are_known
+            ):
                 return
             mismatch = self._board_mismatch()
             if mismatch is not None:
@@ -753,6 +822,26 @@ class Session:
             self.news.append((Happening.FAULT, faults))
         self._latched = faults
 
+    def _on_sensor_info(self, info: SensorInfo, now_us: int) -> None:
+        if self._is_ours(info.session_id, now_us):
+            try:
+                self.sensors.take_info(info)
+            except ValueError:
+                self._invalid += 1
+
+    def _on_sensed(
+        self,
+        take: Callable[[Any, ClockEstimator, int], None],
+        message: Imu | Power | Inputs | SensorEvent,
+        now_us: int,
+    ) -> None:
+        """Take a sample or an event of a sensor; before the session is open it has no stamp."""
+        if self._is_this_boot(message.boot_id, now_us) and self.phase is Phase.OPEN:
+            try:
+                take(message, self._synchroniser.clock, now_us)
+            except ValueError:
+                self._invalid += 1
+
     def _on_refuse(self, refuse: Refuse, now_us: int) -> None:
         if not self._is_ours(refuse.session_id, now_us):
             return
@@ -788,8 +877,11 @@ class Session:
             self._trial.on_done(request, now_us)
         elif isinstance(answer, (ParameterValue, ParameterEntry)):
             self._take_value(answer.parameter, answer.value)
-        elif isinstance(answer, BoardValue) or isinstance(request, BoardConfirm):
-            self._take_board(answer)
+        elif isinstance(answer, (BoardValue, PeripheralValue)) or isinstance(request, _CONFIRMS):
+            self._take_stored(request, answer)
+        elif isinstance(request, SensorStream):
+            size = None if self.peripherals is None else self.peripherals.size
+            self.sensors.note_asked(request.rate_hz, size, now_us)
         elif isinstance(request, (Stop, Estop)):
             self.setpoints.moves_until_us = 0
         elif isinstance(answer, Ack) and answer.message_id in _CLEARS:
@@ -807,14 +899,21 @@ class Session:
         if parameter in self._watched and self.phase is Phase.OPEN:
             self._collect_watched()
 
-    def _take_board(self, answer: Answer) -> None:
-        """Take the device's report of its board, or that a board is confirmed."""
-        if isinstance(answer, BoardValue):
-            with suppress(ValueError):
+    def _take_stored(self, request: RequestMessage, answer: Answer) -> None:
+        """Take the device's report of its board or its peripherals, or that one is confirmed."""
+        board, peripherals = self.board, self.peripherals
+        with suppress(ValueError):
+            if isinstance(answer, BoardValue):
                 self.board = ActiveBoard.from_value(answer)
-        # The image's own board takes a restart, after which the device is asked anew.
-        elif self.board is not None and self.board.state is BoardState.TRIAL:
-            self.board = replace(self.board, state=BoardState.STORED)
+            elif isinstance(answer, PeripheralValue):
+                self.peripherals = ActivePeripherals.from_value(answer)
+            elif isinstance(request, PeripheralsConfirm):
+                self.peripherals = peripherals and peripherals._replace(
+                    state=PeripheralsState.STORED
+                )
+            # The image's own board takes a restart, after which the device is asked anew.
+            elif board is not None and board.state is BoardState.TRIAL:
+                self.board = replace(board, state=BoardState.STORED)
 
     def _begin_after_trial(self, now_us: int) -> None:
         """Void all known values: the device has reverted a trial by itself."""
@@ -829,7 +928,7 @@ class Session:
     def listen(self, reader: TapReader, now_us: int) -> None:
         """Give `reader` the session's present state, and then all its inputs.
 
-        This begins at once, or as soon as the session is prepared.
+        This begins at once, or as soon as the session is prepared and knows the device's board.
         """
         self.tap.host_us = now_us
         self._joining.append(reader)
@@ -841,8 +940,8 @@ class Session:
         self.tap.remove(reader)
 
     def _join(self) -> None:
-        # What is asked for while a session is prepared is in no snapshot.
-        while self._joining and self.phase is not Phase.PREPARING:
+        # What the session itself asks for is in no snapshot, nor what follows from its answer.
+        while self._joining and self.phase is not Phase.PREPARING and not self._own_questions:
             self.tap.add(self._joining.pop(), json.dumps(self._snapshot()).encode())
 
     def _report(self, kind: Kind, now_us: int, data: bytes = b"") -> None:
@@ -871,6 +970,8 @@ class Session:
             snapshot |= {
                 "values": list(self.values.items()),
                 "board": board and [board.name, board.state, board.fingerprint, board.has_contact],
+                "peripherals": self.peripherals,
+                "sensors": self.sensors.snapshot(),
                 "clock": self._synchroniser.snapshot(),
                 "liveness": [liveness.heard_us, liveness.state_us],
                 "stream": stream.snapshot(),
@@ -921,7 +1022,12 @@ class Session:
         if known["board"] is not None:
             name, state, fingerprint, has_contact = known["board"]
             self.board = ActiveBoard(name, BoardState(state), fingerprint, has_contact)
-        self._board_is_known = True
+        if known.get("peripherals") is not None:
+            state, *others = known["peripherals"]
+            self.peripherals = ActivePeripherals(PeripheralsState(state), *others)
+        if "sensors" in known:  # not of earlier releases
+            self.sensors.resume(known["sensors"])
+        self._board_is_known = self._peripherals_are_known = True
         self._synchroniser = Synchroniser.resumed(self._id, self._send, known["clock"])
         self._liveness.heard_us, self._liveness.state_us = known["liveness"]
         self._state_stream.resume(*known["stream"])

@@ -41,6 +41,7 @@ from wheelwire_protocol.types import (
     LinkCountersGet,
     ParameterGet,
     ParameterList,
+    PeripheralGet,
     Stop,
     UnsavedGet,
 )
@@ -78,6 +79,7 @@ READ_ONLY = (
     LinkCountersGet,
     ParameterGet,
     ParameterList,
+    PeripheralGet,
     UnsavedGet,
 )
 """Requests that change nothing; besides these only a stop and an e-stop are passed on."""

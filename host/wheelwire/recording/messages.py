@@ -21,6 +21,9 @@ _VECTORS = "".join(
     f"{_SEPARATOR}geometry_msgs/{name}\nfloat64 x\nfloat64 y\nfloat64 z\n"
     for name in ("Point", "Vector3")
 )
+_QUATERNION = (
+    _SEPARATOR + "geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"
+)
 ODOMETRY = (
     "nav_msgs/msg/Odometry",
     """std_msgs/Header header
@@ -33,8 +36,7 @@ geometry_msgs/TwistWithCovariance twist
     + "geometry_msgs/PoseWithCovariance\nPose pose\nfloat64[36] covariance\n"
     + _SEPARATOR
     + "geometry_msgs/Pose\nPoint position\nQuaternion orientation\n"
-    + _SEPARATOR
-    + "geometry_msgs/Quaternion\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"
+    + _QUATERNION
     + _SEPARATOR
     + "geometry_msgs/TwistWithCovariance\nTwist twist\nfloat64[36] covariance\n"
     + _SEPARATOR
@@ -42,6 +44,20 @@ geometry_msgs/TwistWithCovariance twist
     + _VECTORS,
 )
 """The message's name, and its definition with those that it contains."""
+IMU = (
+    "sensor_msgs/msg/Imu",
+    """std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+float64[9] angular_velocity_covariance
+geometry_msgs/Vector3 linear_acceleration
+float64[9] linear_acceleration_covariance
+"""
+    + _HEADER
+    + _QUATERNION
+    + _VECTORS,
+)
 JOINT_STATE = (
     "sensor_msgs/msg/JointState",
     """std_msgs/Header header
@@ -131,6 +147,28 @@ def odometry(frame: str, child_frame: str, twist_diagonal: Sequence[float] = (0.
         .number("d")
         .numbers("d", 36, tuple(covariance))
     )
+
+
+def imu(frame: str) -> Layout:
+    """An IMU without orientation.
+
+    Fill in stamp, turning (3) and its covariance (9), acceleration (3) and its covariance (9).
+    """
+    return (
+        _header(frame)
+        .numbers("d", 4, (0.0, 0.0, 0.0, 1.0))
+        .numbers("d", 9, (-1.0, *(0.0,) * 8))  # it is unknown
+        .numbers("d", 3)
+        .numbers("d", 9)
+        .numbers("d", 3)
+        .numbers("d", 9)
+    )
+
+
+def variances(deviation: float) -> tuple[float, ...]:
+    """The covariance of three axes with noise of this standard deviation each."""
+    square = deviation * deviation
+    return square, 0.0, 0.0, 0.0, square, 0.0, 0.0, 0.0, square
 
 
 def joint_state(names: Sequence[str]) -> Layout:

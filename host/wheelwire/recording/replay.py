@@ -37,6 +37,9 @@ from wheelwire_protocol.types import (
     ParameterList,
     ParameterSet,
     ParameterValue,
+    PeripheralGet,
+    PeripheralValue,
+    SensorStream,
     Stop,
 )
 
@@ -66,7 +69,7 @@ _PLAIN: dict[type[AnyMessage], type[AnyMessage]] = {
     ContradictionsGet: Contradictions,
     BoardGet: BoardValue,
 }
-_ANSWERS = (ParameterValue, ParameterEntry, GroupInfo, *_PLAIN.values())
+_ANSWERS = (ParameterValue, ParameterEntry, GroupInfo, PeripheralValue, *_PLAIN.values())
 OPEN_S = 10.0
 """How much of a recording may pass before its first session is open."""
 QUEUE = 100_000
@@ -172,6 +175,8 @@ def _key_of(answer: Answer) -> tuple[type[AnyMessage], int]:
         return ParameterEntry, answer.parameter_index
     if isinstance(answer, GroupInfo):
         return GroupInfo, answer.group
+    if isinstance(answer, PeripheralValue):
+        return PeripheralValue, answer.channel
     return type(answer), 0
 
 
@@ -182,6 +187,8 @@ def _key_asked_for(message: RequestMessage) -> tuple[type[AnyMessage], int] | No
         return ParameterEntry, message.parameter_index
     if isinstance(message, GroupGet):
         return GroupInfo, message.group
+    if isinstance(message, PeripheralGet):
+        return PeripheralValue, message.channel
     kind = _PLAIN.get(type(message))
     return None if kind is None else (kind, 0)
 
@@ -427,7 +434,10 @@ class ReplayLink(RerunLink, InlineLink):
         """
         self.check()
         known = self._session.values
-        if isinstance(message, ParameterGet) and message.parameter in known:
+        if isinstance(message, SensorStream):
+            self._is_used = True
+            done(Ack(0, 0, message_id(SensorStream)))  # they come as on that day
+        elif isinstance(message, ParameterGet) and message.parameter in known:
             done(ParameterValue(0, 0, message.parameter, known[message.parameter]))
         elif (answer := self._answers.to(message, self._session.count, self._played_us)) is None:
             done(

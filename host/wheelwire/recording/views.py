@@ -9,21 +9,25 @@ from collections.abc import Iterator, Mapping
 from ..errors import WheelwireError
 from ..link.news import Happening
 from ..link.rerun import Rerun
+from ..link.sensor_stream import ImuMeasurement, SensorStream
 from ..link.session import Session
 from ..link.state_stream import Measurement
 from ..link.tap import Kind, Record
 from ..motion.kinematics import DifferentialDrive, WheelVelocities
 from ..motion.odometry import Odometry
 from ..samples import WheelSample
+from ..sensors import SensorEvent
 from . import messages
 from .writer import Channel
 
 ODOM, JOINT_STATES = "/odom", "/joint_states"
 BATTERY, EVENTS = "/battery_state", "/wheelwire/events"
+IMU = "/imu/data_raw"
 CHANNELS = (
     Channel(ODOM, *messages.ODOMETRY),
     Channel(JOINT_STATES, *messages.JOINT_STATE),
     Channel(BATTERY, *messages.BATTERY_STATE),
+    Channel(IMU, *messages.IMU),
     Channel(EVENTS, *messages.LOG),
 )
 PERIOD_US = 20_000
@@ -55,11 +59,12 @@ class Views:
         self._turned = [0.0, 0.0]
         """Each wheel's angle since the beginning. [rad]"""
         self._last: WheelSample | None = None
-        self._due_us = 0
+        self._due_us = self._imu_due_us = 0
         self._battery_due_s = -math.inf
         self._odometry_layout = messages.odometry(ODOM_FRAME, BASE_FRAME)
         self._joints_layout = messages.joint_state(JOINTS)
         self._battery_layout = messages.battery_state(BASE_FRAME)
+        self._imu_layout = messages.imu(BASE_FRAME)
 
     def feed(self, record: Record) -> Iterator[View]:
         """What is to be shown of one record, in order."""
@@ -75,6 +80,7 @@ class Views:
             if measurement.arrived_us >= self._due_us:
                 self._due_us = measurement.arrived_us + PERIOD_US
                 yield from self._motion(session, measurement.sample(), time_ns)
+        yield from self._sensed(session.sensors, time_ns)
         self._note_news(session)
         while self._said:
             level, text = self._said.pop(0)
@@ -120,6 +126,23 @@ class Views:
             self._battery_due_s = sample.stamp + BATTERY_PERIOD_S
             data = self._battery_layout.fill(*stamp, sample.battery_v, messages.UNKNOWN)
             yield BATTERY, time_ns, data
+
+    def _sensed(self, sensors: SensorStream, time_ns: int) -> Iterator[View]:
+        while sensors.sensed:
+            what = sensors.sensed.popleft().what
+            if isinstance(what, SensorEvent):
+                level = logging.WARNING if what.is_warning else logging.INFO
+                self._said.append((level, what.sentence))
+            elif isinstance(what, ImuMeasurement) and what.arrived_us >= self._imu_due_us:
+                self._imu_due_us = what.arrived_us + PERIOD_US
+                yield IMU, time_ns, self._imu(what)
+
+    def _imu(self, measurement: ImuMeasurement) -> bytes:
+        sample, info = measurement.sample(), measurement.channel.info
+        stamp = messages.stamp(round(sample.stamp * 1e9) + self._offset_ns)
+        turning = *sample.gyro, *messages.variances(info.gyro_noise)
+        pulling = *sample.acceleration, *messages.variances(info.acceleration_noise)
+        return self._imu_layout.fill(*stamp, *turning, *pulling)
 
     def _joints(
         self, sample: WheelSample, drive: DifferentialDrive, stamp: tuple[int, int]

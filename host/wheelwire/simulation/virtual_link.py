@@ -161,6 +161,7 @@ class VirtualLink(InlineLink):
         if self._plugged:
             for measurement in self._session.receive(arrived, self.now_us):
                 self._latest_sample.put(measurement)
+            self._latest_sample.sensors.take(self.name, self._session.sensors.sensed)
             if self._session.phase is not Phase.OPEN:
                 self._latest_sample.interrupt()  # the device was reset, or has fallen silent
             self._latest_sample.notify_all()

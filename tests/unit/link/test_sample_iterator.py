@@ -17,9 +17,10 @@ from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
 from wheelwire.link.clock import ClockEstimator, Exchange
-from wheelwire.link.sample_iterator import QUEUE_US, SampleIterator
+from wheelwire.link.sample_iterator import QUEUE_US, Measured, SampleIterator
 from wheelwire.link.state_stream import Measurement
 from wheelwire.link.transports import SerialTransport
+from wheelwire.samples import WheelSample
 from wheelwire_protocol.types import WheelState
 
 
@@ -119,7 +120,7 @@ def measured(arrived_us: int) -> Measurement:
 def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
     taken: list[int] = []
 
-    class Racing(deque[list[Measurement]]):
+    class Racing(deque[list[Measured[WheelSample]]]):
         """Whoever iterates takes one each time the other thread has looked at the oldest."""
 
         def __getitem__(self, index: Any) -> Any:
@@ -129,7 +130,7 @@ def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
                 taken.append(sample.t_us)
             return oldest
 
-    iterator = SampleIterator(lambda _: None)
+    iterator: SampleIterator[WheelSample] = SampleIterator(lambda _: None)
     iterator._queue = Racing()
     late_us = 2 * QUEUE_US
     for arrived_us in (0, late_us, late_us + 1):

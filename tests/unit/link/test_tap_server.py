@@ -48,7 +48,11 @@ from wheelwire_protocol.types import (
     ParameterSave,
     ParameterSet,
     ParameterTrial,
+    PeripheralsConfirm,
+    PeripheralSet,
+    PeripheralsWrite,
     Restart,
+    SensorStream,
     SetDuty,
     SetStreamRate,
     SetWheelVelocity,
@@ -485,7 +489,10 @@ class TestRefusals:
         ParameterSave(0, 0, 1),
         ParameterSet(0, 0, 1, 1.0),
         ParameterTrial(0, 0, 0, 1.0),
+        PeripheralsConfirm(0, 0, 0),
+        PeripheralsWrite(0, 0, 0, 0, 0),
         Restart(0, 0),
+        SensorStream(0, 0, 200),
         SetStreamRate(0, 0, 100),
     )
 
@@ -503,7 +510,7 @@ class TestRefusals:
 
         from wheelwire.link.requests import RequestMessage
 
-        changing = {type(change) for change in self.CHANGES} | {BoardWrite}
+        changing = {type(change) for change in self.CHANGES} | {BoardWrite, PeripheralSet}
         assert set(get_args(RequestMessage)) == {*tap_server.READ_ONLY, Stop, Estop, *changing}
 
     @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 CHANCE = random.Random(1)
 DEFINITIONS = (
     messages.ODOMETRY,
+    messages.IMU,
     messages.JOINT_STATE,
     messages.BATTERY_STATE,
     messages.LOG,
@@ -51,6 +52,20 @@ def test_odometry(frame: str) -> None:
     assert message.pose.pose.position.y == values[1]
     assert message.pose.covariance.tolist() == values[4:40]
     assert message.twist.twist.angular.z == values[41]
+
+
+def test_imu() -> None:
+    turning, pulling = [[CHANCE.random() for _ in range(3)] for _ in range(2)]
+    data = messages.imu("base").fill(
+        3, 4, *turning, *messages.variances(0.5), *pulling, *messages.variances(2.0)
+    )
+    message = same_again(data, "sensor_msgs/msg/Imu")
+    assert message.header.frame_id == "base"
+    assert message.orientation_covariance[0] == -1
+    assert message.angular_velocity.z == turning[2]
+    assert message.angular_velocity_covariance.tolist() == [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
+    assert message.linear_acceleration.x == pulling[0]
+    assert message.linear_acceleration_covariance[8] == 4.0
 
 
 def test_joint_state() -> None:

@@ -23,6 +23,7 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[WheelSampl
     file = RecordingFile(tmp_path_factory.mktemp("day") / "day.mcap", 1_000_000_000, {})
     reader = TapReader(limit=1_000_000)
     with open_driver("mock", realtime=False) as robot:
+        robot.advance(0.05)  # until the session knows the board; before that a tap waits
         robot._link.listen_to_tap(reader)
         samples = robot.samples()
         robot.parameters.list()

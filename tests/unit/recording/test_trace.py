@@ -20,6 +20,7 @@ def recorded(day: Callable[[VirtualMockDriver], None]) -> list[Record]:
     reader = TapReader(limit=1_000_000)
     with open_driver("mock", realtime=False) as robot:
         assert isinstance(robot, VirtualMockDriver)
+        robot.advance(0.05)  # until the session knows the board; before that a tap waits
         robot._link.listen_to_tap(reader)
         day(robot)
     return reader.take()

@@ -1,0 +1,138 @@
+"""`wheelwire sensors`: what the robot's sensors and inputs measure, and whether it can be used."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import typer
+
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.drivers.device_sensors import SensorStatus
+from wheelwire.link.sample_iterator import SampleIterator
+from wheelwire.sensors import ImuSample, InputsSample, PowerSample, SensorEvent
+from wheelwire_protocol.sensors import BatteryLevel, SensorState
+
+from .address import BaudRateOption, RobotArgument, resolve
+from .output import JsonFlag, console, print_json, print_note, print_table
+
+FIRST_S = 1.5
+"""Within this each channel has a sample, or the device has said why not."""
+POLL_S = 0.02
+PERIOD_S = 1.0
+
+
+def sensors(
+    robot: RobotArgument = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.0, help="For how long, once a second; 0: once.")
+    ] = 0.0,
+    baud_rate: BaudRateOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Show what the sensors and inputs measure, and why a sensor cannot be used.
+
+    While another program holds the robot, this shows what that program has asked for.
+    """
+    with resolve(robot, as_json=as_json).open_to_look(baud_rate, as_json=as_json) as driver:
+        events = driver.sensors.events()
+        begin = time.monotonic()
+        while not _is_decided(driver) and time.monotonic() < begin + FIRST_S:
+            time.sleep(POLL_S)
+        end = time.monotonic() + seconds
+        while True:
+            _print(driver.sensors.channels, as_json=as_json)
+            if time.monotonic() >= end:
+                return
+            time.sleep(min(PERIOD_S, max(0.0, end - time.monotonic())))
+            _print_events(events, as_json=as_json)
+
+
+def _is_decided(driver: BaseDriver) -> bool:
+    return all(one.state is not SensorState.UNREAD for one in driver.sensors.channels)
+
+
+def _print_events(events: SampleIterator[SensorEvent], *, as_json: bool) -> None:
+    while (event := events.poll()) is not None:
+        print_note(event.sentence, as_json=as_json)
+
+
+def _print(channels: tuple[SensorStatus, ...], *, as_json: bool) -> None:
+    if as_json:
+        print_json([_as_object(one) for one in channels])
+    elif not channels:
+        console.print(
+            "the robot has no sensors: name them in its board's file, and write that with "
+            "`wheelwire board write`"
+        )
+    else:
+        print_table(
+            "Sensors",
+            ("channel", "kind", "rate", "age", "state", "value"),
+            [
+                (
+                    one.info.name,
+                    one.info.kind.name.lower(),
+                    f"{one.info.rate_hz} Hz" if one.info.rate_hz else "change",
+                    "" if one.age_s is None else f"{one.age_s:.3f} s",
+                    _word(one.state) + (f", {one.state.name}" if _is_stale(one) else ""),
+                    _text(one),
+                )
+                for one in channels
+            ],
+        )
+
+
+def _as_object(one: SensorStatus) -> dict[str, Any]:
+    return {
+        "channel": one.info.name,
+        "kind": one.info.kind.name.lower(),
+        "rate_hz": one.info.rate_hz,
+        "age_s": None if one.age_s is None else round(one.age_s, 6),
+        "state": _word(one.state),
+        "reason": one.state.name if _is_stale(one) else None,
+        "value": _value(one),
+    }
+
+
+def _is_stale(one: SensorStatus) -> bool:
+    return one.state is not SensorState.OK
+
+
+def _word(state: SensorState) -> str:
+    return "OK" if state is SensorState.OK else "STALE"
+
+
+def _value(one: SensorStatus) -> dict[str, Any] | None:
+    """The newest sample, without its times."""
+    sample = one.sample
+    if sample is None:
+        return None
+    if isinstance(sample, InputsSample):
+        reading = sample.channels[one.info.name]
+        return {
+            "triggered": reading.triggered,
+            "level": int(reading.level),
+            "edges": reading.edges,
+        }
+    times = ("t_us", "sample", "stamp", "stamp_error_s")
+    return {name: value for name, value in sample._asdict().items() if name not in times}
+
+
+def _text(one: SensorStatus) -> str:
+    sample = one.sample
+    if isinstance(sample, ImuSample):
+        turning, pulling = (
+            " ".join(f"{value:+.2f}" for value in vector)
+            for vector in (sample.gyro, sample.acceleration)
+        )
+        return f"{turning} rad/s, {pulling} m/s^2, {sample.temperature_c:.0f} degC"
+    if isinstance(sample, PowerSample):
+        current = "" if sample.current_a is None else f", {sample.current_a:.2f} A"
+        used = "" if sample.used_ah is None else f", {sample.used_ah:.3f} Ah used"
+        is_judged = sample.level is not BatteryLevel.UNKNOWN
+        level = f", {sample.level.name.lower()}" if is_judged else ""
+        return f"{sample.voltage_v:.2f} V{current}{used}{level}"
+    if isinstance(sample, InputsSample):
+        return "triggered" if sample.channels[one.info.name].triggered else "free"
+    return ""

@@ -1,0 +1,305 @@
+"""A robot's sensors: samples on request and one after the other, states, events.
+
+Each operation that waits is written once, for asyncio and for threads. The first use of a sensor
+asks the device for samples; after that the link asks for them in each session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
+
+from wheelwire_protocol.codes import Group
+from wheelwire_protocol.sensors import PeripheralKind, SensorState
+from wheelwire_protocol.types import SensorStream
+
+from ..arguments import timeout_s, whole
+from ..errors import InvalidCommand, RequestTimeout, SensorMissing, SensorStale
+from ..link.latest_sample import LatestSample
+from ..link.sample_iterator import SampleIterator
+from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER
+from ..peripherals import DIGITAL_INPUTS
+from ..sensors import (
+    ImuSample,
+    InputsSample,
+    PowerSample,
+    SensorEvent,
+    SensorInfo,
+    sentence_of_state,
+)
+from .requests import Requests, run
+
+DEFAULT_RATE_HZ = 200
+INFO_S = 3.0
+"""Within this each channel has said what it is, unless the line loses nearly everything."""
+FRESH_S = 0.1
+"""A sample is handed out up to this age, or up to three of its periods."""
+_PERIODS = 3
+_INPUTS_HZ = 1
+MAX_RATE_HZ = 1000
+
+Sample = TypeVar("Sample", ImuSample, PowerSample, InputsSample)
+AnySample: TypeAlias = ImuSample | PowerSample | InputsSample
+
+
+class SensorStatus(NamedTuple):
+    """A channel at one moment.
+
+    Attributes:
+        info: What it is.
+        state: Whether its samples can be used.
+        age_s: Since its newest sample was measured; None without one that can be used. [s]
+        sample: That sample; of an input that of all inputs.
+    """
+
+    info: SensorInfo
+    state: SensorState
+    age_s: float | None
+    sample: AnySample | None
+
+
+class Streams:
+    """What the sensors of one robot share."""
+
+    def __init__(self, requests: Requests, latest: LatestSample) -> None:
+        self.requests = requests
+        self.latest = latest
+
+    @property
+    def infos(self) -> tuple[SensorInfo, ...]:
+        """What the channels are, by number."""
+        return tuple(self.requests.link.sensors.infos.values())
+
+    async def begin(self) -> None:
+        """Ask for samples, unless somebody did."""
+        link = self.requests.link
+        if not link.knows_sensors:
+            await self.start(link.sensors.rate_hz or DEFAULT_RATE_HZ)
+
+    async def start(self, rate_hz: int) -> None:
+        """Ask for samples at this rate, unless somebody did."""
+        link = self.requests.link
+        link.check()
+        if link.sensors.rate_hz != rate_hz:
+            await self._ask(rate_hz)
+        await self.requests.wait_for_sample(
+            self.latest, lambda: link.has_ended or link.knows_sensors, INFO_S
+        )
+        link.check()
+        if not link.knows_sensors:
+            raise RequestTimeout(
+                f"{link.name} did not say within {INFO_S:g} s which sensors it has: check the "
+                "link's statistics"
+            )
+
+    async def _ask(self, rate_hz: int) -> None:
+        link = self.requests.link
+        await self.requests.check_group(Group.SENSOR)
+        try:
+            await self.requests.ask(SensorStream(0, 0, rate_hz))
+        except InvalidCommand:
+            from ..link.attached import AttachedLink  # here, for few programs attach
+
+            if not isinstance(link, AttachedLink):
+                raise
+            raise InvalidCommand(
+                f"{link.holder.name}, which holds {link.name}, has not asked for its sensors at "
+                f"{rate_hz} Hz, and a program that is attached cannot: use them in that program, "
+                "or end it"
+            ) from None
+
+    def known(self, info: SensorInfo | None) -> tuple[SensorState, AnySample | None]:
+        """The state of a channel at this moment, and its newest sample while that is OK.
+
+        The sample of a digital input is that of all.
+        """
+        if info is None:
+            return SensorState.UNREAD, None
+        sensors = self.requests.link.sensors
+        is_input = info.kind in DIGITAL_INPUTS
+        state = sensors.states.get(info.channel, SensorState.UNREAD)
+        rate_hz = _INPUTS_HZ if is_input else info.rate_hz
+        newest = sensors.newest.get(INPUTS if is_input else info.name)
+        if state is not SensorState.OK or not rate_hz:
+            return state, None
+        if newest is None:
+            return SensorState.UNREAD, None
+        sample = newest.sample()
+        if self.age_s(sample) > max(FRESH_S, _PERIODS / rate_hz):
+            return SensorState.MISSED, None
+        return SensorState.OK, sample
+
+    def status(self, info: SensorInfo) -> SensorStatus:
+        """A channel now."""
+        state, sample = self.known(info)
+        return SensorStatus(info, state, None if sample is None else self.age_s(sample), sample)
+
+    def age_s(self, sample: AnySample) -> float:
+        """How long ago it was measured, in seconds."""
+        return max(0.0, self.latest.now_us() / 1e6 - sample.stamp)
+
+
+Find: TypeAlias = Callable[[tuple[SensorInfo, ...]], SensorInfo | None]
+"""Finds a sensor's channel among those of a robot."""
+
+
+class SensorView(Generic[Sample]):
+    """What is known of one sensor without waiting, or of all digital inputs together.
+
+    Args:
+        streams: Of the robot.
+        name: One of IMU, POWER and INPUTS.
+        find: Its channel.
+    """
+
+    def __init__(self, streams: Streams, name: str, find: Find) -> None:
+        self._streams = streams
+        self._name = name
+        self._find = find
+
+    @property
+    def info(self) -> SensorInfo | None:
+        """What it is; None before its first use, while out of reach, and if there is none."""
+        return self._find(self._streams.infos)
+
+    @property
+    def state(self) -> SensorState:
+        """Whether its samples can be used; UNREAD before its first use. Never waits."""
+        return self._known()[0]
+
+    @property
+    def latest(self) -> Sample | None:
+        """The newest sample; None while there is none that can be used. Never waits.
+
+        A sample is handed out up to an age of 0.1 s, or of three periods, and never once its sensor
+        is STALE. Before the first use, see `read` and `Sensors.start`, there is none.
+        """
+        return cast("Sample | None", self._known()[1])
+
+    def _known(self) -> tuple[SensorState, AnySample | None]:
+        return self._streams.known(self.info)
+
+    async def _begin(self) -> SensorInfo:
+        """Ask for samples, unless somebody did; what the sensor is."""
+        await self._streams.begin()
+        info = self.info
+        if info is None:
+            raise SensorMissing(
+                f"the robot has no {self._name}: name it in its board's file, and write that with "
+                "`wheelwire board write`"
+            )
+        return info
+
+    async def _read(self, timeout: float) -> Sample:
+        limit_s = timeout_s("timeout", timeout)
+        await self._begin()
+        requests = self._streams.requests
+        waits = (SensorState.UNREAD, SensorState.MISSED)
+        await requests.wait_for_sample(
+            self._streams.latest,
+            lambda: requests.link.has_ended or self.state not in waits,
+            limit_s,
+        )
+        state, sample = self._known()
+        if sample is None:
+            requests.link.check()
+            raise SensorStale(self._name, state, sentence_of_state(state))
+        return cast("Sample", sample)
+
+
+class Sensor(SensorView[Sample]):
+    """One sensor of a robot, or all its digital inputs together."""
+
+    def read(self, timeout: float = 1.0) -> Sample:
+        """Return the newest sample, as `latest`; waits for the first one.
+
+        The first use of a sensor asks the robot for samples, see `Sensors.start`.
+
+        Args:
+            timeout: How long to wait for the first sample. [s]
+
+        Raises:
+            SensorMissing: The robot has no such sensor.
+            SensorStale: Its samples cannot be used; `state` says why.
+            GroupUnavailable: The firmware has no messages about sensors, or those of another
+                release.
+            InvalidCommand: The robot is attached, and the program that holds it has not asked for
+                samples.
+            InvalidArgument: The timeout is not a valid number.
+            LinkLost, RequestTimeout: The robot was not reached.
+        """
+        return run(self._read, timeout)
+
+    def samples(self) -> SampleIterator[Sample]:
+        """All samples from now on, as `BaseDriver.samples`; raises as `read`."""
+        run(self._begin)
+        return self._streams.latest.iterate_sensor(self._name)
+
+
+class SensorsView:
+    """What is known of all sensors without waiting."""
+
+    def __init__(self, requests: Requests, latest: LatestSample) -> None:
+        self._streams = Streams(requests, latest)
+
+    @property
+    def channels(self) -> tuple[SensorStatus, ...]:
+        """All channels as they are now, by number; none before the first use. Never waits."""
+        return tuple(map(self._streams.status, self._streams.infos))
+
+    async def _start(self, rate_hz: int) -> None:
+        await self._streams.start(whole("rate_hz", rate_hz, 1, MAX_RATE_HZ))
+
+
+class Sensors(SensorsView):
+    """All sensors of a robot.
+
+    Attributes:
+        imu: Gyroscope and accelerometer.
+        power: The supply, by a power sensor or by the battery's divider.
+        inputs: All digital inputs together.
+    """
+
+    def __init__(self, requests: Requests, latest: LatestSample) -> None:
+        super().__init__(requests, latest)
+        streams = self._streams
+        self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
+        self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
+        self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
+
+    def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
+        """Ask for samples from now on, in this session and in all that follow.
+
+        The first use of a sensor does this by itself, at 200 Hz.
+
+        Args:
+            rate_hz: Of the IMU at most: it gets what the samples of the wheels leave of the line.
+                The supply comes twice a second, inputs on a change and each second.
+
+        Raises:
+            InvalidArgument: The rate is no whole number from 1 to 1000.
+            GroupUnavailable, InvalidCommand, LinkLost, RequestTimeout: As `Sensor.read`.
+        """
+        run(self._start, rate_hz)
+
+    def events(self) -> SampleIterator[SensorEvent]:
+        """What happens to the sensors from now on; raises as `start`.
+
+        The log has it, too, by the logger `wheelwire.sensors`.
+        """
+        run(self._streams.begin)
+        return self._streams.latest.iterate_sensor(EVENTS)
+
+
+def of_kind(*kinds: PeripheralKind) -> Find:
+    """The first channel of the first of these kinds that there is."""
+
+    def find(infos: tuple[SensorInfo, ...]) -> SensorInfo | None:
+        return next((info for kind in kinds for info in infos if info.kind is kind), None)
+
+    return find
+
+
+OF_IMU = IMU, of_kind(PeripheralKind.IMU)
+OF_POWER = POWER, of_kind(PeripheralKind.POWER, PeripheralKind.BATTERY)
+OF_INPUTS = INPUTS, of_kind(*DIGITAL_INPUTS)

@@ -1,0 +1,388 @@
+"""Sensor messages into samples: none twice, on the host's clock, in the robot's axes. Sans-IO."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, NamedTuple, TypeAlias
+
+from wheelwire_protocol import types as wire
+from wheelwire_protocol.sensors import (
+    Axis,
+    BatteryLevel,
+    PeripheralKind,
+    Place,
+    Reflex,
+    SensorChip,
+    SensorEventCode,
+    SensorState,
+)
+
+from ..peripherals import DIGITAL_INPUTS, channel_name
+from ..samples import tick_difference
+from ..sensors import (
+    ImuSample,
+    InputReading,
+    InputsSample,
+    PowerSample,
+    SensorEvent,
+    SensorInfo,
+    Vector,
+    sentence_of_event,
+)
+from .clock import ClockEstimator, Conversion
+from .state_stream import UNWRAP_US
+
+WAITING = 4096
+"""Samples and events that wait for whoever passes them on; nobody does in a session of a re-run."""
+INFO_US = 300_000
+"""Within this after the request each channel says what it is; otherwise it is asked for again."""
+INFO_ATTEMPTS = 10
+IMU, POWER, INPUTS, EVENTS = "imu", "power", "inputs", "events"
+"""What a robot's sensors pass on; INPUTS: all digital ones together."""
+
+_battery_level = cache(BatteryLevel)
+_reflex = cache(Reflex)
+
+
+class _Channel(NamedTuple):
+    info: SensorInfo
+    gyro_scale: float
+    acceleration_scale: float
+    turn: Callable[[Vector], Vector]
+    """From the chip's axes to the robot's, of an IMU."""
+
+
+class ImuMeasurement(NamedTuple):
+    """An IMU's message, which becomes a sample when somebody asks for it."""
+
+    message: wire.Imu
+    t_us: int
+    arrived_us: int
+    channel: _Channel
+    clock: Conversion
+
+    def sample(self) -> ImuSample:
+        """The sample, with the stamp by the estimate at the arrival."""
+        message, channel = self.message, self.channel
+        turn, of_gyro, of_other = channel.turn, channel.gyro_scale, channel.acceleration_scale
+        host_us, error_us = self.clock.device_to_host(self.t_us)
+        return ImuSample(
+            t_us=self.t_us,
+            sample=message.sample,
+            gyro=turn(
+                (message.gyro_x * of_gyro, message.gyro_y * of_gyro, message.gyro_z * of_gyro)
+            ),
+            acceleration=turn(
+                (
+                    message.accelerometer_x * of_other,
+                    message.accelerometer_y * of_other,
+                    message.accelerometer_z * of_other,
+                )
+            ),
+            temperature_c=message.temperature_cdeg / 100,
+            stamp=host_us / 1e6,
+            stamp_error_s=(error_us + message.bound_us) / 1e6,
+        )
+
+
+class PowerMeasurement(NamedTuple):
+    """A message about the supply; otherwise as `ImuMeasurement`."""
+
+    message: wire.Power
+    t_us: int
+    arrived_us: int
+    channel: _Channel
+    clock: Conversion
+
+    def sample(self) -> PowerSample:
+        """As `ImuMeasurement.sample`."""
+        message = self.message
+        has_current = self.channel.info.kind is PeripheralKind.POWER
+        host_us, error_us = self.clock.device_to_host(self.t_us)
+        return PowerSample(
+            t_us=self.t_us,
+            voltage_v=message.voltage_mv / 1000,
+            current_a=message.current_ma / 1000 if has_current else None,
+            used_ah=message.used_mah / 1000 if has_current else None,
+            level=_battery_level(message.level),
+            stamp=host_us / 1e6,
+            stamp_error_s=error_us / 1e6,
+        )
+
+
+class InputsMeasurement(NamedTuple):
+    """A message about all digital inputs; otherwise as `ImuMeasurement`."""
+
+    message: wire.Inputs
+    t_us: int
+    arrived_us: int
+    infos: Mapping[int, SensorInfo]
+    states: Mapping[int, SensorState]
+    clock: Conversion
+
+    def sample(self) -> InputsSample:
+        """As `ImuMeasurement.sample`."""
+        message = self.message
+        host_us, error_us = self.clock.device_to_host(self.t_us)
+        return InputsSample(
+            t_us=self.t_us,
+            channels={
+                info.name: InputReading(
+                    triggered=bool(message.triggered >> number & 1),
+                    level=bool(message.levels >> number & 1),
+                    edges=getattr(message, f"edges_{number}"),
+                    state=self.states[number],
+                )
+                for number, info in self.infos.items()
+                if info.kind in DIGITAL_INPUTS
+            },
+            reflexes=_reflex(message.reflexes),
+            level=_battery_level(message.level),
+            stamp=host_us / 1e6,
+            stamp_error_s=error_us / 1e6,
+        )
+
+
+SensorMeasurement: TypeAlias = ImuMeasurement | PowerMeasurement | InputsMeasurement
+
+
+class Sensed(NamedTuple):
+    """What is passed on to whoever iterates: a measurement, or an event."""
+
+    group: str
+    """One of IMU, POWER, INPUTS and EVENTS."""
+    what: SensorMeasurement | SensorEvent
+    arrived_us: int
+
+
+class SensorStream:
+    """The sensors of a device, across its sessions.
+
+    One thread changes it; any may read the attributes, which are replaced as a whole.
+
+    Attributes:
+        rate_hz: What the application asked for; 0 before it did.
+        infos: What each channel is, by its number, as far as the session knows.
+        states: Whether its samples can be used, by the same number.
+        newest: The newest measurement by the channel's name, while its state is OK; also of INPUTS.
+        sensed: What nobody has passed on yet, in order.
+        stopped: The newest inputs that said that a sensor stops the robot; None before that.
+        due_us: When to ask again what the channels are; None: not.
+    """
+
+    def __init__(self) -> None:
+        self.rate_hz = 0
+        self.infos: Mapping[int, SensorInfo] = {}
+        self.states: Mapping[int, SensorState] = {}
+        self.newest: dict[str, SensorMeasurement] = {}
+        self.sensed: deque[Sensed] = deque(maxlen=WAITING)
+        self.stopped: InputsMeasurement | None = None
+        self.due_us: int | None = None
+        self._attempts = 0
+        self._channels: dict[int, _Channel] = {}
+        self._messages: dict[int, wire.SensorInfo] = {}
+        self._early: tuple[wire.Inputs, ClockEstimator, int] | None = None
+        """The newest inputs, while not all channels have said what they are."""
+        self._t_us: int | None = None
+        self._arrived_us = 0
+
+    def forget(self) -> None:
+        """A session ends: nothing of it is known to be true from now on."""
+        self.infos, self.states = {}, {}
+        self.newest.clear()
+        self._channels.clear()
+        self._messages.clear()
+        self._early = self.stopped = None
+        self.due_us = None
+        self._attempts = 0
+        self._t_us = None
+
+    def is_complete(self, size: int | None) -> bool:
+        """Whether all channels are known; `size`: of the device's list, None: not known."""
+        return self.rate_hz != 0 and size is not None and len(self.infos) >= size
+
+    def note_asked(self, rate_hz: int, size: int | None, now_us: int) -> None:
+        """The device has granted a stream, and says what its channels are."""
+        self.rate_hz = rate_hz
+        self._attempts += 1
+        wants_more = not self.is_complete(size) and self._attempts < INFO_ATTEMPTS
+        self.due_us = now_us + INFO_US if rate_hz and wants_more else None
+
+    def take_info(self, message: wire.SensorInfo) -> None:
+        """Take what a channel is.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        number = message.channel
+        kind, place = PeripheralKind(message.kind), Place(message.place)
+        info = SensorInfo(
+            channel=number,
+            name=channel_name(kind, place),
+            kind=kind,
+            chip=SensorChip(message.chip),
+            place=place,
+            rate_hz=message.rate_hz,
+            gyro_noise=message.gyro_noise,
+            acceleration_noise=message.accelerometer_noise,
+        )
+        state = SensorState(message.state)
+        turn = _turn(Axis(message.forward), Axis(message.up))
+        self._channels[number] = _Channel(
+            info, message.gyro_scale, message.accelerometer_scale, turn
+        )
+        self._messages[number] = message
+        # In the order of the channels, in which they do not come.
+        self.infos = dict(sorted({**self.infos, number: info}.items()))
+        self._set_state(number, state)
+        if self._knows_all():
+            self.due_us = None
+            early, self._early = self._early, None
+            if early is not None:
+                self.take_inputs(*early)
+
+    def take_imu(self, message: wire.Imu, clock: ClockEstimator, now_us: int) -> None:
+        """Take a sample."""
+        channel = self._channels.get(message.channel)
+        if channel is None or channel.info.kind is not PeripheralKind.IMU:
+            return  # its units are not known yet
+        t_us = self._unwrapped(message.t_us, clock, now_us)
+        self._put(IMU, ImuMeasurement(message, t_us, now_us, channel, clock.conversion))
+
+    def take_power(self, message: wire.Power, clock: ClockEstimator, now_us: int) -> None:
+        """Take a sample.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        _battery_level(message.level)
+        channel = self._channels.get(message.channel)
+        if channel is not None:
+            t_us = self._unwrapped(message.t_us, clock, now_us)
+            self._put(POWER, PowerMeasurement(message, t_us, now_us, channel, clock.conversion))
+
+    def take_inputs(self, message: wire.Inputs, clock: ClockEstimator, now_us: int) -> None:
+        """Take the levels of all inputs, and which channels are stale.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        _battery_level(message.level)
+        if not self._knows_all():
+            self._early = message, clock, now_us
+            return
+        for number in self.infos:
+            is_stale, known = message.stale >> number & 1, self.states[number]
+            if is_stale and known is SensorState.OK:
+                self._set_state(number, SensorState.MISSED)  # the event that says why was lost
+            elif not is_stale and known is not SensorState.OK:
+                self._set_state(number, SensorState.OK)
+        t_us = self._unwrapped(message.t_us, clock, now_us)
+        newest = self.newest.get(INPUTS)
+        if newest is None or newest.t_us < t_us:
+            measurement = InputsMeasurement(
+                message, t_us, now_us, self.infos, self.states, clock.conversion
+            )
+            self.newest[INPUTS] = measurement
+            if message.reflexes & Reflex.STOP:
+                self.stopped = measurement
+            self.sensed.append(Sensed(INPUTS, measurement, now_us))
+
+    def take_event(self, message: wire.SensorEvent, clock: ClockEstimator, now_us: int) -> None:
+        """Take what happened to a channel.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        code, number = SensorEventCode(message.code), message.channel
+        channel = self._channels.get(number)
+        if channel is None:
+            return
+        name = channel.info.name
+        sentence = sentence_of_event(name, code, message.value)
+        if code is SensorEventCode.STATE:
+            self._set_state(number, SensorState(message.value))
+        elif code is SensorEventCode.REDUCED:
+            self._set_rate(number, message.value)
+        t_us = self._unwrapped(message.t_us, clock, now_us)
+        host_us, error_us = clock.conversion.device_to_host(t_us)
+        event = SensorEvent(
+            name, code, message.value, sentence, t_us, host_us / 1e6, error_us / 1e6
+        )
+        self.sensed.append(Sensed(EVENTS, event, now_us))
+
+    # --- the state, for another session like this ------------------------------------------------
+
+    def snapshot(self) -> dict[str, Any]:
+        """What `resume` takes."""
+        return {
+            "rate_hz": self.rate_hz,
+            "infos": list(self._messages.values()),
+            "states": list(self.states.items()),
+            "clock": [self._t_us, self._arrived_us],
+            "asking": [self._attempts, self.due_us],
+        }
+
+    def resume(self, known: Mapping[str, Any]) -> None:
+        """Go on behind a snapshot."""
+        self.rate_hz = known["rate_hz"]
+        for fields in known["infos"]:
+            self.take_info(wire.SensorInfo(*fields))
+        self.states = {number: SensorState(state) for number, state in known["states"]}
+        self._t_us, self._arrived_us = known["clock"]
+        self._attempts, self.due_us = known["asking"]
+
+    # ---------------------------------------------------------------------------------------------
+
+    def _put(self, group: str, measured: ImuMeasurement | PowerMeasurement) -> None:
+        info = measured.channel.info
+        number, name = info.channel, info.name
+        newest = self.newest.get(name)
+        if newest is not None and newest.t_us >= measured.t_us:
+            return  # the line has doubled it
+        if self.states[number] is not SensorState.OK:
+            self._set_state(number, SensorState.OK)  # no other is sent
+        self.newest[name] = measured
+        self.sensed.append(Sensed(group, measured, measured.arrived_us))
+
+    def _knows_all(self) -> bool:
+        counts = [message.channel_count for message in self._messages.values()]
+        return bool(counts) and len(counts) >= counts[0]
+
+    def _set_state(self, number: int, state: SensorState) -> None:
+        self.states = {**self.states, number: state}
+        if state is not SensorState.OK:
+            self.newest.pop(self.infos[number].name, None)
+
+    def _set_rate(self, number: int, rate_hz: int) -> None:
+        channel = self._channels[number]
+        info = channel.info._replace(rate_hz=rate_hz)
+        self._channels[number] = channel._replace(info=info)
+        self._messages[number] = self._messages[number]._replace(rate_hz=rate_hz)
+        self.infos = {**self.infos, number: info}
+
+    def _unwrapped(self, t_us: int, clock: ClockEstimator, now_us: int) -> int:
+        # As of state frames; those of several channels may be a little out of order.
+        former_us = self._t_us
+        if former_us is not None and now_us < self._arrived_us + UNWRAP_US:
+            found_us = former_us + tick_difference(t_us, former_us)
+        else:
+            found_us = clock.unwrap(t_us, now_us)
+        self._t_us, self._arrived_us = found_us, now_us
+        return found_us
+
+
+def _turn(forward: Axis, up: Axis) -> Callable[[Vector], Vector]:
+    """From a chip's axes to the robot's: x forward, y left, z up."""
+    x, x_sign = forward % 3, 1.0 if forward < Axis.MINUS_X else -1.0
+    z, z_sign = up % 3, 1.0 if up < Axis.MINUS_X else -1.0
+    # Left is up x forward: of two axes in cyclic order the third one, else its opposite.
+    y = 3 - x - z
+    y_sign = x_sign * z_sign * (1.0 if (z + 1) % 3 == x else -1.0)
+
+    def turn(vector: Vector) -> Vector:
+        return x_sign * vector[x], y_sign * vector[y], z_sign * vector[z]
+
+    return turn

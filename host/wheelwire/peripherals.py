@@ -1,0 +1,316 @@
+"""A board's peripherals: sensors, inputs and the battery's levels, and whether they can work.
+
+Peripherals are data, as the board is: part of its YAML (`files.board`), sent and stored as a list
+of packed entries, and checked by the firmware's own rules. The index of an entry is its channel.
+"""
+
+from __future__ import annotations
+
+import enum
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from wheelwire_protocol.board import NO_PIN
+from wheelwire_protocol.native import check_peripherals
+from wheelwire_protocol.sensors import (
+    MOST_PERIPHERALS,
+    PERIPHERAL_FORMAT,
+    Axis,
+    PeripheralFault,
+    PeripheralFlag,
+    PeripheralKind,
+    Place,
+    SensorChip,
+)
+from wheelwire_protocol.types import PERIPHERAL_LAYOUT
+
+from .errors import ConfigurationError
+
+# Little-endian and without padding, as on the wire.
+_ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT))
+_NAMES = [name for name, _ in PERIPHERAL_LAYOUT]
+_PINS = ("pin_a", "pin_b", "pin_c")
+# Format, count, zeros, and the board's fingerprint.
+_HEAD = struct.Struct("<BBHI")
+_CRC_SIZE = 4
+ENTRY_SIZE = _ENTRY.size
+"""Of a packed entry, in bytes."""
+_LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY_SIZE + _CRC_SIZE
+
+
+class Pull(enum.Enum):
+    """What holds a digital input's pin."""
+
+    INTERNAL = "internal"
+    """The chip's own pull-up."""
+    EXTERNAL = "external"
+    """Resistors or the sensor's own output; the chip's are off."""
+    DOWN = "down"
+    """The chip's own pull-down."""
+
+
+@dataclass(frozen=True)
+class ImuSensor:
+    """Gyroscope and accelerometer on an I2C bus. Pins are GPIO numbers.
+
+    Attributes:
+        chip: Which one.
+        sda: The bus's data.
+        scl: The bus's clock.
+        interrupt: The chip's data-ready output; None: not connected.
+        forward: The axis of its print that points forward on the robot.
+        up: The one that points up.
+        address: On the bus; None: the chip's usual one.
+    """
+
+    kind: ClassVar[PeripheralKind] = PeripheralKind.IMU
+    place: ClassVar[Place] = Place.NONE
+
+    chip: SensorChip
+    sda: int | None
+    scl: int | None
+    interrupt: int | None = None
+    forward: Axis = Axis.X
+    up: Axis = Axis.Z
+    address: int | None = None
+
+
+@dataclass(frozen=True)
+class PowerSensor:
+    """Voltage and current of the supply, by a chip on an I2C bus. Pins are GPIO numbers.
+
+    Attributes:
+        chip: Which one.
+        sda: The bus's data.
+        scl: The bus's clock.
+        shunt_mohm: The resistor through which the current flows. [mOhm]
+        address: On the bus; None: the chip's usual one.
+    """
+
+    kind: ClassVar[PeripheralKind] = PeripheralKind.POWER
+    place: ClassVar[Place] = Place.NONE
+
+    chip: SensorChip
+    sda: int | None
+    scl: int | None
+    shunt_mohm: float
+    address: int | None = None
+
+
+@dataclass(frozen=True)
+class BatteryLevels:
+    """Voltages of the battery below which the robot acts. All 0: it is only measured.
+
+    Attributes:
+        warn_v: It warns. [V]
+        limit_v: It drives at half its speed at most. [V]
+        stop_v: It stops, until the battery is charged. [V]
+    """
+
+    kind: ClassVar[PeripheralKind] = PeripheralKind.BATTERY
+    place: ClassVar[Place] = Place.NONE
+
+    warn_v: float = 0.0
+    limit_v: float = 0.0
+    stop_v: float = 0.0
+
+    @property
+    def is_guarded(self) -> bool:
+        """Whether it has levels."""
+        return any((self.warn_v, self.limit_v, self.stop_v))
+
+
+@dataclass(frozen=True)
+class DigitalInput:
+    """A bumper, a cliff sensor or the fault output of a power stage.
+
+    Attributes:
+        kind: One of BUMPER, CLIFF and STAGE_FAULT.
+        place: Where it is on the robot.
+        pin: Its GPIO.
+        triggered_low: It triggers at the low level; otherwise at the high one.
+        pull: What holds the pin.
+    """
+
+    kind: PeripheralKind
+    place: Place
+    pin: int | None
+    triggered_low: bool = False
+    pull: Pull = Pull.INTERNAL
+
+
+Peripheral: TypeAlias = ImuSensor | PowerSensor | BatteryLevels | DigitalInput
+
+DIGITAL_INPUTS = (PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT)
+
+
+def channel_name(kind: PeripheralKind, place: Place) -> str:
+    """What users call a channel: `imu`, `bumper.front_left`."""
+    name = kind.name.lower()
+    return name if place is Place.NONE else f"{name}.{place.name.lower()}"
+
+
+def key_of(entry: Peripheral) -> str:
+    """The section of a board's file in which it is."""
+    if isinstance(entry, DigitalInput):
+        return f"inputs.{channel_name(entry.kind, entry.place).replace('.', '_')}"
+    return "imu" if isinstance(entry, ImuSensor) else "power"
+
+
+def packed_entry(entry: Peripheral) -> bytes:
+    """The bytes in which one is sent and stored.
+
+    Raises:
+        ConfigurationError: A value does not fit into its field.
+    """
+    values: dict[str, int] = dict.fromkeys(_NAMES, 0)
+    values |= {"kind": entry.kind, "place": entry.place}
+    pins: tuple[int | None, ...] = ()
+    if isinstance(entry, (ImuSensor, PowerSensor)):
+        values |= {"chip": entry.chip, "address": entry.address or 0}
+        pins = entry.sda, entry.scl
+    if isinstance(entry, ImuSensor):
+        values |= {"forward": entry.forward, "up": entry.up}
+        pins = *pins, entry.interrupt
+    elif isinstance(entry, PowerSensor):
+        values["value_a"] = round(entry.shunt_mohm * 10)
+    elif isinstance(entry, BatteryLevels):
+        levels = entry.warn_v, entry.limit_v, entry.stop_v
+        values |= zip(("value_a", "value_b", "value_c"), map(_millivolts, levels), strict=True)
+    else:
+        values["flags"] = _flags(entry)
+        pins = (entry.pin,)
+    # Those that are left out are not connected.
+    for name, pin in zip(_PINS, (*pins, None, None, None), strict=False):
+        values[name] = NO_PIN if pin is None else pin
+    try:
+        return _ENTRY.pack(*(values[name] for name in _NAMES))
+    except struct.error as error:
+        raise ConfigurationError(f"{key_of(entry)} cannot be packed: {error}") from error
+
+
+def unpacked_entry(data: bytes) -> Peripheral:
+    """The peripheral in a packed entry.
+
+    Raises:
+        ConfigurationError: It has codes that are unknown here.
+    """
+    values = dict(zip(_NAMES, _ENTRY.unpack(data), strict=True))
+    sda, scl, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
+    address = values["address"] or None
+    try:
+        kind, chip = PeripheralKind(values["kind"]), SensorChip(values["chip"])
+        forward, up = Axis(values["forward"]), Axis(values["up"])
+        place, flags = Place(values["place"]), PeripheralFlag(values["flags"])
+    except ValueError as error:
+        # From one of the enumerations: a newer release has chips or kinds that this one has not.
+        raise ConfigurationError(
+            f"a code of a peripheral is unknown: {error}; update wheelwire"
+        ) from None
+    if kind is PeripheralKind.IMU:
+        return ImuSensor(chip, sda, scl, third, forward, up, address)
+    if kind is PeripheralKind.POWER:
+        return PowerSensor(chip, sda, scl, values["value_a"] / 10, address)
+    if kind is PeripheralKind.BATTERY:
+        return BatteryLevels(*(values[f"value_{letter}"] / 1000 for letter in "abc"))
+    is_low = PeripheralFlag.TRIGGERED_LOW in flags
+    return DigitalInput(kind, place, sda, is_low, _pull(flags))
+
+
+def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
+    """The bytes in which a list is stored; its checksum, the last four, is its fingerprint.
+
+    Args:
+        entries: Those of the list.
+        board: Fingerprint of the board that they are connected to.
+
+    Raises:
+        ConfigurationError: There are too many, or a value does not fit into its field.
+    """
+    if len(entries) > MOST_PERIPHERALS:
+        raise ConfigurationError(_too_many(entries))
+    nothing = _ENTRY.pack(*(NO_PIN if name in _PINS else 0 for name in _NAMES))
+    packed = [*map(packed_entry, entries), *[nothing] * (MOST_PERIPHERALS - len(entries))]
+    body = _HEAD.pack(PERIPHERAL_FORMAT, len(entries), 0, board) + b"".join(packed)
+    return body + zlib.crc32(body).to_bytes(_CRC_SIZE, "little")
+
+
+def unpacked_list(data: bytes) -> tuple[tuple[Peripheral, ...], int]:
+    """The peripherals in a packed list, and the fingerprint of their board.
+
+    Raises:
+        ConfigurationError: It is damaged, or of a format or with codes that are unknown here.
+    """
+    body, crc = data[:-_CRC_SIZE], data[-_CRC_SIZE:]
+    if len(data) != _LIST_SIZE or zlib.crc32(body).to_bytes(_CRC_SIZE, "little") != crc:
+        raise ConfigurationError(f"the peripherals cannot be read: {PeripheralFault.DAMAGED.doc}")
+    version, count, _, board = _HEAD.unpack_from(body)
+    if version != PERIPHERAL_FORMAT or count > MOST_PERIPHERALS:
+        raise ConfigurationError(
+            f"the peripherals have format {version} and {count} entries, this library reads format "
+            f"{PERIPHERAL_FORMAT} and {MOST_PERIPHERALS} entries: update the older one"
+        )
+    entries = body[_HEAD.size : _HEAD.size + count * ENTRY_SIZE]
+    return tuple(map(unpacked_entry, _chunks(entries))), board
+
+
+def fingerprint(entries: Sequence[Peripheral], board: int) -> int:
+    """The 32-bit checksum that names a list; raises as `packed_list`."""
+    return int.from_bytes(packed_list(entries, board)[-_CRC_SIZE:], "little")
+
+
+def peripheral_problems(entries: Sequence[Peripheral], board: bytes) -> list[str]:
+    """What is wrong with a list, a sentence each; empty if it can be used.
+
+    Args:
+        entries: Those of the list.
+        board: The packed board that they are connected to.
+
+    Raises:
+        ConfigurationError: A value does not fit into its field.
+        NativeMissingError: The firmware's core, whose rules these are, is missing.
+    """
+    if len(entries) > MOST_PERIPHERALS:
+        return [_too_many(entries)]
+    of_board = int.from_bytes(board[-_CRC_SIZE:], "little")
+    return [
+        issue.fault.doc.format(
+            entry=key_of(entries[issue.channel]) if issue.channel >= 0 else "",
+            pin=issue.pin,
+            value=issue.value,
+            limit=issue.limit,
+        )
+        for issue in check_peripherals(packed_list(entries, of_board), board)
+    ]
+
+
+def _too_many(entries: Sequence[Peripheral]) -> str:
+    return PeripheralFault.TOO_MANY.doc.format(value=len(entries), limit=MOST_PERIPHERALS)
+
+
+def _chunks(data: bytes) -> list[bytes]:
+    return [data[at : at + ENTRY_SIZE] for at in range(0, len(data), ENTRY_SIZE)]
+
+
+def _millivolts(volts: float) -> int:
+    return round(volts * 1000)
+
+
+def _flags(entry: DigitalInput) -> int:
+    flags = PeripheralFlag(0)
+    if entry.triggered_low:
+        flags |= PeripheralFlag.TRIGGERED_LOW
+    if entry.pull is Pull.INTERNAL:
+        flags |= PeripheralFlag.PULL_UP
+    elif entry.pull is Pull.DOWN:
+        flags |= PeripheralFlag.PULL_DOWN
+    return flags
+
+
+def _pull(flags: PeripheralFlag) -> Pull:
+    if PeripheralFlag.PULL_UP in flags:
+        return Pull.INTERNAL
+    return Pull.DOWN if PeripheralFlag.PULL_DOWN in flags else Pull.EXTERNAL

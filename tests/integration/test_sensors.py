@@ -1,0 +1,369 @@
+"""`robot.imu`, `robot.power`, `robot.inputs` and `wheelwire sensors` on the simulated robot."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from support.command import output, run, run_json
+from support.waiting import wait_until
+from wheelwire import aio, errors, open_driver
+from wheelwire.diagnosis import Stop
+from wheelwire.drivers import requests
+from wheelwire.drivers.attached import open_or_attach
+from wheelwire.drivers.mock import MockDriver
+from wheelwire.drivers.serial import SerialDriver
+from wheelwire.drivers.transport_driver import DeviceDriver
+from wheelwire.files.board import load_board
+from wheelwire.peripherals import DigitalInput, Pull
+from wheelwire.simulation.simulator import Simulator
+from wheelwire_protocol.codes import Fault, Group
+from wheelwire_protocol.sensors import (
+    PeripheralKind,
+    Place,
+    Reflex,
+    SensorEventCode,
+    SensorState,
+)
+from wheelwire_protocol.types import GroupGet
+
+NAMES = ["imu", "battery", "bumper.front_left", "bumper.front_right"]
+FREE = ()
+LEFT = ("bumper.front_left",)
+
+
+@pytest.fixture
+def robot() -> Iterator[MockDriver]:
+    with MockDriver(realtime=False) as robot:
+        yield robot
+
+
+@pytest.fixture
+def simulator() -> Iterator[Simulator]:
+    with Simulator() as simulator:
+        yield simulator
+
+
+def test_nothing_is_known_before_the_first_use(robot: MockDriver) -> None:
+    robot.advance(1.0)
+    assert robot.sensors.channels == ()
+    assert (robot.imu.info, robot.imu.latest) == (None, None)
+    assert robot.inputs.state is SensorState.UNREAD
+
+
+def test_all_channels_are_known_after_it(robot: MockDriver) -> None:
+    robot.sensors.start()
+    assert [one.info.name for one in robot.sensors.channels] == NAMES
+    assert [one.info.kind for one in robot.sensors.channels] == [
+        PeripheralKind.IMU,
+        PeripheralKind.BATTERY,
+        PeripheralKind.BUMPER,
+        PeripheralKind.BUMPER,
+    ]
+    info = robot.imu.info
+    assert info is not None
+    assert info.rate_hz == 200
+    assert info.gyro_noise > 0
+
+
+def test_the_imu_at_rest_feels_the_floor(robot: MockDriver) -> None:
+    sample = robot.imu.read()
+    assert sample.gyro == pytest.approx((0, 0, 0), abs=0.1)
+    assert sample.acceleration == pytest.approx((0, 0, 9.81), abs=0.5)
+    assert abs(sample.stamp - robot.latest.sample.stamp) < 0.02  # type: ignore[union-attr]
+    assert robot.imu.state is SensorState.OK
+
+
+def test_the_imu_feels_a_turn_to_the_left(robot: MockDriver) -> None:
+    robot.imu.read()
+    for _ in range(100):
+        robot.set_velocity(0.0, 1.5)
+        robot.advance(0.01)
+    assert robot.imu.read().gyro[2] == pytest.approx(1.5, abs=0.3)
+
+
+def test_every_sample_of_the_imu_comes_once(robot: MockDriver) -> None:
+    samples = robot.imu.samples()
+    robot.advance(1.0)
+    found = list(islice(samples, 150))
+    numbers = [sample.sample for sample in found]
+    assert numbers == list(range(numbers[0], numbers[0] + 150))
+    assert found[-1].t_us - found[0].t_us == pytest.approx(149 * 5000, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("variable", "state"),
+    [
+        ("imu.absent", SensorState.ABSENT),
+        ("imu.bus_hung", SensorState.HUNG),
+        ("imu.freeze", SensorState.FROZEN),
+    ],
+)
+def test_a_stale_imu_is_never_handed_out(
+    robot: MockDriver, variable: str, state: SensorState
+) -> None:
+    robot.imu.read()
+    events = robot.sensors.events()
+    robot.simulator.set(variable, 1)
+    robot.advance(0.3)
+    assert robot.imu.state is state
+    assert robot.imu.latest is None
+    with pytest.raises(errors.SensorStale, match=f"imu is STALE, {state.name}") as raised:
+        robot.imu.read()
+    assert (raised.value.channel, raised.value.state) == ("imu", state)
+    assert any(
+        (one.name, one.code, one.value) == ("imu", SensorEventCode.STATE, state)
+        for one in iter(events.poll, None)
+    )
+    robot.simulator.set(variable, 0)
+    robot.advance(1.5)
+    assert robot.imu.state is SensorState.OK
+    assert robot.imu.read().acceleration[2] == pytest.approx(9.81, abs=0.5)
+
+
+def test_a_bumper_that_is_pressed(robot: MockDriver, caplog: pytest.LogCaptureFixture) -> None:
+    assert robot.inputs.read().triggered == FREE
+    events = robot.sensors.events()
+    robot.simulator.set("bumper.front_left", 1)
+    with caplog.at_level(logging.INFO, "wheelwire.sensors"):
+        robot.advance(0.05)
+        sample = robot.inputs.read()
+        assert sample.triggered == LEFT
+        assert sample.channels["bumper.front_left"].edges == 1
+        assert sample.reflexes is Reflex.NO_FORWARD
+        robot.simulator.set("bumper.front_left", 0)
+        robot.advance(0.2)
+        assert robot.inputs.read().triggered == FREE
+    said = [one.sentence for one in iter(events.poll, None) if "bumper" in one.name]
+    assert said == [
+        "bumper.front_left triggered: the robot only backs out",
+        "bumper.front_left is free again",
+    ]
+    logged = {record.levelname: record.getMessage() for record in caplog.records}
+    assert logged == {"WARNING": f"mock: {said[0]}", "INFO": f"mock: {said[1]}"}
+
+
+def test_the_supply_is_measured_twice_a_second(robot: MockDriver) -> None:
+    samples = robot.power.samples()
+    robot.advance(2.1)
+    found = list(islice(samples, 4))
+    assert [sample.voltage_v for sample in found] == pytest.approx([7.4] * 4, abs=0.01)
+    assert found[1].t_us - found[0].t_us == pytest.approx(500_000, abs=5000)
+    assert found[0].current_a is None
+
+
+def test_samples_go_on_in_the_next_session(robot: MockDriver) -> None:
+    samples = robot.inputs.samples()
+    assert next(samples).triggered == FREE
+    robot.unplug()
+    robot.advance(1.0)
+    assert robot.inputs.latest is None
+    assert not robot.sensors.channels
+    with pytest.raises(errors.LinkLost):
+        robot.inputs.read()
+    robot.simulator.set("bumper.front_left", 1)
+    robot.plug()
+    robot.advance(1.0)
+    assert [one.info.name for one in robot.sensors.channels] == NAMES
+    assert robot.inputs.read().triggered == LEFT
+    assert [sample.triggered for sample in iter(samples.poll, None)][-1] == LEFT
+
+
+def test_samples_go_on_after_a_reset_of_the_device(robot: MockDriver) -> None:
+    assert robot.inputs.read().t_us > 0
+    robot.advance(5.0)
+    before_us = robot.inputs.read().t_us
+    robot.simulator.reset()
+    robot.advance(3.0)
+    assert 0 < robot.inputs.read().t_us < before_us
+
+
+def test_a_robot_without_sensors_says_so(simulator: Simulator) -> None:
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(load_board("tb6612"))
+        with pytest.raises(errors.SensorMissing, match="no imu: name it in its board's file"):
+            robot.imu.read()
+        with pytest.raises(errors.SensorMissing):
+            robot.inputs.samples()
+        assert robot.sensors.channels == ()
+    assert run_json("sensors", simulator.port) == []
+    assert "no sensors" in output("sensors", simulator.port)
+
+
+def test_firmware_without_sensors_is_named(
+    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        requests,
+        "GroupGet",
+        lambda s, r, asked: GroupGet(s, r, 77 if asked is Group.SENSOR else asked),
+    )
+    with (
+        SerialDriver(simulator.port) as robot,
+        pytest.raises(errors.GroupUnavailable, match=r"about sensors .* has none"),
+    ):
+        robot.imu.read()
+
+
+@pytest.mark.parametrize("rate_hz", [0, 1001, 0.5, "fast", True])
+def test_a_rate_that_is_none(robot: MockDriver, rate_hz: object) -> None:
+    with pytest.raises(errors.InvalidArgument, match="rate_hz"):
+        robot.sensors.start(rate_hz)  # type: ignore[arg-type]
+
+
+def test_another_rate(robot: MockDriver) -> None:
+    robot.sensors.start(50)
+    samples = robot.imu.samples()
+    robot.advance(1.0)
+    assert len(list(iter(samples.poll, None))) == pytest.approx(50, abs=2)
+    info = robot.imu.info
+    assert info is not None
+    assert info.rate_hz == 50
+
+
+def test_an_iterator_ends_with_the_driver() -> None:
+    robot = MockDriver(realtime=False)
+    inputs, events = robot.inputs.samples(), robot.sensors.events()
+    robot.close()
+    assert len(list(inputs)) <= 1
+    list(events)
+    with pytest.raises(errors.LinkClosed):
+        robot.inputs.read()
+
+
+def test_in_real_time() -> None:
+    with MockDriver() as robot:
+        samples = robot.inputs.samples()
+        robot.simulator.set("bumper.front_right", 1)
+        for sample in samples:
+            if sample.triggered:
+                break
+        assert sample.triggered == ("bumper.front_right",)
+        assert robot.power.read(timeout=2.0).voltage_v == pytest.approx(7.4, abs=0.05)
+
+
+@pytest.mark.parametrize("realtime", [True, False])
+def test_the_same_on_asyncio(realtime: bool) -> None:
+    async def use() -> None:
+        async with aio.open_driver("mock", realtime=realtime) as robot:
+            assert (await robot.inputs.read()).triggered == FREE
+            events = robot.sensors.events()
+            robot.simulator.set("bumper.front_left", 1)
+            async for sample in robot.inputs.samples():
+                if sample.triggered:
+                    break
+            assert robot.inputs.latest == sample
+            assert sample.triggered == LEFT
+            async for event in events:
+                if event.name == "bumper.front_left":
+                    break
+            assert event.code is SensorEventCode.TRIGGERED
+            assert (await robot.power.read(timeout=2.0)).voltage_v > 7
+            assert (await robot.imu.read(timeout=2.0)).acceleration[2] > 9
+            assert [one.info.name for one in robot.sensors.channels] == NAMES
+            await robot.sensors.start(100)
+            with pytest.raises(errors.InvalidArgument):
+                await robot.sensors.start(0)
+
+    asyncio.run(use())
+
+
+def test_a_program_beside_the_one_that_holds_the_robot(simulator: Simulator) -> None:
+    """It sees what that program has asked for, from its beginning, and asks for nothing."""
+    options = {"port": simulator.port}
+    with open_driver("serial", tap=True, **options) as holder:
+        beside = open_or_attach("serial", options)
+        assert isinstance(beside, DeviceDriver)
+        with beside:
+            with pytest.raises(errors.InvalidCommand, match="has not asked for its sensors"):
+                beside.inputs.read()
+            refused = run("sensors", simulator.port)
+            assert refused.returncode == errors.InvalidCommand.exit_code
+            assert "has not asked for its sensors" in refused.stderr
+            assert holder.inputs.read().triggered == FREE
+            simulator.set("bumper.front_left", 1)
+            wait_until(lambda: beside.inputs.latest is not None)
+            wait_until(lambda: beside.inputs.read().triggered == LEFT)
+        found = {one["channel"]: one for one in run_json("sensors", simulator.port)}
+        assert found["bumper.front_left"]["value"]["triggered"] is True
+
+
+def test_a_recording_has_them(tmp_path: Path, simulator: Simulator) -> None:
+    pytest.importorskip("mcap")
+    file = tmp_path / "day.mcap"
+    with open_driver("serial", port=simulator.port, record=file) as robot:
+        events = robot.sensors.events()
+        simulator.set("bumper.front_left", 1)
+        next(one for one in events if one.name == "bumper.front_left")
+        wait_until(lambda: robot.inputs.read().triggered == LEFT)
+        robot.power.read(timeout=2.0)
+        (recording,) = tmp_path.glob("*.mcap")
+    with open_driver("replay", file=recording, speed=0) as day:
+        inputs = day.inputs.samples()
+        assert next(sample for sample in inputs if sample.triggered).triggered == LEFT
+        assert day.power.read(timeout=2.0).voltage_v == pytest.approx(7.4, abs=0.05)
+
+
+WITH_CLIFF = replace(
+    load_board("l298n"),
+    peripherals=(DigitalInput(PeripheralKind.CLIFF, Place.FRONT, 36, pull=Pull.EXTERNAL),),
+)
+
+
+def keep_driving(robot: SerialDriver) -> None:
+    """For half a second."""
+    for _ in range(50):
+        robot.set_velocity(0.1, 0.0)
+        robot.read()
+
+
+def test_a_cliff_that_stopped_the_robot_is_named(tmp_path: Path, simulator: Simulator) -> None:
+    pytest.importorskip("mcap")
+    stops: list[Stop] = []
+    with SerialDriver(simulator.port) as robot:
+        robot.board.take_up(WITH_CLIFF)
+        robot.record(tmp_path / "day.mcap")
+        robot.watch_stops(stops.append)
+        assert robot.inputs.read().triggered == FREE
+        keep_driving(robot)
+        simulator.set("cliff.front", 1)
+        with pytest.raises(errors.DeviceRefused) as refused:
+            keep_driving(robot)
+        assert refused.value.faults == Fault.EXTERNAL
+        assert refused.value.why == "cliff.front saw no floor."
+        wait_until(lambda: bool(stops))
+    (stop,) = stops
+    assert (stop.cause, stop.sentence) == ("cliff_seen", "cliff.front saw no floor.")
+    assert any("EXTERNAL" in one for one in stop.evidence)
+    (recorded,) = run_json("why", str(tmp_path / "day.mcap"))
+    assert recorded["cause"] == "cliff_seen"
+
+
+def test_the_command_shows_all_channels() -> None:
+    found = run_json("sensors", "mock")
+    assert [one["channel"] for one in found] == NAMES
+    for one in found:
+        assert list(one) == ["channel", "kind", "rate_hz", "age_s", "state", "reason", "value"]
+        assert (one["state"], one["reason"]) == ("OK", None), one
+        assert 0 <= one["age_s"] < 1.5
+    assert found[0]["rate_hz"] == 200
+    assert found[0]["value"]["acceleration"][2] == pytest.approx(9.81, abs=0.5)
+    assert found[1]["value"]["voltage_v"] == pytest.approx(7.4, abs=0.05)
+    assert found[2]["value"] == {"triggered": False, "level": 0, "edges": 0}
+    table = output("sensors", "mock")
+    for word in (*NAMES, "200 Hz", "free", "OK"):
+        assert word in table
+
+
+def test_the_command_names_what_is_stale(simulator: Simulator) -> None:
+    simulator.set("imu.absent", 1)
+    found = run_json("sensors", simulator.port)[0]
+    assert (found["state"], found["reason"]) == ("STALE", "ABSENT")
+    assert (found["age_s"], found["value"]) == (None, None)
+    assert "ABSENT" in output("sensors", simulator.port)

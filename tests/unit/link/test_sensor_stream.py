@@ -1,0 +1,290 @@
+"""Sensor messages into samples, on a device whose clock is 1 s ahead of the host's."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+
+import pytest
+
+from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, imu, info, inputs
+from wheelwire.link.sensor_stream import (
+    EVENTS,
+    IMU,
+    INFO_ATTEMPTS,
+    INFO_US,
+    INPUTS,
+    POWER,
+    SensorStream,
+    _turn,
+)
+from wheelwire.sensors import ImuSample, InputsSample, PowerSample, Vector
+from wheelwire_protocol.sensors import (
+    Axis,
+    BatteryLevel,
+    PeripheralKind,
+    Reflex,
+    SensorEventCode,
+    SensorState,
+)
+from wheelwire_protocol.types import Power
+from wheelwire_protocol.types import SensorEvent as EventMessage
+
+
+@pytest.fixture
+def known() -> Stream:
+    return Stream()
+
+
+def test_channels_are_known_in_their_order(known: Stream) -> None:
+    names = [one.name for one in known.stream.infos.values()]
+    assert names == ["imu", "battery", "bumper.front_left", "cliff.front"]
+    assert known.stream.is_complete(len(KINDS))
+    assert not known.stream.is_complete(None)
+    assert known.stream.infos[0].gyro_noise == 0.01
+
+
+def test_an_imu_is_in_the_robots_axes_and_on_the_hosts_clock(known: Stream) -> None:
+    known.imu(3_000_000)
+    ((group, sample),) = known.sensed
+    assert group == IMU
+    assert isinstance(sample, ImuSample)
+    # Its y points forward: the robot's left is its -x.
+    assert sample.gyro == (2.0, -1.0, 3.0)
+    assert sample.acceleration == (-3.0, -2.0, 10.0)
+    assert sample.temperature_c == 25.12
+    assert sample.t_us == 3_000_000
+    assert sample.stamp == pytest.approx(2.0, abs=1e-4)
+    assert sample.stamp_error_s > 50e-6  # that of the chip, and that of the clock
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def unit(axis: Axis) -> Vector:
+    x, y, z = ((1.0 if axis < 3 else -1.0) if axis % 3 == i else 0.0 for i in range(3))
+    return x, y, z
+
+
+@pytest.mark.parametrize(
+    ("forward", "up"), [(f, u) for f, u in product(Axis, Axis) if f % 3 != u % 3]
+)
+def test_every_mounting_gives_a_right_handed_frame(forward: Axis, up: Axis) -> None:
+    turn = _turn(forward, up)
+    assert turn(unit(forward)) == (1, 0, 0)
+    assert turn(unit(up)) == (0, 0, 1)
+    assert turn(cross(unit(up), unit(forward))) == (0, 1, 0)
+
+
+def test_a_sample_that_the_line_doubled_is_one(known: Stream) -> None:
+    for t_us in (3_000_000, 3_000_000, 2_995_000, 3_005_000):
+        known.imu(t_us)
+    assert [sample.t_us for _, sample in known.sensed] == [3_000_000, 3_005_000]  # type: ignore[attr-defined]
+
+
+def test_the_devices_clock_wraps(known: Stream) -> None:
+    near = (1 << 32) - 2000
+    for t_us in (near, near + 5000):
+        known.imu(t_us)
+    (_, before), (_, after) = known.sensed
+    assert isinstance(before, ImuSample)
+    assert isinstance(after, ImuSample)
+    assert after.t_us - before.t_us == 5000
+    assert after.stamp - before.stamp == pytest.approx(0.005, abs=1e-5)
+
+
+def test_the_supply_by_a_divider_has_no_current(known: Stream) -> None:
+    message = Power(BOOT, 2_000_000, 1, 7400, 0, 0.0, BatteryLevel.OK)
+    known.stream.take_power(message, known.clock, AHEAD_US)
+    ((group, sample),) = known.sensed
+    assert group == POWER
+    assert isinstance(sample, PowerSample)
+    assert (sample.voltage_v, sample.current_a, sample.used_ah) == (7.4, None, None)
+    assert sample.level is BatteryLevel.OK
+
+
+def test_the_supply_by_a_sensor_has_one(known: Stream) -> None:
+    known.stream.take_info(info(1, kind=PeripheralKind.POWER))
+    message = Power(BOOT, 2_000_000, 1, 7400, -1500, 250.0, BatteryLevel.OK)
+    known.stream.take_power(message, known.clock, AHEAD_US)
+    ((_, sample),) = known.sensed
+    assert isinstance(sample, PowerSample)
+    assert (sample.current_a, sample.used_ah) == (-1.5, 0.25)
+
+
+def test_inputs_have_names(known: Stream) -> None:
+    known.inputs(inputs(2_000_000, triggered=0b0100, reflexes=Reflex.NO_FORWARD))
+    ((group, sample),) = known.sensed
+    assert group == INPUTS
+    assert isinstance(sample, InputsSample)
+    assert sample.triggered == ("bumper.front_left",)
+    assert sample.channels["bumper.front_left"] == (True, True, 5, SensorState.OK)
+    assert sample.channels["cliff.front"] == (False, False, 6, SensorState.OK)
+    assert sample.reflexes is Reflex.NO_FORWARD
+    assert sample.level is BatteryLevel.WARN
+
+
+def test_inputs_wait_until_all_names_are_known() -> None:
+    early = Stream(knows=False)
+    early.inputs(inputs(2_000_000, triggered=0b0100))
+    for channel in range(len(KINDS)):
+        assert early.sensed == []
+        early.stream.take_info(info(channel))
+    ((_, sample),) = early.sensed
+    assert isinstance(sample, InputsSample)
+    assert sample.triggered == ("bumper.front_left",)
+
+
+def test_what_has_no_units_yet_is_no_sample() -> None:
+    early = Stream(knows=False)
+    early.imu(2_000_000)
+    early.stream.take_power(Power(BOOT, 0, 1, 1, 0, 0.0, 1), early.clock, 0)
+    early.stream.take_event(EventMessage(BOOT, 0, 0, 0, 1), early.clock, 0)
+    assert early.sensed == []
+
+
+def test_a_stale_sensor_has_no_newest_sample_until_the_next(known: Stream) -> None:
+    known.imu(2_000_000)
+    assert "imu" in known.stream.newest
+    event = known.event(0, SensorEventCode.STATE, SensorState.FROZEN)
+    assert event.sentence.startswith("imu: STALE, FROZEN: it repeats one raw sample")
+    assert event.is_warning
+    assert known.stream.states.get(0) is SensorState.FROZEN
+    assert "imu" not in known.stream.newest
+    known.inputs(inputs(2_500_000, stale=0b0001))
+    assert known.stream.states.get(0) is SensorState.FROZEN  # which says why
+    known.imu(3_000_000)
+    assert known.stream.states.get(0) is SensorState.OK
+    assert known.stream.newest["imu"].t_us == 3_000_000
+
+
+def test_a_lost_event_is_made_good_by_the_inputs(known: Stream) -> None:
+    known.imu(2_000_000)
+    known.inputs(inputs(2_500_000, stale=0b0001))
+    assert known.stream.states.get(0) is SensorState.MISSED
+    assert "imu" not in known.stream.newest
+    known.inputs(inputs(2_600_000))
+    assert known.stream.states.get(0) is SensorState.OK
+
+
+@pytest.mark.parametrize(
+    ("channel", "code", "value", "sentence", "is_warning"),
+    [
+        (0, SensorEventCode.STATE, SensorState.OK, "imu: OK", False),
+        (
+            2,
+            SensorEventCode.TRIGGERED,
+            Reflex.NO_FORWARD,
+            "bumper.front_left triggered: the robot only backs out",
+            True,
+        ),
+        (
+            2,
+            SensorEventCode.TRIGGERED,
+            Reflex.NO_REVERSE,
+            "bumper.front_left triggered: the robot only drives forward",
+            True,
+        ),
+        (3, SensorEventCode.TRIGGERED, Reflex.STOP, "cliff.front triggered: the robot stops", True),
+        (3, SensorEventCode.RELEASED, Reflex.STOP, "cliff.front is free again", False),
+        (1, SensorEventCode.BATTERY, BatteryLevel.OK, "battery: it is charged", False),
+        (
+            1,
+            SensorEventCode.BATTERY,
+            BatteryLevel.STOP,
+            "battery: it is empty: the robot stops until it is charged",
+            True,
+        ),
+        (
+            0,
+            SensorEventCode.REDUCED,
+            100,
+            "imu: the line carries 100 samples a second, no more",
+            True,
+        ),
+    ],
+)
+def test_an_event_has_a_sentence(
+    known: Stream, channel: int, code: int, value: int, sentence: str, is_warning: bool
+) -> None:
+    event = known.event(channel, code, value)
+    assert event.sentence == sentence
+    assert event.is_warning is is_warning
+    assert (event.code, event.value) == (code, value)
+    assert event.stamp == pytest.approx(1.0, abs=1e-4)
+    assert known.stream.sensed[-1].group == EVENTS
+
+
+def test_a_reduced_rate_is_the_channels_from_then_on(known: Stream) -> None:
+    known.event(0, SensorEventCode.REDUCED, 100)
+    assert known.stream.infos[0].rate_hz == 100
+    assert resumed(known.stream).infos[0].rate_hz == 100
+
+
+def test_codes_that_mean_nothing_are_invalid(known: Stream) -> None:
+    with pytest.raises(ValueError, match="99"):
+        known.stream.take_info(info(0, kind=99))
+    with pytest.raises(ValueError, match="99"):
+        known.event(0, 99, 0)
+    with pytest.raises(ValueError, match="99"):
+        known.event(0, SensorEventCode.STATE, 99)
+    with pytest.raises(ValueError, match="99"):
+        known.stream.take_power(Power(BOOT, 0, 1, 1, 0, 0.0, 99), known.clock, 0)
+    with pytest.raises(ValueError, match="99"):
+        known.stream.take_inputs(inputs(0)._replace(level=99), known.clock, 0)
+    assert known.sensed == []
+
+
+def test_channels_that_did_not_say_what_they_are_are_asked_again() -> None:
+    stream = SensorStream()
+    stream.note_asked(200, None, 0)
+    assert stream.due_us == INFO_US
+    for channel in range(len(KINDS)):
+        assert stream.due_us == INFO_US
+        stream.take_info(info(channel))
+    assert stream.due_us is None
+    stream.note_asked(200, len(KINDS), 0)
+    assert stream.due_us is None
+
+
+def test_they_are_not_asked_for_ever() -> None:
+    stream = SensorStream()
+    for _ in range(INFO_ATTEMPTS):
+        assert stream.due_us is not None or stream.rate_hz == 0
+        stream.note_asked(200, 1, 0)
+    assert stream.due_us is None
+
+
+def test_a_device_without_peripherals_has_nothing_to_say() -> None:
+    stream = SensorStream()
+    stream.note_asked(200, 0, 0)
+    assert stream.due_us is None
+    assert stream.is_complete(0)
+
+
+def test_the_end_of_a_session_ends_what_is_known_but_not_the_wish(known: Stream) -> None:
+    known.imu(2_000_000)
+    known.stream.forget()
+    assert known.stream.infos == {}
+    assert known.stream.states == {}
+    assert known.stream.newest == {}
+    assert known.stream.rate_hz == 200
+
+
+def resumed(stream: SensorStream) -> SensorStream:
+    other = SensorStream()
+    other.resume(json.loads(json.dumps(stream.snapshot())))
+    return other
+
+
+def test_another_session_goes_on_behind_a_snapshot(known: Stream) -> None:
+    known.imu(2_000_000)
+    known.event(0, SensorEventCode.STATE, SensorState.HUNG)
+    other = resumed(known.stream)
+    assert other.infos == known.stream.infos
+    assert other.states == known.stream.states
+    assert other.rate_hz == 200
+    for stream in (known.stream, other):
+        stream.take_imu(imu(2_005_000), known.clock, AHEAD_US + 5000)
+    assert other.newest["imu"].sample() == known.stream.newest["imu"].sample()
