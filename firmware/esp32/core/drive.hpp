@@ -40,9 +40,14 @@ class Drive {
   /// reflexes allow.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
   bool is_following() const { return following_; }
-  /// Whether it still slews in a direction that the reflexes do not allow.
+  /// Whether it still slews in a direction that the reflexes do not allow. Of a velocity the command
+  /// counts, too: the correction of the following error makes it another one.
   bool goes_against_reflexes() const {
-    return following_ && (slewed_.left != 0 || slewed_.right != 0) && forbids(reflexes_, slewed_);
+    const auto is_against = [this](WheelPair wheels) {
+      return (wheels.left != 0 || wheels.right != 0) && forbids(reflexes_, wheels);
+    };
+    return following_ &&
+           (is_against(slewed_) || (mode_ == ControlMode::kVelocity && is_against(command_)));
   }
   /// Removes the drive at once. The outputs then stay off for at least a whole control period, so
   /// that a bridge's inputs never switch while current flows.

@@ -454,8 +454,13 @@ void Judge::late_step_is_a_fault() {
 void Judge::not_against_a_bumper() {
   const uint8_t forbidden = witness_.forbidden();
   const auto& granted = witness_.granted();
-  if (simulator_.state() != SupervisorState::kDriving || !granted || !world_.wired_as_believed)
+  const bool applies = simulator_.state() == SupervisorState::kDriving && granted &&
+                       world_.wired_as_believed &&
+                       (forbidden & (reflex::kNoForward | reflex::kNoReverse)) != 0;
+  if (!applies) {
+    memory_.against_steps = 0;
     return;
+  }
   const auto check_way = [&](uint8_t flag, double way, const char* name) {
     if ((forbidden & flag) == 0) return;
     const double asked = way * (granted->left + granted->right);
@@ -466,7 +471,10 @@ void Judge::not_against_a_bumper() {
       const double duty = simulator_.board.bridges()[side].signed_duty();
       goes += way * (!granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty);
     }
-    check(Rule::kNotAgainstABumper, goes <= 2.0 / 32767.0,
+    // Where one winding changes its direction its stage pauses, and the other one begins.
+    const bool is_against = goes > 2.0 / 32767.0;
+    memory_.against_steps = is_against ? memory_.against_steps + 1 : 0;
+    check(Rule::kNotAgainstABumper, !is_against || (granted->duty && memory_.against_steps <= 2),
           std::string("it goes ") + name + " against a bumper");
     check(Rule::kNotAgainstABumper, asked < 0.0 || !simulator_.board.drives(),
           std::string("a winding is driven, and a bumper forbids to go ") + name);

@@ -51,6 +51,9 @@ struct Memory {
   std::array<Wheel, 2> wheels{};
   bool started_at_rest = false;
 
+  // S28. For how many steps windings have gone against a bumper, in an open loop.
+  int against_steps = 0;
+
   // S09.
   uint64_t latch_due_us = 0;
 

@@ -136,6 +136,27 @@ TEST(a_bumper_during_a_reversal_stops_the_slewing) {
   CHECK(bench.left.duty() < 0 && bench.device.commanded().left < 0);
 }
 
+/// Wheels that a hand holds while the setpoint reverses: the correction of the following error still
+/// commands a speed forward when the setpoint is slewed backward already.
+TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
+  for (int reversed_for = 1; reversed_for < 200; ++reversed_for) {
+    SensorBench bench(kBumpers);
+    bench.open();
+    for (int i = 0; i < 120; ++i) {
+      bench.send(bench.velocity(0.2f, 0.2f));
+      bench.turn(i % 4 == 0, i % 4 == 0);
+      bench.step();
+    }
+    for (int i = 0; i <= reversed_for; ++i) {
+      bench.send(bench.velocity(-0.2f, -0.2f));
+      if (i == reversed_for) bench.set_level(0, true);
+      bench.step();
+    }
+    const WheelPair commanded = bench.device.commanded();
+    CHECK(commanded.left + commanded.right <= 0);
+  }
+}
+
 TEST(a_bumper_whose_wire_is_broken_at_the_start_forbids_driving_from_the_first_setpoint) {
   SensorBench bench(kBumpers);
   bench.set_level(0, true);
