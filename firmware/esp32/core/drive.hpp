@@ -40,8 +40,8 @@ class Drive {
   /// reflexes allow.
   void follow(ControlMode mode, WheelPair target, const ControlConfig& config);
   bool is_following() const { return following_; }
-  /// Whether it still slews in a direction that the reflexes do not allow. Of a velocity the command
-  /// counts, too: the correction of the following error makes it another one.
+  /// Whether it still slews in a direction that the reflexes do not allow. Of a velocity the
+  /// command counts, too: the correction of the following error makes it another one.
   bool goes_against_reflexes() const {
     const auto is_against = [this](WheelPair wheels) {
       return (wheels.left != 0 || wheels.right != 0) && forbids(reflexes_, wheels);

@@ -136,8 +136,8 @@ TEST(a_bumper_during_a_reversal_stops_the_slewing) {
   CHECK(bench.left.duty() < 0 && bench.device.commanded().left < 0);
 }
 
-/// Wheels that a hand holds while the setpoint reverses: the correction of the following error still
-/// commands a speed forward when the setpoint is slewed backward already.
+/// Wheels that a hand holds while the setpoint reverses: the correction of the following error
+/// still commands a speed forward when the setpoint is slewed backward already.
 TEST(a_bumper_ends_a_correction_that_still_goes_forward) {
   for (int reversed_for = 1; reversed_for < 200; ++reversed_for) {
     SensorBench bench(kBumpers);
