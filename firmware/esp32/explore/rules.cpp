@@ -467,7 +467,8 @@ void Judge::not_against_a_bumper() {
     // A wheel that is too fast on the way back is braked by a duty forward.
     double goes = 0.0;
     for (const Side side : kSides) {
-      const bool inverted = value(side == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
+      const Side wheel = value(kMotorsSwapped) != 0 ? other(side) : side;
+      const bool inverted = value(wheel == kLeft ? kLeftMotorInverted : kRightMotorInverted) != 0;
       const double duty = simulator_.board.bridges()[side].signed_duty();
       goes += way * (!granted->duty ? simulator_.commanded_umps(side) : inverted ? -duty : duty);
     }
