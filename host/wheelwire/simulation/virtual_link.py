@@ -99,8 +99,10 @@ class VirtualLink(InlineLink):
         return replace(self._session.statistics(self.now_us), reconnects=self._reconnects)
 
     def listen_to_tap(self, reader: TapReader) -> None:
-        """As `Link.listen_to_tap`."""
+        """As `Link.listen_to_tap`; what is asked for after it is in the tap."""
         self._session.listen(reader, self.now_us)
+        # It begins once the session knows its board, for which virtual time has to pass.
+        self.wait_for(lambda: reader in self.tap.readers, OPEN_S)
 
     def drive_velocity(self, left_mps: float, right_mps: float, expiry_us: int) -> None:
         """Send one velocity setpoint that expires at `expiry_us`."""
