@@ -56,6 +56,7 @@ void Robot::note_reflexes(uint8_t reflexes) {
 }
 
 void Robot::finish_step(uint64_t now_us) {
+  // Not by `check_contact`: each step would pay for the call.
   if (contact_is_open()) apply(SupervisorEvent::kEstop, now_us);
   if (supervisor_.may_drive() && now_us >= setpoint_.expiry_us)
     apply(SupervisorEvent::kDeadline, now_us);
