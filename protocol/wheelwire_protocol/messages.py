@@ -42,6 +42,7 @@ from .codes import (
 )
 from .message import Field, Message, field
 from .sensors import (
+    MOST_ANALOG,
     MOST_PERIPHERALS,
     Axis,
     BatteryLevel,
@@ -49,6 +50,7 @@ from .sensors import (
     PeripheralKind,
     PeripheralsState,
     Place,
+    RangeQuality,
     Reflex,
     SensorChip,
     SensorEventCode,
@@ -97,7 +99,7 @@ def peripheral_fields() -> list[Field]:
     """The packed struct in which one peripheral is sent and stored: its fields, in order."""
     return [
         field("kind", Int8ul, Unit.NONE, "What it is.", PeripheralKind),
-        field("chip", Int8ul, Unit.NONE, "Of IMU and POWER.", SensorChip),
+        field("chip", Int8ul, Unit.NONE, "Of IMU, POWER and RANGE.", SensorChip),
         field("place", Int8ul, Unit.NONE, "Where it is.", Place),
         field("flags", Int8ul, Unit.NONE, "Of its pin.", PeripheralFlag),
         _pin("pin_a"),
@@ -836,6 +838,11 @@ SENSOR_INFO = Message(
         field(
             "accelerometer_noise", Float32l, Unit.METRE_PER_SECOND_SQUARED, "Standard deviation."
         ),
+        *_axes(
+            "bias",
+            "Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its "
+            "divider, its number. As its entry says.",
+        ),
     ),
     group=Group.SENSOR,
 )
@@ -887,6 +894,10 @@ INPUTS = Message(
             field(f"edges_{n}", Int16ul, Unit.NONE, f"Edges at channel {n} since reset. Wraps.")
             for n in range(MOST_PERIPHERALS)
         ),
+        *(
+            field(f"analog_{n}_mv", Int16ul, Unit.MILLIVOLT, f"Analogue input {n}; 0: none.")
+            for n in range(1, MOST_ANALOG + 1)
+        ),
     ),
     group=Group.SENSOR,
 )
@@ -914,6 +925,19 @@ PERIPHERAL_VALUE = Message(
         field("board", Int32ul, Unit.NONE, "Fingerprint of the board that it is for."),
         field("crc", Int32ul, Unit.NONE, "Of the list."),
         *peripheral_fields(),
+    ),
+    group=Group.SENSOR,
+)
+RANGE = Message(
+    id=0xD6,
+    name="Range",
+    doc="One measurement of a range sensor. Never sent twice.",
+    body=Struct(
+        *_taken(),
+        field("sample", Int16ul, Unit.NONE, "Counts the measurements. Wraps."),
+        field("bound_us", Int16ul, Unit.MICROSECOND, "As in Imu."),
+        field("distance_mm", Int16ul, Unit.MILLIMETRE, "Has a meaning only if quality is GOOD."),
+        field("quality", Int8ul, Unit.NONE, "What the echo says.", RangeQuality),
     ),
     group=Group.SENSOR,
 )
@@ -975,6 +999,7 @@ MESSAGES: tuple[Message, ...] = (
     INPUTS,
     SENSOR_EVENT,
     PERIPHERAL_VALUE,
+    RANGE,
 )
 
 # It has to stay below 254: then no run of COBS is too long for one code byte, and both decoders

@@ -8,19 +8,21 @@ there is no library of this release.
 from __future__ import annotations
 
 import ctypes
+import enum
+import mmap
 import os
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from .board import BoardFault, BoardPin
 from .codes import Board, Capability, Fault, RefusalCode, ResetReason, SupervisorState
 from .sensors import PeripheralFault
 from .types import SCHEMA_HASH
 
-ABI = 10
+ABI = 11
 """Version of `wheelwire_core.h`; a library with another one is refused."""
 RECORDER_SIZE = 320 * 1024
 """Of what `Core.keep_recorder` has written, in bytes."""
@@ -170,6 +172,16 @@ class Core:
         ):
             raise MemoryError("no memory for the robot's recorder")
 
+    def sense(self, sensors: Sensors) -> PeripheralFault:
+        """Have these peripherals on the board that it was given, before the start.
+
+        Returns:
+            NONE, or the list's first fault.
+        """
+        fault = self._library.wheelwire_core_sense(self._live, sensors.handle)
+        self._sensors = sensors  # their memory must live as long as the core
+        return PeripheralFault(fault)
+
     def preset(self, parameter_id: int, value: float) -> RefusalCode:
         """Change the default of a parameter, before the start. NONE, or why it was refused."""
         return RefusalCode(self._library.wheelwire_core_preset(self._live, parameter_id, value))
@@ -184,6 +196,7 @@ class Core:
         contact_open: bool = False,
         left_illegal: int = 0,
         right_illegal: int = 0,
+        levels: int = 0,
     ) -> Outputs:
         """Leave BOOT, once, when the pins are ready; for the arguments see `step`."""
         return self._run(
@@ -196,6 +209,7 @@ class Core:
                 left_illegal,
                 right_illegal,
                 contact_open,
+                levels,
             ),
         )
 
@@ -209,6 +223,7 @@ class Core:
         contact_open: bool = False,
         left_illegal: int = 0,
         right_illegal: int = 0,
+        levels: int = 0,
     ) -> Outputs:
         """Run one control step; due every `Outputs.period_us`.
 
@@ -220,6 +235,7 @@ class Core:
             contact_open: Whether the normally-closed e-stop contact is open.
             left_illegal: Impossible transitions, each a lost edge; cumulative.
             right_illegal: As `left_illegal`.
+            levels: Of the peripherals that are digital inputs: bit n is that of channel n.
         """
         return self._run(
             self._library.wheelwire_core_step,
@@ -231,6 +247,7 @@ class Core:
                 left_illegal,
                 right_illegal,
                 contact_open,
+                levels,
             ),
         )
 
@@ -281,6 +298,63 @@ class Core:
     def _run(self, function: Any, inputs: _Inputs) -> Outputs:
         function(self._live, ctypes.byref(inputs), ctypes.byref(self._outputs))
         return self._outputs.values()
+
+
+class TransferResult(enum.IntEnum):
+    """What came of a transfer on an I2C bus."""
+
+    HUNG = 0
+    DONE = 1
+    NO_ANSWER = 2
+
+
+Transfer: TypeAlias = Callable[[int, bytes, int], tuple[TransferResult, bytes, int]]
+"""Writes bytes to an address, then, unless the number is 0, reads so many after a repeated start.
+Returns what came of it, what was read, and when it ended. It must not raise."""
+
+
+class Sensors:
+    """The peripherals of a robot on this computer's own pins, in memory that a fork shares.
+
+    A process that is forked after this polls a bus, while the first one steps a core.
+
+    Args:
+        packed: The packed list; `Core.sense` checks its rules.
+
+    Raises:
+        NativeMissingError: The library is missing or of another release.
+        ValueError: The list cannot be read.
+    """
+
+    def __init__(self, packed: bytes) -> None:
+        self._library = load()
+        # Anonymous and shared, at the same address on both sides of a fork, as the library is.
+        self._memory = mmap.mmap(-1, self._library.wheelwire_sensors_size())
+        start = ctypes.addressof(ctypes.c_char.from_buffer(self._memory))
+        handle = self._library.wheelwire_sensors_create(start, packed, len(packed))
+        if not handle:
+            raise ValueError("the list of peripherals cannot be read")
+        self.handle: int = handle
+        """Its address."""
+
+    def poll(self, bus: int, now_us: int, transfer: Transfer) -> int:
+        """Do what is due on a bus; returns when to call it next. One caller for each bus."""
+
+        def carried(
+            _: object, address: int, out: int, size: int, in_: int, wanted: int, ended_us: Any
+        ) -> int:
+            result, data, ended_us[0] = transfer(address, ctypes.string_at(out, size), wanted)
+            # Fewer bytes than were asked for would be the rest of another read.
+            if result is TransferResult.DONE and len(data) != wanted:
+                return TransferResult.HUNG
+            if data:
+                ctypes.memmove(in_, data, len(data))
+            return result
+
+        due_us: int = self._library.wheelwire_sensors_poll(
+            self.handle, bus, now_us, _TRANSFER(carried), None
+        )
+        return due_us
 
 
 class BoardIssue(NamedTuple):
@@ -450,6 +524,7 @@ class _Inputs(ctypes.Structure):
         ("left_illegal", ctypes.c_uint32),
         ("right_illegal", ctypes.c_uint32),
         ("contact_open", ctypes.c_uint8),
+        ("levels", ctypes.c_uint16),
     )
 
 
@@ -591,6 +666,16 @@ class RerunResult(ctypes.Structure):
 
 # The block is a void pointer: a char pointer would arrive as bytes that end at the first zero.
 _SAVE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)
+_TRANSFER = ctypes.CFUNCTYPE(
+    ctypes.c_int,
+    ctypes.c_void_p,
+    ctypes.c_uint8,
+    ctypes.c_void_p,
+    ctypes.c_size_t,
+    ctypes.c_void_p,
+    ctypes.c_size_t,
+    ctypes.POINTER(ctypes.c_uint64),
+)
 _WRITE = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p, ctypes.c_size_t
 )
@@ -613,6 +698,16 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         ctypes.c_int,
         (_CORE, ctypes.c_char_p, _WRITE, ctypes.c_void_p),
     ),
+    "wheelwire_sensors_size": (ctypes.c_size_t, ()),
+    "wheelwire_sensors_create": (
+        ctypes.c_void_p,
+        (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_size_t),
+    ),
+    "wheelwire_sensors_poll": (
+        ctypes.c_uint64,
+        (ctypes.c_void_p, ctypes.c_int, ctypes.c_uint64, _TRANSFER, ctypes.c_void_p),
+    ),
+    "wheelwire_core_sense": (ctypes.c_uint8, (_CORE, ctypes.c_void_p)),
     "wheelwire_core_preset": (ctypes.c_uint8, (_CORE, ctypes.c_uint8, ctypes.c_float)),
     "wheelwire_core_start": (
         None,

@@ -19,6 +19,10 @@ PERIPHERAL_FORMAT = 1
 """Of the stored list. A device refuses any other."""
 MOST_PERIPHERALS = 10
 """Entries of a list. A channel is the index of an entry."""
+MOST_ANALOG = 4
+"""Analogue inputs of a list. Each has a number of its own, from 1."""
+MOST_RANGES = 3
+"""Range sensors of a list: as many as the capture unit of each supported chip has channels."""
 
 
 class PeripheralKind(DocumentedEnum):
@@ -31,10 +35,12 @@ class PeripheralKind(DocumentedEnum):
     BUMPER = 4, "A normally closed switch to ground: no driving towards it while it is open."
     CLIFF = 5, "A digital sensor that sees no floor: the robot stops."
     STAGE_FAULT = 6, "The fault output of a power stage, low when it has tripped: the robot stops."
+    RANGE = 7, "Distance to what is ahead, by the echo of a sound."
+    ANALOG = 8, "A voltage at a pin of ADC1, by a divider."
 
 
 class SensorChip(DocumentedEnum):
-    """The chip of an IMU or of a power sensor."""
+    """The chip of an IMU or of a power sensor, or the part that measures a range."""
 
     NONE = 0, "Not a chip."
     MPU6050 = 1, "InvenSense MPU-6050, as on the GY-521."
@@ -44,6 +50,7 @@ class SensorChip(DocumentedEnum):
     INA219 = 5, "TI INA219."
     INA226 = 6, "TI INA226."
     LSM6DS3TR_C = 7, "ST LSM6DS3TR-C."
+    HC_SR04 = 8, "HC-SR04, an ultrasonic range sensor."
 
 
 class Place(DocumentedEnum):
@@ -56,6 +63,8 @@ class Place(DocumentedEnum):
     REAR = 4, "At the rear."
     REAR_LEFT = 5, "At the rear, left."
     REAR_RIGHT = 6, "At the rear, right."
+    LEFT = 7, "At the left side."
+    RIGHT = 8, "At the right side."
 
 
 FRONT_PLACES = (Place.FRONT, Place.FRONT_LEFT, Place.FRONT_RIGHT)
@@ -103,6 +112,14 @@ class SensorState(DocumentedEnum):
     ZERO = 7, "A divider reads 0 mV, as with a broken wire."
 
 
+class RangeQuality(DocumentedEnum):
+    """What a range sensor's echo says."""
+
+    GOOD = 0, "Something is at this distance."
+    FAR = 1, "No echo: nothing is within the sensor's reach."
+    NEAR = 2, "Something is nearer than the sensor can measure."
+
+
 class BatteryLevel(DocumentedEnum):
     """How full the battery is, by the levels of its entry."""
 
@@ -138,13 +155,20 @@ class PeripheralFault(DocumentedEnum):
 
     NONE = 0, "Nothing is wrong."
     FORMAT = 1, "the list has format {value}, this firmware knows {limit}: update the older one"
-    DAMAGED = 2, "its checksum is wrong: write it again"
+    DAMAGED = 2, "the list's checksum is wrong: write the list again"
     OTHER_BOARD = 3, "it is for another board: write the board and its peripherals together"
     TOO_MANY = 4, "{value} entries: a board takes {limit} at most"
-    KIND = 5, "{entry}: this firmware knows no such kind: update it"
-    CHIP = 6, "{entry}: chip: no such chip is known for this kind"
-    PLACE = 7, "{entry}: place: a bumper is at the front or at the rear; name where"
-    TWICE = 8, "{entry}: there is already one of this kind at this place; remove one"
+    KIND = 5, "{entry}: the firmware does not know this kind of peripheral: update it"
+    CHIP = 6, "{entry}: chip: the firmware does not know this chip for this kind"
+    PLACE = (
+        7,
+        "{entry}: place: a bumper is at the front or at the rear, a range sensor at a side, too; "
+        "name where",
+    )
+    TWICE = (
+        8,
+        "{entry}: there is already one of this kind at this place, or with this number; remove one",
+    )
     PIN_MISSING = 9, "{entry}: a pin is missing"
     PIN_ABSENT = 10, "{entry}: {pin}: the chip has no GPIO {pin} on its pins"
     PIN_TAKEN = 11, "{entry}: {pin}: GPIO {pin} is in use already; choose a free one"
@@ -155,7 +179,7 @@ class PeripheralFault(DocumentedEnum):
         "{entry}: {pin}: the level of GPIO {pin} at reset selects how the chip starts; "
         "choose another",
     )
-    PIN_INPUT_ONLY = 15, "{entry}: {pin}: GPIO {pin} is an input only; an I2C bus drives its pins"
+    PIN_INPUT_ONLY = 15, "{entry}: {pin}: GPIO {pin} is an input only; this one is driven"
     NO_PULL = (
         16,
         "{entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and write "
@@ -169,9 +193,20 @@ class PeripheralFault(DocumentedEnum):
     )
     NO_BATTERY = 19, "{entry}: the board has no battery divider, and the list no power sensor"
     SHUNT = 20, "{entry}: shunt_mohm = {value}: choose 1 to {limit}"
-    CODE = 21, "{entry}: a code is unknown to this firmware: update it"
-    NORMALLY_OPEN = 22, "{entry}: a bumper must be normally closed: a broken wire stops it, too"
-    NOT_ON_THIS_CHIP = 23, "the chip of this board reads no peripherals"
+    CODE = 21, "{entry}: the firmware does not know one of its codes: update it"
+    NORMALLY_OPEN = (
+        22,
+        "{entry}: use a normally closed switch, so that a broken wire counts as pressed",
+    )
+    NOT_ON_THIS_CHIP = 23, "{entry}: the chip of this board cannot read it, an ESP32 can"
+    NO_ADC = 24, "{entry}: {pin}: GPIO {pin} cannot measure a voltage; choose one of ADC1"
+    DIVIDER = 25, "{entry}: divider = {value} thousandths: choose 1000 to {limit}"
+    TOO_MANY_RANGES = 26, "{entry}: this chip times {limit} echoes at most; remove a range sensor"
+    BUS = (
+        27,
+        "{entry}: an ESP32's bus has two pins, sda and scl; a computer's has a number, bus: name "
+        "it as this board's chip has it",
+    )
 
 
 # Their names and values are part of the group's hash.
@@ -182,6 +217,7 @@ CODES: tuple[type[DocumentedEnum], ...] = (
     Axis,
     PeripheralsState,
     SensorState,
+    RangeQuality,
     BatteryLevel,
     SensorEventCode,
     PeripheralFault,
@@ -366,6 +402,50 @@ POWERS: Mapping[SensorChip, PowerTable] = MappingProxyType(
             bus_shift=0,
             bus_uv=1250,
             shunt_nv=2500,
+        ),
+    }
+)
+"""By SensorChip."""
+
+
+@dataclass(frozen=True)
+class RangeTable:
+    """How to use one range sensor. Figures are those of the part's data sheet.
+
+    Attributes:
+        trigger_us: A high level of this length at its trigger starts a measurement.
+        start_us: Its echo output rises within this, or the part is absent.
+        nothing_us: An echo pulse of this length or more means that nothing reflected the sound.
+        period_us: From one trigger to the next at least: the earlier sound has faded.
+        um_per_us: Distance for the pulse's length: half of the speed of sound at 20 deg C.
+        nearest_mm: What is nearer is not measured.
+        farthest_mm: What is farther is not measured.
+        cone_rad: Full width of the cone in which it sees something.
+    """
+
+    trigger_us: int
+    start_us: int
+    nothing_us: int
+    period_us: int
+    um_per_us: float
+    nearest_mm: int
+    farthest_mm: int
+    cone_rad: float
+
+
+RANGES: Mapping[SensorChip, RangeTable] = MappingProxyType(
+    {
+        # Its burst of eight periods of 40 kHz comes before the echo output rises. Without an
+        # echo the pulse has 38 ms, and some makers' parts hold it longer.
+        SensorChip.HC_SR04: RangeTable(
+            trigger_us=10,
+            start_us=2000,
+            nothing_us=30_000,
+            period_us=60_000,
+            um_per_us=171.5,
+            nearest_mm=20,
+            farthest_mm=4000,
+            cone_rad=0.26,
         ),
     }
 )

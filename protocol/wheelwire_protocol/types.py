@@ -400,7 +400,7 @@ class PeripheralSet(NamedTuple):
     kind: int
     """What it is. See `codes.PeripheralKind`."""
     chip: int
-    """Of IMU and POWER. See `codes.SensorChip`."""
+    """Of IMU, POWER and RANGE. See `codes.SensorChip`."""
     place: int
     """Where it is. See `codes.Place`."""
     flags: int
@@ -891,6 +891,12 @@ class SensorInfo(NamedTuple):
     """Standard deviation. [rad/s]"""
     accelerometer_noise: float
     """Standard deviation. [m/s^2]"""
+    bias_x: int
+    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
+    bias_y: int
+    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
+    bias_z: int
+    """Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue input: its divider, its number. As its entry says. [count]"""
 
 
 class Imu(NamedTuple):
@@ -978,6 +984,14 @@ class Inputs(NamedTuple):
     """Edges at channel 8 since reset. Wraps."""
     edges_9: int
     """Edges at channel 9 since reset. Wraps."""
+    analog_1_mv: int
+    """Analogue input 1; 0: none. [mV]"""
+    analog_2_mv: int
+    """Analogue input 2; 0: none. [mV]"""
+    analog_3_mv: int
+    """Analogue input 3; 0: none. [mV]"""
+    analog_4_mv: int
+    """Analogue input 4; 0: none. [mV]"""
 
 
 class SensorEvent(NamedTuple):
@@ -1015,7 +1029,7 @@ class PeripheralValue(NamedTuple):
     kind: int
     """What it is. See `codes.PeripheralKind`."""
     chip: int
-    """Of IMU and POWER. See `codes.SensorChip`."""
+    """Of IMU, POWER and RANGE. See `codes.SensorChip`."""
     place: int
     """Where it is. See `codes.Place`."""
     flags: int
@@ -1038,6 +1052,25 @@ class PeripheralValue(NamedTuple):
     """By kind."""
     value_c: int
     """By kind."""
+
+
+class Range(NamedTuple):
+    """One measurement of a range sensor. Never sent twice."""
+
+    boot_id: int
+    """Random at reset. A new value voids all earlier ticks."""
+    t_us: int
+    """Device clock, as in WheelState. [us]"""
+    channel: int
+    """Index of the peripheral's entry."""
+    sample: int
+    """Counts the measurements. Wraps."""
+    bound_us: int
+    """As in Imu. [us]"""
+    distance_mm: int
+    """Has a meaning only if quality is GOOD. [mm]"""
+    quality: int
+    """What the echo says. See `codes.RangeQuality`."""
 
 
 AnyMessage = (
@@ -1096,6 +1129,7 @@ AnyMessage = (
     | Inputs
     | SensorEvent
     | PeripheralValue
+    | Range
 )
 
 LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
@@ -1148,12 +1182,13 @@ LAYOUTS: tuple[tuple[int, type[AnyMessage], str], ...] = (
     (0xB1, BoxPart, "LHLLB56s"),
     (0xB2, LedgerValue, "LHLLLLLLLLLLLLLL"),
     (0xC0, UnsavedValue, "LHQ"),
-    (0xD0, SensorInfo, "LBBBBBBBBHffff"),
+    (0xD0, SensorInfo, "LBBBBBBBBHffffhhh"),
     (0xD1, Imu, "LLBHHhhhhhhh"),
     (0xD2, Power, "LLBHlfB"),
-    (0xD3, Inputs, "LLHHHBBHHHHHHHHHH"),
+    (0xD3, Inputs, "LLHHHBBHHHHHHHHHHHHHH"),
     (0xD4, SensorEvent, "LLBBH"),
     (0xD5, PeripheralValue, "LHBBBLLBBBBbbbBBBHHH"),
+    (0xD6, Range, "LLBHHHB"),
 )
 """Id, class, and the body in the format characters of `struct`."""
 
@@ -1214,7 +1249,7 @@ GROUP_HASHES: dict[Group, int] = {
     Group.BOARD: 0x4CD2F265,
     Group.RECORDER: 0x20FC1481,
     Group.STORE: 0x7B6BFE88,
-    Group.SENSOR: 0x01D1A031,
+    Group.SENSOR: 0xEBC836E8,
 }
 SCHEMA_HASH = GROUP_HASHES[Group.BASE]
 
@@ -1242,5 +1277,6 @@ GROUPS: dict[type[AnyMessage], Group] = {
     Inputs: Group.SENSOR,
     SensorEvent: Group.SENSOR,
     PeripheralValue: Group.SENSOR,
+    Range: Group.SENSOR,
 }
 """Of the messages that not every device has."""

@@ -14,6 +14,7 @@ class Unit(enum.Enum):
     NANOSECOND = "ns"
     SECOND = "s"
     METRE = "m"
+    MILLIMETRE = "mm"
     METRE_PER_SECOND = "m/s"
     METRE_PER_SECOND_SQUARED = "m/s^2"
     HERTZ = "Hz"

@@ -205,7 +205,7 @@ constexpr uint32_t hash_of(Group group) {
     case Group::kStore:
       return 0x7b6bfe88;
     case Group::kSensor:
-      return 0x01d1a031;
+      return 0xebc836e8;
   }
   return 0;
 }
@@ -338,7 +338,9 @@ enum class PeripheralKind : uint8_t {
   kBumper = 4,   ///< A normally closed switch to ground: no driving towards it while it is open.
   kCliff = 5,    ///< A digital sensor that sees no floor: the robot stops.
   kStageFault =
-      6,  ///< The fault output of a power stage, low when it has tripped: the robot stops.
+      6,        ///< The fault output of a power stage, low when it has tripped: the robot stops.
+  kRange = 7,   ///< Distance to what is ahead, by the echo of a sound.
+  kAnalog = 8,  ///< A voltage at a pin of ADC1, by a divider.
 };
 
 enum class SensorChip : uint8_t {
@@ -350,6 +352,7 @@ enum class SensorChip : uint8_t {
   kIna219 = 5,      ///< TI INA219.
   kIna226 = 6,      ///< TI INA226.
   kLsm6ds3trC = 7,  ///< ST LSM6DS3TR-C.
+  kHcSr04 = 8,      ///< HC-SR04, an ultrasonic range sensor.
 };
 
 enum class Place : uint8_t {
@@ -360,6 +363,8 @@ enum class Place : uint8_t {
   kRear = 4,        ///< At the rear.
   kRearLeft = 5,    ///< At the rear, left.
   kRearRight = 6,   ///< At the rear, right.
+  kLeft = 7,        ///< At the left side.
+  kRight = 8,       ///< At the right side.
 };
 
 enum class Axis : uint8_t {
@@ -389,6 +394,12 @@ enum class SensorState : uint8_t {
   kZero = 7,    ///< A divider reads 0 mV, as with a broken wire.
 };
 
+enum class RangeQuality : uint8_t {
+  kGood = 0,  ///< Something is at this distance.
+  kFar = 1,   ///< No echo: nothing is within the sensor's reach.
+  kNear = 2,  ///< Something is nearer than the sensor can measure.
+};
+
 enum class BatteryLevel : uint8_t {
   kUnknown = 0,  ///< Not judged: there is no entry for it, or no measurement yet.
   kOk = 1,       ///< Above the level of the warning.
@@ -408,13 +419,15 @@ enum class SensorEventCode : uint8_t {
 enum class PeripheralFault : uint8_t {
   kNone = 0,     ///< Nothing is wrong.
   kFormat = 1,   ///< the list has format {value}, this firmware knows {limit}: update the older one
-  kDamaged = 2,  ///< its checksum is wrong: write it again
-  kOtherBoard = 3,    ///< it is for another board: write the board and its peripherals together
-  kTooMany = 4,       ///< {value} entries: a board takes {limit} at most
-  kKind = 5,          ///< {entry}: this firmware knows no such kind: update it
-  kChip = 6,          ///< {entry}: chip: no such chip is known for this kind
-  kPlace = 7,         ///< {entry}: place: a bumper is at the front or at the rear; name where
-  kTwice = 8,         ///< {entry}: there is already one of this kind at this place; remove one
+  kDamaged = 2,  ///< the list's checksum is wrong: write the list again
+  kOtherBoard = 3,  ///< it is for another board: write the board and its peripherals together
+  kTooMany = 4,     ///< {value} entries: a board takes {limit} at most
+  kKind = 5,        ///< {entry}: the firmware does not know this kind of peripheral: update it
+  kChip = 6,        ///< {entry}: chip: the firmware does not know this chip for this kind
+  kPlace = 7,  ///< {entry}: place: a bumper is at the front or at the rear, a range sensor at a
+               ///< side, too; name where
+  kTwice = 8,  ///< {entry}: there is already one of this kind at this place, or with this number;
+               ///< remove one
   kPinMissing = 9,    ///< {entry}: a pin is missing
   kPinAbsent = 10,    ///< {entry}: {pin}: the chip has no GPIO {pin} on its pins
   kPinTaken = 11,     ///< {entry}: {pin}: GPIO {pin} is in use already; choose a free one
@@ -422,7 +435,7 @@ enum class PeripheralFault : uint8_t {
   kPinOfLink = 13,  ///< {entry}: {pin}: GPIO {pin} carries the line to the computer; choose another
   kPinStrapping = 14,  ///< {entry}: {pin}: the level of GPIO {pin} at reset selects how the chip
                        ///< starts; choose another
-  kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; an I2C bus drives its pins
+  kPinInputOnly = 15,  ///< {entry}: {pin}: GPIO {pin} is an input only; this one is driven
   kNoPull = 16,  ///< {entry}: {pin}: GPIO {pin} has no pull-up of its own; fit 10 kOhm to 3.3 V and
                  ///< write `pull: external`, or choose another
   kOrientation = 17,  ///< {entry}: forward and up: choose two different axes
@@ -430,9 +443,15 @@ enum class PeripheralFault : uint8_t {
                       ///< leave all three out to measure only
   kNoBattery = 19,    ///< {entry}: the board has no battery divider, and the list no power sensor
   kShunt = 20,        ///< {entry}: shunt_mohm = {value}: choose 1 to {limit}
-  kCode = 21,         ///< {entry}: a code is unknown to this firmware: update it
-  kNormallyOpen = 22,   ///< {entry}: a bumper must be normally closed: a broken wire stops it, too
-  kNotOnThisChip = 23,  ///< the chip of this board reads no peripherals
+  kCode = 21,         ///< {entry}: the firmware does not know one of its codes: update it
+  kNormallyOpen =
+      22,  ///< {entry}: use a normally closed switch, so that a broken wire counts as pressed
+  kNotOnThisChip = 23,  ///< {entry}: the chip of this board cannot read it, an ESP32 can
+  kNoAdc = 24,          ///< {entry}: {pin}: GPIO {pin} cannot measure a voltage; choose one of ADC1
+  kDivider = 25,        ///< {entry}: divider = {value} thousandths: choose 1000 to {limit}
+  kTooManyRanges = 26,  ///< {entry}: this chip times {limit} echoes at most; remove a range sensor
+  kBus = 27,  ///< {entry}: an ESP32's bus has two pins, sda and scl; a computer's has a number,
+              ///< bus: name it as this board's chip has it
 };
 
 namespace peripheralflag {
@@ -1360,7 +1379,7 @@ struct PeripheralSet {
   uint16_t request_id{};  ///< Counts up in a session; the answer returns it.
   uint8_t channel{};      ///< Index of the entry, from 0.
   PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< Of IMU and POWER.
+  SensorChip chip{};      ///< Of IMU, POWER and RANGE.
   Place place{};          ///< Where it is.
   uint8_t flags{};        ///< Of its pin.
   int8_t pin_a{};         ///< GPIO; -1: none.
@@ -2295,7 +2314,7 @@ struct UnsavedValue {
 /// What a channel is, and in which units it measures.
 struct SensorInfo {
   static constexpr uint8_t kId = 0xd0;
-  static constexpr size_t kSize = 30;
+  static constexpr size_t kSize = 36;
 
   uint32_t session_id{};        ///< Nonce XOR boot_id of the session.
   uint8_t channel{};            ///< Index of the peripheral's entry.
@@ -2311,6 +2330,12 @@ struct SensorInfo {
   float accelerometer_scale{};  ///< Of one count. [m/s^2]
   float gyro_noise{};           ///< Standard deviation. [rad/s]
   float accelerometer_noise{};  ///< Standard deviation. [m/s^2]
+  int16_t bias_x{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
+                     ///< input: its divider, its number. As its entry says. [count]
+  int16_t bias_y{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
+                     ///< input: its divider, its number. As its entry says. [count]
+  int16_t bias_z{};  ///< Of an IMU: the gyroscope's at rest, times gyro_scale. Of an analogue
+                     ///< input: its divider, its number. As its entry says. [count]
 
   bool operator==(const SensorInfo&) const = default;
 
@@ -2330,6 +2355,9 @@ struct SensorInfo {
     wire::put(out, accelerometer_scale);
     wire::put(out, gyro_noise);
     wire::put(out, accelerometer_noise);
+    wire::put(out, bias_x);
+    wire::put(out, bias_y);
+    wire::put(out, bias_z);
   }
 
   /// Reads kSize bytes.
@@ -2349,6 +2377,9 @@ struct SensorInfo {
     wire::get(in, message.accelerometer_scale);
     wire::get(in, message.gyro_noise);
     wire::get(in, message.accelerometer_noise);
+    wire::get(in, message.bias_x);
+    wire::get(in, message.bias_y);
+    wire::get(in, message.bias_z);
     return message;
   }
 };
@@ -2451,25 +2482,29 @@ struct Power {
 /// All digital inputs, and what the sensors forbid. Sent on a change, and each second.
 struct Inputs {
   static constexpr uint8_t kId = 0xd3;
-  static constexpr size_t kSize = 36;
+  static constexpr size_t kSize = 44;
 
-  uint32_t boot_id{};    ///< Random at reset. A new value voids all earlier ticks.
-  uint32_t t_us{};       ///< Device clock, as in WheelState. [us]
-  uint16_t levels{};     ///< Bit n: the level at the pin of channel n.
-  uint16_t triggered{};  ///< Bit n: channel n acts on the robot.
-  uint16_t stale{};      ///< Bit n: the samples of channel n cannot be used.
-  uint8_t reflexes{};    ///< What is forbidden now.
-  BatteryLevel level{};  ///< Of the battery.
-  uint16_t edges_0{};    ///< Edges at channel 0 since reset. Wraps.
-  uint16_t edges_1{};    ///< Edges at channel 1 since reset. Wraps.
-  uint16_t edges_2{};    ///< Edges at channel 2 since reset. Wraps.
-  uint16_t edges_3{};    ///< Edges at channel 3 since reset. Wraps.
-  uint16_t edges_4{};    ///< Edges at channel 4 since reset. Wraps.
-  uint16_t edges_5{};    ///< Edges at channel 5 since reset. Wraps.
-  uint16_t edges_6{};    ///< Edges at channel 6 since reset. Wraps.
-  uint16_t edges_7{};    ///< Edges at channel 7 since reset. Wraps.
-  uint16_t edges_8{};    ///< Edges at channel 8 since reset. Wraps.
-  uint16_t edges_9{};    ///< Edges at channel 9 since reset. Wraps.
+  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
+  uint16_t levels{};       ///< Bit n: the level at the pin of channel n.
+  uint16_t triggered{};    ///< Bit n: channel n acts on the robot.
+  uint16_t stale{};        ///< Bit n: the samples of channel n cannot be used.
+  uint8_t reflexes{};      ///< What is forbidden now.
+  BatteryLevel level{};    ///< Of the battery.
+  uint16_t edges_0{};      ///< Edges at channel 0 since reset. Wraps.
+  uint16_t edges_1{};      ///< Edges at channel 1 since reset. Wraps.
+  uint16_t edges_2{};      ///< Edges at channel 2 since reset. Wraps.
+  uint16_t edges_3{};      ///< Edges at channel 3 since reset. Wraps.
+  uint16_t edges_4{};      ///< Edges at channel 4 since reset. Wraps.
+  uint16_t edges_5{};      ///< Edges at channel 5 since reset. Wraps.
+  uint16_t edges_6{};      ///< Edges at channel 6 since reset. Wraps.
+  uint16_t edges_7{};      ///< Edges at channel 7 since reset. Wraps.
+  uint16_t edges_8{};      ///< Edges at channel 8 since reset. Wraps.
+  uint16_t edges_9{};      ///< Edges at channel 9 since reset. Wraps.
+  uint16_t analog_1_mv{};  ///< Analogue input 1; 0: none. [mV]
+  uint16_t analog_2_mv{};  ///< Analogue input 2; 0: none. [mV]
+  uint16_t analog_3_mv{};  ///< Analogue input 3; 0: none. [mV]
+  uint16_t analog_4_mv{};  ///< Analogue input 4; 0: none. [mV]
 
   bool operator==(const Inputs&) const = default;
 
@@ -2492,6 +2527,10 @@ struct Inputs {
     wire::put(out, edges_7);
     wire::put(out, edges_8);
     wire::put(out, edges_9);
+    wire::put(out, analog_1_mv);
+    wire::put(out, analog_2_mv);
+    wire::put(out, analog_3_mv);
+    wire::put(out, analog_4_mv);
   }
 
   /// Reads kSize bytes.
@@ -2514,6 +2553,10 @@ struct Inputs {
     wire::get(in, message.edges_7);
     wire::get(in, message.edges_8);
     wire::get(in, message.edges_9);
+    wire::get(in, message.analog_1_mv);
+    wire::get(in, message.analog_2_mv);
+    wire::get(in, message.analog_3_mv);
+    wire::get(in, message.analog_4_mv);
     return message;
   }
 };
@@ -2565,7 +2608,7 @@ struct PeripheralValue {
   uint32_t board{};          ///< Fingerprint of the board that it is for.
   uint32_t crc{};            ///< Of the list.
   PeripheralKind kind{};     ///< What it is.
-  SensorChip chip{};         ///< Of IMU and POWER.
+  SensorChip chip{};         ///< Of IMU, POWER and RANGE.
   Place place{};             ///< Where it is.
   uint8_t flags{};           ///< Of its pin.
   int8_t pin_a{};            ///< GPIO; -1: none.
@@ -2627,6 +2670,46 @@ struct PeripheralValue {
     wire::get(in, message.value_a);
     wire::get(in, message.value_b);
     wire::get(in, message.value_c);
+    return message;
+  }
+};
+
+/// One measurement of a range sensor. Never sent twice.
+struct Range {
+  static constexpr uint8_t kId = 0xd6;
+  static constexpr size_t kSize = 16;
+
+  uint32_t boot_id{};      ///< Random at reset. A new value voids all earlier ticks.
+  uint32_t t_us{};         ///< Device clock, as in WheelState. [us]
+  uint8_t channel{};       ///< Index of the peripheral's entry.
+  uint16_t sample{};       ///< Counts the measurements. Wraps.
+  uint16_t bound_us{};     ///< As in Imu. [us]
+  uint16_t distance_mm{};  ///< Has a meaning only if quality is GOOD. [mm]
+  RangeQuality quality{};  ///< What the echo says.
+
+  bool operator==(const Range&) const = default;
+
+  /// Writes kSize bytes.
+  void encode(uint8_t* out) const {
+    wire::put(out, boot_id);
+    wire::put(out, t_us);
+    wire::put(out, channel);
+    wire::put(out, sample);
+    wire::put(out, bound_us);
+    wire::put(out, distance_mm);
+    wire::put(out, quality);
+  }
+
+  /// Reads kSize bytes.
+  static Range decode(const uint8_t* in) {
+    Range message;
+    wire::get(in, message.boot_id);
+    wire::get(in, message.t_us);
+    wire::get(in, message.channel);
+    wire::get(in, message.sample);
+    wire::get(in, message.bound_us);
+    wire::get(in, message.distance_mm);
+    wire::get(in, message.quality);
     return message;
   }
 };
@@ -2744,6 +2827,8 @@ constexpr int body_size(uint8_t id) {
       return SensorEvent::kSize;
     case PeripheralValue::kId:
       return PeripheralValue::kSize;
+    case Range::kId:
+      return Range::kSize;
     default:
       return -1;
   }

@@ -8,6 +8,10 @@ namespace wheelwire {
 constexpr uint8_t kPeripheralFormat = 1;
 /// Entries of a list. A channel is the index of an entry.
 constexpr size_t kMostPeripherals = 10;
+/// Analogue inputs of a list. Each has a number of its own, from 1.
+constexpr size_t kMostAnalog = 4;
+/// Range sensors of a list.
+constexpr size_t kMostRanges = 3;
 /// In steps of 100 uOhm.
 constexpr uint16_t kLargestShunt = 65535;
 
@@ -16,7 +20,7 @@ struct Peripheral {
   static constexpr size_t kSize = 16;
 
   PeripheralKind kind{};  ///< What it is.
-  SensorChip chip{};      ///< Of IMU and POWER.
+  SensorChip chip{};      ///< Of IMU, POWER and RANGE.
   Place place{};          ///< Where it is.
   uint8_t flags{};        ///< Of its pin.
   int8_t pin_a{-1};       ///< GPIO; -1: none.
@@ -244,6 +248,22 @@ struct PowerTable {
 constexpr PowerTable kPowerTables[] = {
     {SensorChip::kIna219, 0x40, 0x3ddf, 0x00, 0x3ddf, 2, 3, 4000, 10000},
     {SensorChip::kIna226, 0x40, 0x4527, 0xfe, 0x5449, 2, 0, 1250, 2500},
+};
+
+/// How to use a range sensor.
+struct RangeTable {
+  SensorChip chip;
+  uint32_t trigger_us;  ///< A high level of this length starts a measurement.
+  uint32_t start_us;    ///< Its echo output rises within this, or it is absent.
+  uint32_t nothing_us;  ///< A pulse of this length: nothing reflected the sound.
+  uint32_t period_us;   ///< From one trigger to the next at least.
+  float um_per_us;      ///< Distance for the length of the pulse.
+  uint16_t nearest_mm;
+  uint16_t farthest_mm;
+};
+
+constexpr RangeTable kRangeTables[] = {
+    {SensorChip::kHcSr04, 10, 2000, 30000, 60000, 171.5f, 20, 4000},
 };
 
 }  // namespace wheelwire

@@ -7,14 +7,18 @@ from ..sensors import (
     FRONT_PLACES,
     IMUS,
     MAX_SHUNT_UOHM,
+    MOST_ANALOG,
     MOST_PERIPHERALS,
+    MOST_RANGES,
     PERIPHERAL_FORMAT,
     POWERS,
+    RANGES,
     REAR_PLACES,
     ImuTable,
     Order,
     Place,
     PowerTable,
+    RangeTable,
     SensorChip,
 )
 from .cpp import cpp_codec, cpp_member, cpp_number
@@ -78,6 +82,20 @@ def _power_row(chip: SensorChip, table: PowerTable) -> str:
     return "    {" + ", ".join(cells) + "},"
 
 
+def _range_row(chip: SensorChip, table: RangeTable) -> str:
+    cells = (
+        f"SensorChip::{constant_name(chip.name)}",
+        str(table.trigger_us),
+        str(table.start_us),
+        str(table.nothing_us),
+        str(table.period_us),
+        cpp_number(table.um_per_us),
+        str(table.nearest_mm),
+        str(table.farthest_mm),
+    )
+    return "    {" + ", ".join(cells) + "},"
+
+
 def _is_one_of(name: str, doc: str, places: tuple[Place, ...]) -> list[str]:
     tests = " || ".join(f"place == Place::{constant_name(place.name)}" for place in places)
     return [f"/// {doc}", f"constexpr bool {name}(Place place) {{", f"  return {tests};", "}", ""]
@@ -97,6 +115,10 @@ def generate() -> str:
         f"constexpr uint8_t kPeripheralFormat = {PERIPHERAL_FORMAT};",
         "/// Entries of a list. A channel is the index of an entry.",
         f"constexpr size_t kMostPeripherals = {MOST_PERIPHERALS};",
+        "/// Analogue inputs of a list. Each has a number of its own, from 1.",
+        f"constexpr size_t kMostAnalog = {MOST_ANALOG};",
+        "/// Range sensors of a list.",
+        f"constexpr size_t kMostRanges = {MOST_RANGES};",
         "/// In steps of 100 uOhm.",
         f"constexpr uint16_t kLargestShunt = {MAX_SHUNT_UOHM // 100};",
         "",
@@ -152,6 +174,22 @@ def generate() -> str:
         "",
         "constexpr PowerTable kPowerTables[] = {",
         *(_power_row(chip, table) for chip, table in POWERS.items()),
+        "};",
+        "",
+        "/// How to use a range sensor.",
+        "struct RangeTable {",
+        "  SensorChip chip;",
+        "  uint32_t trigger_us;  ///< A high level of this length starts a measurement.",
+        "  uint32_t start_us;    ///< Its echo output rises within this, or it is absent.",
+        "  uint32_t nothing_us;  ///< A pulse of this length: nothing reflected the sound.",
+        "  uint32_t period_us;   ///< From one trigger to the next at least.",
+        "  float um_per_us;      ///< Distance for the length of the pulse.",
+        "  uint16_t nearest_mm;",
+        "  uint16_t farthest_mm;",
+        "};",
+        "",
+        "constexpr RangeTable kRangeTables[] = {",
+        *(_range_row(chip, table) for chip, table in RANGES.items()),
         "};",
         "",
         "}  // namespace wheelwire",
