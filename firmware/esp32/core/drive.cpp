@@ -159,8 +159,8 @@ WheelPair Drive::corrected(const ControlConfig& config) {
   // A limit that was lowered while driving, or that the wheels exceed already, takes effect as fast
   // as the slew limit allows.
   const int32_t present = greater(magnitude(slewed_.left), magnitude(slewed_.right));
-  return scale_to_limit(correct_setpoint(slewed_, behind, config.path),
-                        greater(config.max_velocity_umps, present));
+  const int32_t limit = config.max_velocity_umps >> ((reflexes_ & reflex::kLimit) != 0 ? 1 : 0);
+  return scale_to_limit(correct_setpoint(slewed_, behind, config.path), greater(limit, present));
 }
 
 void Drive::begin_stop(StopMode mode, uint64_t now_us, const ControlConfig& config) {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "built_in_boards.hpp"
+#include "own_board.hpp"
 #include "shipped_boards.hpp"
 
 namespace wheelwire::explore {
@@ -17,7 +17,9 @@ inline const std::vector<BoardDescription>& shipped_boards() {
   return boards;
 }
 
-/// The simulator's image has this one.
-inline const BoardDescription& built_in_board() { return kBoardOfEsp32; }
+/// What the simulated robot is on while no board is stored.
+inline const BoardDescription& built_in_board(bool is_unwritten) {
+  return is_unwritten ? kBoardOfEsp32 : sim::kOwnBoard;
+}
 
 }  // namespace wheelwire::explore

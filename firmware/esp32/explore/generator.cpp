@@ -23,6 +23,8 @@ class Generator {
   Scenario scenario() {
     subject_ = static_cast<Subject>(below(static_cast<size_t>(Subject::kCount)));
     set_up();
+    // On its own board, which measures its battery.
+    if (chance(12)) peripherals(kBatteryList);
     const size_t phases = 6 + below(18);
     for (size_t i = 0; i < phases; ++i) phase();
     add(Kind::kRun, {2e6});
@@ -476,8 +478,45 @@ class Generator {
     return of(Sensed::kFrontLeft, Sensed::kFrontRight);
   }
 
+  double volts() {
+    return one_of({kWarnMv + 300.0, kWarnMv + 100.0, kLimitMv + 100.0, kStopMv + 100.0,
+                   kStopMv - 100.0, kStopMv - 100.0, 0.0}) /
+           1000.0;
+  }
+
+  /// At more than half of the speed.
+  void hurry(double for_us) {
+    const double left = one_of({0.25, 0.3, 0.4, -0.4});
+    const double right = chance(60) ? left : one_of({0.1, 0.2, 0.4, -0.3});
+    add(Kind::kHold, {host_, left, right, for_us, 50e3, 0});
+  }
+
+  /// The battery empties while it drives, and is charged.
+  void drain() {
+    if (chance(70)) make_ready();
+    for (size_t i = 2 + below(4); i > 0; --i) {
+      add(Kind::kBattery, {volts()});
+      // A level falls after two seconds and rises after ten.
+      if (chance(30))
+        add(Kind::kRun, {std::floor(chance(50) ? between(9.5e6, 11e6) : spread(10e3, 9e6))});
+      else if (chance(60))
+        hurry(std::floor(between(1.8e6, 3.5e6)));
+      else
+        drive(std::floor(spread(50e3, 3.5e6)));
+      if (chance(15)) interrupt();
+      if (chance(30)) add(Kind::kClearFault, {host_, 1});
+      if (chance(20)) setpoint(host_);
+    }
+    if (chance(70)) add(Kind::kBattery, {7.4});
+    if (chance(60)) add(Kind::kRun, {std::floor(spread(9e6, 12e6))});
+    if (chance(70)) add(Kind::kClearFault, {host_, 1});
+    rest();
+    drive(std::floor(spread(50e3, 600e3)));
+  }
+
   /// Something triggers while it drives, and perhaps it backs out.
   void bump() {
+    if (list_ == kBatteryList) return drain();
     const double which = sensed();
     if (chance(70)) make_ready();
     if (chance(80)) drive(std::floor(spread(20e3, 1e6)));
@@ -501,10 +540,10 @@ class Generator {
   }
 
   /// Another list of peripherals, or the same one for another board.
-  void peripherals() {
+  void peripherals(size_t list) {
     if (chance(20)) contact_or_estop();
     if (chance(20)) add(Kind::kBoardWrite, {host_, static_cast<double>(below(8)), 0});
-    list_ = below(kLists);
+    list_ = list;
     add(Kind::kPeripherals, {host_, static_cast<double>(list_),
                              chance(85) ? 0.0 : 1.0 + static_cast<double>(below(3))});
     moment();
@@ -549,7 +588,7 @@ class Generator {
     if (chance(20)) add(Kind::kStoreFails, {static_cast<double>(below(4)), side()});
     switch (below(5)) {
       case 4:
-        peripherals();
+        peripherals(below(kLists));
         break;
       case 0:
         parameters();
@@ -770,7 +809,7 @@ class Generator {
     if (kind < 2 && is_about(Subject::kParameters)) return parameters();
     if (kind < 3 && is_about(Subject::kParameters)) return tune();
     if (kind < 5 && is_about(Subject::kParameters)) return trial();
-    if (kind < 6 && is_about(Subject::kBoards)) return peripherals();
+    if (kind < 6 && is_about(Subject::kBoards)) return peripherals(below(kLists));
     if (kind < 9 && is_about(Subject::kBoards)) return chance(70) ? board() : confirm();
     if (kind < 9 && is_about(Subject::kFlash)) return flash();
     if (kind < 8 && is_about(Subject::kDefects)) return wheels();

@@ -493,6 +493,43 @@ void Judge::external_stops() {
         "a winding is driven, and a sensor has stopped the robot");
 }
 
+/// S29: half of the limits, to which it goes by the slew limit.
+void Judge::half_of_the_speed() {
+  const auto& granted = witness_.granted();
+  const bool applies = (witness_.forbidden() & reflex::kLimit) != 0 && granted &&
+                       simulator_.state() == SupervisorState::kDriving &&
+                       memory_.state == SupervisorState::kDriving && world_.wired_as_believed &&
+                       memory_.restarting_steps == 0 &&
+                       (granted->duty ? memory_.followed_duty : memory_.followed_velocity);
+  if (!applies) {
+    memory_.limited_since_us = 0;
+    return;
+  }
+  if (memory_.limited_since_us == 0) memory_.limited_since_us = now_us();
+  const auto highest = [this](ParameterId id) {
+    return static_cast<double>(std::max(value(id), memory_.highest[index_of(id)]));
+  };
+  if (granted->duty) {
+    for (const Side side : kSides) {
+      const double before = std::abs(memory_.duty[side]);
+      const double now = std::abs(simulator_.board.bridges()[side].signed_duty());
+      const double most = std::max(highest(kMaxDuty) / 2.0, before) + 2.0 / 32767.0;
+      check(Rule::kExternalStops, before == 0.0 || now <= most,
+            "a duty of " + text_of(now) + " with a low battery");
+    }
+    return;
+  }
+  const double half_umps = highest(kMaxVelocityMps) / 2.0 * 1e6;
+  const double falls_s = half_umps * 1e-6 / static_cast<double>(value(kMaxAccelerationMps2)) + 0.5;
+  // Before that one wheel may still gain: its correction is limited by the speed of the faster one.
+  if (static_cast<double>(now_us() - memory_.limited_since_us) * 1e-6 <= falls_s) return;
+  for (const Side side : kSides) {
+    const double now = std::abs(static_cast<double>(simulator_.commanded_umps(side)));
+    check(Rule::kExternalStops, now <= 1.001 * half_umps + 10.0,
+          "a wheel is commanded at " + text_of(now) + " um/s with a low battery");
+  }
+}
+
 /// S30.
 void Judge::peripherals_of_the_board() {
   const PeripheralsState state = witness_.peripherals_state();
@@ -718,6 +755,7 @@ void Judge::after_call(bool stepped) {
     deadline_stops();
     not_against_a_bumper();
     external_stops();
+    half_of_the_speed();
     within_limits();
     wheel_fault_in_time();
     sound_robot_drives_on();

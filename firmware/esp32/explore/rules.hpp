@@ -51,6 +51,8 @@ struct Memory {
   std::array<Wheel, 2> wheels{};
   bool started_at_rest = false;
 
+  // S29. Since when a low battery has limited the velocity that is driven; 0: it does not.
+  uint64_t limited_since_us = 0;
   // S28. For how many steps windings have gone against a bumper, in an open loop.
   int against_steps = 0;
 
@@ -146,6 +148,7 @@ class Judge {
   void late_step_is_a_fault();
   void not_against_a_bumper();
   void external_stops();
+  void half_of_the_speed();
   void peripherals_of_the_board();
   void estop_is_noted();
   void stops_as_asked(bool stepped);

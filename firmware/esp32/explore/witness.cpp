@@ -55,7 +55,7 @@ const uint8_t* packed_board(const Seen& message) {
 /// Boards are written as they are shipped, or broken; those of other chips are refused.
 bool fits_the_chip(const Seen& message) {
   for (const BoardDescription& board : shipped_boards()) {
-    if (board.chip != built_in_board().chip) continue;
+    if (board.chip != kBoardOfEsp32.chip) continue;
     uint8_t packed[BoardDescription::kSize];
     write_board(board, packed);
     if (std::memcmp(packed, packed_board(message), sizeof packed) == 0) return true;
@@ -170,11 +170,16 @@ Codes Witness::setpoint_codes(uint64_t expiry_us, bool is_zero) {
   if (contradictions(values_) != 0) codes |= RefusalCode::kContradiction;
   if (peripherals_state_ == PeripheralsState::kTrial) codes |= RefusalCode::kBoardOnTrial;
   if (peripherals_state_ == PeripheralsState::kUnusable) codes |= RefusalCode::kBoardUnconfirmed;
-  if (sensors_unread_) codes |= RefusalCode::kBooting;
-  if ((forbidden_ & reflex::kStop) != 0) codes |= RefusalCode::kFault;
+  if (sensors_unread_ || battery_.is_unread(simulator_.board.battery.millivolts()))
+    codes |= RefusalCode::kBooting;
+  if ((forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kFault;
   const bool rests = unarmed_ && !is_zero;
   if (rests && !may_be_gap) codes |= RefusalCode::kUnarmed;
-  const bool perhaps_stopped = (perhaps_forbidden_ & reflex::kStop) != 0;
+  const bool perhaps_stopped = (perhaps_forbidden() & reflex::kStop) != 0;
+  if (battery_.may_be_unread()) {
+    if (codes.empty()) codes |= RefusalCode::kNone;
+    codes |= RefusalCode::kBooting;
+  }
   if (!codes.empty()) {
     if (perhaps_stopped) codes |= RefusalCode::kFault;
     return codes;
@@ -350,9 +355,9 @@ Codes Witness::board_codes(Codes refused, bool cannot_write) const {
 Codes Witness::fault_codes() const {
   if (lasting_ != 0) return RefusalCode::kCausePresent;
   if ((simulator_.faults() & fault::kExternal) == 0) return RefusalCode::kNone;
-  if ((forbidden_ & reflex::kStop) != 0) return RefusalCode::kCausePresent;
+  if ((forbidden() & reflex::kStop) != 0) return RefusalCode::kCausePresent;
   Codes codes = RefusalCode::kNone;
-  if ((perhaps_forbidden_ & reflex::kStop) != 0) codes |= RefusalCode::kCausePresent;
+  if ((perhaps_forbidden() & reflex::kStop) != 0) codes |= RefusalCode::kCausePresent;
   return codes;
 }
 
@@ -387,6 +392,7 @@ uint8_t Witness::triggered() const {
 void Witness::reads_sensors() {
   constexpr uint64_t kReleasedUs = 80'000;
   sensors_unread_ = false;
+  battery_.reads(simulator_.board.battery.millivolts(), now_us());
   const uint8_t now = triggered();
   if (now_us() >= touched_us_ + kReleasedUs) touched_ = 0;
   forbidden_ = now;
@@ -783,6 +789,13 @@ void Witness::resets(bool loses_memory) {
   staged_ = {};
 }
 
+/// Of a battery, which the board has to measure.
+bool has_levels(const PeripheralList& list) {
+  return std::any_of(list.begin(), list.end(), [](const Peripheral& entry) {
+    return entry.kind == PeripheralKind::kBattery;
+  });
+}
+
 /// Which list the board that is active then has.
 void Witness::boot_peripherals(const Flash& flash, Start& start) const {
   start.list_state = flash.list_state;
@@ -791,7 +804,8 @@ void Witness::boot_peripherals(const Flash& flash, Start& start) const {
   const auto is_usable = [&](const PackedList& packed) {
     PeripheralList list;
     return read_list(packed.data(), packed.size(), list) == PeripheralFault::kNone && confirmed &&
-           list.board == fingerprint(start.board);
+           list.board == fingerprint(start.board) &&
+           (!has_levels(list) || start.board.battery >= 0);
   };
   const auto take = [&](const PackedList& packed, PeripheralsState state) {
     start.peripherals_state = is_usable(packed) ? state : PeripheralsState::kUnusable;
@@ -810,7 +824,7 @@ void Witness::boot_peripherals(const Flash& flash, Start& start) const {
   if (writable) start.list_state = Candidate::kNone;
   if (flash.list) return take(*flash.list, PeripheralsState::kStored);
   // The simulated robot's own.
-  if (!confirmed || fingerprint(start.board) != fingerprint(built_in_board())) return;
+  if (!confirmed || fingerprint(start.board) != fingerprint(sim::kOwnBoard)) return;
   start.peripherals_state = PeripheralsState::kStored;
   start.peripherals = sim::default_peripherals();
 }
@@ -840,7 +854,7 @@ Witness::Start Witness::boot_board(const Flash& flash) const {
     start.board = *flash.confirmed;
   } else {
     start.state = simulator_.board_unwritten ? BoardState::kBuiltIn : BoardState::kStored;
-    start.board = built_in_board();
+    start.board = built_in_board(simulator_.board_unwritten);
   }
   return start;
 }
@@ -883,6 +897,7 @@ Finding Witness::starts_from(const Flash& flash) {
   peripherals_ = start.peripherals;
   sensors_unread_ = peripherals_.count != 0;
   forbidden_ = perhaps_forbidden_ = touched_ = 0;
+  battery_.start(peripherals_);
   if (simulator_.peripherals_state() != start.peripherals_state)
     return {Rule::kPeripheralsOfTheBoard, "the peripherals are " +
                                               name_of(simulator_.peripherals_state()) +

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "peripherals.hpp"
+#include "battery_witness.hpp"
 #include "rule_ids.hpp"
 #include "simulator.hpp"
 #include "wire_decoder.hpp"
@@ -134,9 +134,14 @@ class Witness {
   const PeripheralList& peripherals() const { return peripherals_; }
   /// What the sensors forbid for certain, as flags of `reflex`: they are triggered, and were so
   /// when the firmware last read them.
-  uint8_t forbidden() const { return forbidden_; }
+  uint8_t forbidden() const {
+    return forbidden_ | battery_.forbids(simulator_.board.battery.millivolts(), now_us());
+  }
   /// What they may forbid: they were triggered a moment ago.
-  uint8_t perhaps_forbidden() const { return perhaps_forbidden_; }
+  uint8_t perhaps_forbidden() const {
+    return perhaps_forbidden_ |
+           battery_.may_forbid(simulator_.board.battery.millivolts(), now_us());
+  }
   /// A control step reads the sensors.
   void reads_sensors();
   /// Somebody touched one.
@@ -253,6 +258,7 @@ class Witness {
   bool sensors_unread_ = false;  ///< No control step has read them since the start.
   uint8_t forbidden_ = 0;
   uint8_t perhaps_forbidden_ = 0;
+  BatteryWitness battery_;
   uint64_t touched_us_ = 0;  ///< When one was last triggered, or free again.
   uint8_t touched_ = 0;      ///< What they have forbidden since then.
 
