@@ -50,12 +50,13 @@ __NOINIT_ATTR RecorderMemory recorder_memory;
 BoardKeeper keeper{board_store, kImageBoard.chip, &kImageBoard};
 PeripheralKeeper peripherals{peripheral_store};
 ParameterSpec specs[kParameterCount];
+Adc adc;
 Battery battery;
 Sensors sensors;
 DeadMan dead_man;
 SharedState shared_state;
 LatestBattery latest_battery{shared_state};
-Housekeeping housekeeping{battery, shared_state};
+Housekeeping housekeeping{battery, sensors.analog(), shared_state};
 
 /// Some peripherals need parameters before they start. The device loads them again.
 Parameters stored_parameters() {
@@ -109,11 +110,12 @@ void start() {
   const bool has_line = line.start();
   static Machine machine{keeper.board()};
   peripherals.start(has_board ? &keeper.board() : nullptr);
-  const bool has_sensors = sensors.start(peripherals.list());
+  bool has_sensors = sensors.start(peripherals.list());
   const bool has_machine = !has_board || (has_pins && machine.start(stored_parameters()));
-  // Its entropy source is the ADC, so this comes before the battery takes that.
+  // Its entropy source is the ADC, so this comes before others take that.
   Identity identity = make_identity(0);
-  const bool has_battery = has_board && battery.start(keeper.board());
+  const bool has_battery = has_board && battery.start(keeper.board(), adc);
+  has_sensors = sensors.start_analog(peripherals.list(), adc) && has_sensors;
   identity.capabilities = capabilities(has_battery);
 
   // Up to here it was the bootloader's watchdog. Configured before the dead-man starts: that one

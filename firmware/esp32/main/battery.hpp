@@ -1,23 +1,20 @@
 // The battery's voltage through a divider, on ADC1. Optional.
 #pragma once
 
+#include "adc.hpp"
 #include "board_rules.hpp"
-#include "esp_adc/adc_cali.h"
-#include "esp_adc/adc_oneshot.h"
 
 namespace wheelwire {
 
 class Battery {
  public:
   /// False where the board has none.
-  bool start(const BoardDescription& board);
+  bool start(const BoardDescription& board, Adc& adc);
   /// 0 when it cannot be measured. Takes a fraction of a millisecond.
   uint16_t measure_millivolts();
 
  private:
-  adc_oneshot_unit_handle_t unit_ = nullptr;
-  adc_channel_t channel_{};
-  adc_cali_handle_t calibration_ = nullptr;
+  AdcPin pin_;
   int divider_permille_ = 1000;
 };
 

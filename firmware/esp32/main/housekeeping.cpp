@@ -2,6 +2,7 @@
 
 #include "freertos/FreeRTOS.h"
 #include "freertos/task.h"
+#include "sensor_hub.hpp"
 #include "status_led.hpp"
 #include "task_watchdog.hpp"
 
@@ -10,6 +11,7 @@ namespace {
 
 constexpr uint32_t kCycleMs = 20;
 constexpr uint32_t kCyclesPerBattery = 10;
+constexpr uint32_t kCyclesPerAnalog = SensorHub::kAnalogPeriodUs / 1000 / kCycleMs;
 
 constexpr BaseType_t kCore = 0;
 constexpr UBaseType_t kPriority = tskIDLE_PRIORITY + 1;
@@ -44,6 +46,7 @@ void Housekeeping::run_once() {
                      cycles_ * kCycleMs);
   if (has_battery_ && cycles_ % kCyclesPerBattery == 0)
     state_.battery_mv.store(battery_.measure_millivolts(), std::memory_order_relaxed);
+  if (cycles_ % kCyclesPerAnalog == 0) analog_.measure();
 }
 
 }  // namespace wheelwire

@@ -1,7 +1,8 @@
-// What can wait: the status LED and the battery. Lowest priority, under the task watchdog, so that
-// a core on which no task runs any more is noticed, too.
+// What can wait: the status LED, the battery and analogue inputs. Lowest priority, under the task
+// watchdog, so that a core on which no task runs any more is noticed, too.
 #pragma once
 
+#include "analog_inputs.hpp"
 #include "battery.hpp"
 #include "shared_state.hpp"
 
@@ -9,9 +10,10 @@ namespace wheelwire {
 
 class Housekeeping {
  public:
-  Housekeeping(Battery& battery, SharedState& state) : battery_(battery), state_(state) {}
+  Housekeeping(Battery& battery, AnalogInputs& analog, SharedState& state)
+      : battery_(battery), analog_(analog), state_(state) {}
 
-  /// Creates the task, which owns the battery from here on.
+  /// Creates the task, which alone uses the ADC from here on.
   void start(bool has_battery, int led_pin);
 
  private:
@@ -19,6 +21,7 @@ class Housekeeping {
   void run_once();
 
   Battery& battery_;
+  AnalogInputs& analog_;
   SharedState& state_;
   bool has_battery_ = false;
   int led_pin_ = -1;

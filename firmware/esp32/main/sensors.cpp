@@ -1,5 +1,6 @@
 #include "sensors.hpp"
 
+#include "clock.hpp"
 #include "freertos/task.h"
 
 namespace wheelwire {
@@ -17,9 +18,12 @@ StaticTask_t task_memory;
 
 bool Sensors::start(const PeripheralList& list) {
   bool is_started = inputs_.start(list);
-  for (size_t i = 0; i < list.count; ++i)
-    if (is_on_bus(list.entries[i].kind)) is_started = start_chip(i, list.entries[i]) && is_started;
-  if (bus_count_ != 0)
+  for (size_t i = 0; i < list.count; ++i) {
+    const Peripheral& entry = list.entries[i];
+    if (is_on_bus(entry.kind)) is_started = start_chip(i, entry) && is_started;
+    if (entry.kind == PeripheralKind::kRange) is_started = start_range(i, entry) && is_started;
+  }
+  if (bus_count_ != 0 || echo_count_ != 0)
     xTaskCreateStaticPinnedToCore(run, "sensors", kStackBytes, this, kPriority, stack, &task_memory,
                                   kCore);
   return is_started;
@@ -38,6 +42,15 @@ bool Sensors::start_chip(size_t channel, const Peripheral& entry) {
   return true;
 }
 
+bool Sensors::start_range(size_t channel, const Peripheral& entry) {
+  if (echo_count_ == 0 && !capture_.start()) return false;
+  EchoPin& echo = echoes_[echo_count_];
+  if (!echo.start(capture_, entry)) return false;
+  ++echo_count_;
+  ranges_.add(channel, entry, echo);
+  return true;
+}
+
 Sensors::Bus* Sensors::bus_of(const Peripheral& entry) {
   for (size_t i = 0; i < bus_count_; ++i)
     if (buses_[i].pins.is_on(entry.pin_a, entry.pin_b)) return &buses_[i];
@@ -49,9 +62,10 @@ Sensors::Bus* Sensors::bus_of(const Peripheral& entry) {
 
 /// A delay, not a period: after a bus that hung the lower tasks get their turn first.
 void Sensors::run(void* self) {
-  auto& sensors = static_cast<Sensors*>(self)->sensors_;
+  auto& sensors = *static_cast<Sensors*>(self);
   for (;;) {
-    sensors.poll();
+    sensors.sensors_.poll();
+    sensors.ranges_.poll(now_us());
     vTaskDelay(pdMS_TO_TICKS(I2cSensors::kPollUs / 1000));
   }
 }

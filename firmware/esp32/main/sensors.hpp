@@ -1,25 +1,34 @@
-// The board's peripherals on this chip, and the task that reads those on an I2C bus. It has the
-// other core, where there is one, and a priority below that of the control task: a bus that hangs
-// delays no control step.
+// The board's peripherals on this chip, and the task that reads those on an I2C bus and fires range
+// sensors. It has the other core, where there is one, and a priority below that of the control
+// task: a bus that hangs delays no control step.
 #pragma once
 
+#include "analog_inputs.hpp"
 #include "data_ready_pin.hpp"
 #include "digital_inputs.hpp"
+#include "echo_pin.hpp"
 #include "i2c_pins.hpp"
 #include "i2c_sensors.hpp"
+#include "range_finder.hpp"
 #include "sensor_port.hpp"
 
 namespace wheelwire {
 
 class Sensors final : public SensorPort {
  public:
-  /// Sets up the pins, and creates the task if something is on a bus. It does as much as it can;
+  /// Sets up the pins, and creates the task if it has something to do. It does as much as it can;
   /// false: a pin could not be set up.
   bool start(const PeripheralList& list);
+  /// Apart, for the chip's entropy comes from the ADC before.
+  bool start_analog(const PeripheralList& list, Adc& adc) { return analog_.start(list, adc); }
+  /// For housekeeping to measure.
+  AnalogInputs& analog() { return analog_; }
 
   uint16_t levels() override { return inputs_.levels(); }
   bool take(size_t channel, ImuReading& out) override { return sensors_.take(channel, out); }
   bool take(size_t channel, PowerReading& out) override { return sensors_.take(channel, out); }
+  bool take(size_t channel, RangeReading& out) override { return ranges_.take(channel, out); }
+  bool take(size_t channel, AnalogReading& out) override { return analog_.take(channel, out); }
 
  private:
   struct Bus {
@@ -29,6 +38,7 @@ class Sensors final : public SensorPort {
 
   [[noreturn]] static void run(void* self);
   bool start_chip(size_t channel, const Peripheral& entry);
+  bool start_range(size_t channel, const Peripheral& entry);
   /// nullptr: its pins could not be set up.
   Bus* bus_of(const Peripheral& entry);
 
@@ -38,6 +48,11 @@ class Sensors final : public SensorPort {
   DataReadyPin ready_[kMostPeripherals];
   bool has_interrupts_ = false;
   I2cSensors sensors_;
+  CaptureTimer capture_;
+  EchoPin echoes_[kMostRanges];
+  size_t echo_count_ = 0;
+  RangeFinder ranges_;
+  AnalogInputs analog_;
 };
 
 }  // namespace wheelwire

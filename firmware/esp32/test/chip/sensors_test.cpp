@@ -38,6 +38,7 @@ class World {
     fake_matrix = {};
     fake_gpio_interrupts.clear();
     fake_isr_services = 0;
+    fake_capture = {};
     fake_priority = 0;
     fake_core = -1;
     fake_time_us = 1'000'000;
@@ -206,8 +207,65 @@ TEST(a_short_of_the_bus_costs_its_task_little_and_ends_with_the_short) {
   CHECK(longest_us < 3'000);
 }
 
+TEST(the_task_fires_range_sensors_in_turn_and_beside_a_bus_that_hangs) {
+  World world;
+  Sensors sensors;
+  PeripheralList list = list_of({kImu});
+  for (const int8_t pin : std::initializer_list<int8_t>{13, 21, 26})
+    list.entries[list.count++] = {.kind = PeripheralKind::kRange,
+                                  .chip = SensorChip::kHcSr04,
+                                  .pin_a = pin,
+                                  .pin_b = static_cast<int8_t>(pin + 1)};
+  world.data_shorted = true;
+  int measured[4]{};
+  // 400 us after each trigger, so much further away at each sensor.
+  const auto on_set = fake_on_set;
+  std::vector<std::pair<int, uint32_t>> falls;
+  fake_on_set = [&](gpio_num_t pin) {
+    on_set(pin);
+    if ((pin != 13 && pin != 21 && pin != 26) || !fake_matrix.levels[pin]) return;
+    const auto rise = static_cast<uint32_t>(fake_time_us + 400) * 80;
+    fake_capture.edge(pin + 1, true, rise);
+    falls.push_back({pin + 1, rise + static_cast<uint32_t>(pin) * 100 * 80});
+  };
+  world.run_task(sensors, list, 2000, [&] {
+    for (const auto& [pin, ticks] : falls) {
+      // The interrupt comes at the end of the pulse.
+      fake_time_us += pin * 100;
+      fake_capture.edge(pin, false, ticks);
+    }
+    falls.clear();
+    for (size_t channel = 1; channel < 4; ++channel) {
+      RangeReading reading;
+      if (!sensors.take(channel, reading)) continue;
+      ++measured[channel];
+      CHECK(reading.state == SensorState::kOk && reading.quality == RangeQuality::kGood);
+      const uint32_t pulse_us = static_cast<uint32_t>(list.entries[channel].pin_a) * 100;
+      CHECK(reading.distance_mm == (pulse_us * 1715 + 5000) / 10'000);
+    }
+  });
+  for (size_t channel = 1; channel < 4; ++channel) CHECK(measured[channel] >= 8);
+  CHECK(fake_core == 0 && fake_priority < kControlPriority);
+}
+
+TEST(range_sensors_alone_have_the_task_too) {
+  World world;
+  Sensors sensors;
+  std::vector<SensorState> states;
+  const Peripheral range{
+      .kind = PeripheralKind::kRange, .chip = SensorChip::kHcSr04, .pin_a = 21, .pin_b = 34};
+  world.run_task(sensors, list_of({range}), 500, [&] {
+    RangeReading reading;
+    if (sensors.take(0, reading)) states.push_back(reading.state);
+  });
+  CHECK(states.size() >= 5);
+  for (const SensorState state : states) CHECK(state == SensorState::kAbsent);
+}
+
 TEST(a_pin_that_cannot_be_set_up_is_reported) {
-  for (const Peripheral& entry : {kImu, Peripheral{.kind = PeripheralKind::kCliff, .pin_a = 34}}) {
+  for (const Peripheral& entry :
+       {kImu, Peripheral{.kind = PeripheralKind::kCliff, .pin_a = 34},
+        Peripheral{.kind = PeripheralKind::kRange, .chip = SensorChip::kHcSr04, .pin_a = 21}}) {
     World world;
     Sensors sensors;
     fake_gpio_result = ESP_FAIL;

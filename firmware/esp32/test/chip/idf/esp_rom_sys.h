@@ -3,4 +3,11 @@
 
 #include <stdint.h>
 
-inline void esp_rom_delay_us(uint32_t) {}
+#include <functional>
+
+/// Called with the time that is waited for.
+inline std::function<void(uint32_t)> fake_on_delay;
+
+inline void esp_rom_delay_us(uint32_t us) {
+  if (fake_on_delay) fake_on_delay(us);
+}

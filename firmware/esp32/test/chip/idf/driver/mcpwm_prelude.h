@@ -1,6 +1,7 @@
 // The PWM as its driver sets it up: each call takes some periods, and the pins are looked at.
 #pragma once
 
+#include "driver/mcpwm_cap.h"
 #include "esp_err.h"
 #include "gpio_matrix.hpp"
 

@@ -1,0 +1,57 @@
+// A range sensor on two pins of this chip. The capture unit of MCPWM times the edges of the echo:
+// what the processor does meanwhile delays none of them.
+#pragma once
+
+#include "driver/gpio.h"
+#include "driver/mcpwm_prelude.h"
+#include "freertos/FreeRTOS.h"
+#include "range_finder.hpp"
+
+namespace wheelwire {
+
+/// The counter behind the edges of all echoes.
+class CaptureTimer {
+ public:
+  bool start();
+  mcpwm_cap_timer_handle_t handle() const { return handle_; }
+  uint32_t ticks_per_us() const { return ticks_per_us_; }
+
+ private:
+  mcpwm_cap_timer_handle_t handle_ = nullptr;
+  uint32_t ticks_per_us_ = 0;
+};
+
+class EchoPin final : public EchoPins {
+ public:
+  /// A level that lasts for less is none: it comes from the motors' wires, or on GPIO 36 and 39 of
+  /// an ESP32 from its ADC. At the speed of sound it is two millimetres.
+  static constexpr uint32_t kSpikeUs = 10;
+
+  /// `timer`: started.
+  bool start(const CaptureTimer& timer, const Peripheral& entry);
+
+  void trigger(uint32_t us) override;
+  bool level() override;
+  bool take(EchoPulse& out) override;
+
+ private:
+  void rise(uint32_t ticks);
+  void fall(uint32_t ticks, uint64_t now_us);
+  static bool on_edge(mcpwm_cap_channel_handle_t, const mcpwm_capture_event_data_t* edge,
+                      void* self);
+  bool start_capture(const CaptureTimer& timer, int pin);
+
+  gpio_num_t trigger_{};
+  gpio_num_t echo_{};
+  uint32_t ticks_per_us_ = 0;
+  portMUX_TYPE lock_ = portMUX_INITIALIZER_UNLOCKED;
+  // Of the interrupt, and under the lock.
+  bool has_rise_ = false;
+  uint32_t rise_ticks_ = 0;
+  bool has_pulse_ = false;
+  uint32_t pulse_ticks_ = 0;  // Its length.
+  uint32_t fall_ticks_ = 0;
+  uint64_t fall_us_ = 0;
+};
+
+}  // namespace wheelwire
