@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "built_in_boards.hpp"
+#include "own_board.hpp"
 
 namespace wheelwire::sim {
 
@@ -26,8 +26,8 @@ ChipState::ChipState(WiredBoard& wired)
 SimulatedBoard::SimulatedBoard(uint64_t seed)
     : encoders{Quadrature(mix(seed)), Quadrature(mix(seed + 1))},
       sensors(*this, mix(seed + 2)),
-      active_(kBoardOfEsp32),
-      wired_(kBoardOfEsp32) {
+      active_(kOwnBoard),
+      wired_(kOwnBoard) {
   for (Store* const one : {&store, &board_store, &peripheral_store, &latch_store})
     one->lie_in(flash);
   reset();

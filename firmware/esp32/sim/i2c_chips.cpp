@@ -19,6 +19,17 @@ std::array<double, 3> unit_vector(Axis axis) {
   return vector;
 }
 
+/// As seen by a robot that is tilted.
+std::array<double, 3> tilted(const std::array<double, 3>& level, const Tilt& tilt) {
+  const double sin_roll = std::sin(tilt.roll_rad);
+  const double cos_roll = std::cos(tilt.roll_rad);
+  const double sin_pitch = std::sin(tilt.pitch_rad);
+  const double cos_pitch = std::cos(tilt.pitch_rad);
+  const double up = level[0] * sin_pitch + level[2] * cos_pitch;
+  return {level[0] * cos_pitch - level[2] * sin_pitch, level[1] * cos_roll + up * sin_roll,
+          up * cos_roll - level[1] * sin_roll};
+}
+
 int16_t saturated(double counts) {
   return static_cast<int16_t>(std::lround(std::clamp(counts, -32768.0, 32767.0)));
 }
@@ -72,23 +83,31 @@ void SimulatedImu::advance(const SimulatedBoard& board) {
     if (!faults_.interrupt_lost) edge_us_ = board.device_us();
   }
   last_ = board.now();
-  heading_rad_ = plant.pose().heading_rad;
-  speed_mps_ = plant.forward_mps();
+  motion_ = {.heading_rad = plant.pose().heading_rad,
+             .speed_mps = plant.forward_mps(),
+             .tilt = plant.tilt()};
   next_ += period();
 }
 
 void SimulatedImu::sample(const Plant& plant, double period_s) {
   const double slope = plant.model().slope_rad;
   const double heading = plant.pose().heading_rad;
-  const double yaw_radps = (heading - heading_rad_) / period_s;
+  const Tilt& tilt = plant.tilt();
+  const double yaw_radps = (heading - motion_.heading_rad) / period_s;
+  const double roll_radps = (tilt.roll_rad - motion_.tilt.roll_rad) / period_s;
+  const double pitch_radps = (tilt.pitch_rad - motion_.tilt.pitch_rad) / period_s;
   const double uphill = kGravity * std::sin(slope);
-  const Vector turn{0.0, 0.0, yaw_radps + faults_.bias_radps};
+  // The robot rolls about its own axis, and pitches about one that is level.
+  Vector turn = tilted({0.0, 0.0, yaw_radps}, tilt);
+  turn[0] += roll_radps;
+  turn[1] += pitch_radps * std::cos(tilt.roll_rad);
+  turn[2] += faults_.bias_radps - pitch_radps * std::sin(tilt.roll_rad);
   // What carries the robot, and what turns it, pushes the chip, too.
-  const Vector push{(plant.forward_mps() - speed_mps_) / period_s + uphill * std::cos(heading),
-                    plant.forward_mps() * yaw_radps - uphill * std::sin(heading),
-                    kGravity * std::cos(slope)};
+  const Vector push{
+      (plant.forward_mps() - motion_.speed_mps) / period_s + uphill * std::cos(heading),
+      plant.forward_mps() * yaw_radps - uphill * std::sin(heading), kGravity * std::cos(slope)};
   const Vector gyro = mounted(turn);
-  const Vector accelerometer = mounted(push);
+  const Vector accelerometer = mounted(tilted(push, tilt));
   for (uint8_t i = 0; i < 3; ++i) {
     const auto offset = static_cast<uint8_t>(2 * i);
     store(table_.gyro + offset, gyro[i] / table_.gyro_radps + noise() * table_.gyro_noise);
@@ -100,12 +119,16 @@ void SimulatedImu::sample(const Plant& plant, double period_s) {
 }
 
 SimulatedImu::Vector SimulatedImu::mounted(const Vector& robot) const {
+  const bool is_otherwise =
+      faults_.forward >= 0 && faults_.up >= 0 && faults_.forward % 3 != faults_.up % 3;
+  const Vector forward = is_otherwise ? unit_vector(static_cast<Axis>(faults_.forward)) : forward_;
+  const Vector up = is_otherwise ? unit_vector(static_cast<Axis>(faults_.up)) : up_;
   Vector chip{};
   for (size_t i = 0; i < 3; ++i) {
     const size_t j = (i + 1) % 3;
     const size_t k = (i + 2) % 3;
-    const double left = up_[j] * forward_[k] - up_[k] * forward_[j];
-    chip[i] = robot[0] * forward_[i] + robot[1] * left + robot[2] * up_[i];
+    const double left = up[j] * forward[k] - up[k] * forward[j];
+    chip[i] = robot[0] * forward[i] + robot[1] * left + robot[2] * up[i];
   }
   return chip;
 }
@@ -197,6 +220,7 @@ void I2cChips::take_up(const PeripheralList& list) {
   if (!is_same || !has_chips_) wire(list);
   list_ = list;
   sensors_ = {};
+  clock_ = {};
   next_poll_us_ = 0;
   for (size_t i = 0; i < list.count; ++i) {
     const Peripheral& entry = list.entries[i];

@@ -32,6 +32,10 @@ struct ImuFaults {
   bool absent = false;      ///< Its plug is off.
   bool bus_hung = false;
   bool interrupt_lost = false;  ///< The wire of its data-ready output is off.
+  /// The axes that point forward and up, codes of Axis. Unless both are given, and are not on one
+  /// line, it is mounted as the board says.
+  int forward = -1;
+  int up = -1;
 };
 
 /// Measures what the plant does, averaged from one sample to the next.
@@ -50,6 +54,12 @@ class SimulatedImu final : public I2cTarget, public DataReady {
 
  private:
   using Vector = std::array<double, 3>;
+  /// What it takes to measure from one sample to the next.
+  struct Motion {
+    double heading_rad = 0.0;
+    double speed_mps = 0.0;
+    Tilt tilt;
+  };
 
   bool measures() const;
   Nanoseconds period() const;
@@ -69,8 +79,7 @@ class SimulatedImu final : public I2cTarget, public DataReady {
   uint64_t edge_us_ = 0;
   // At the last sample.
   Nanoseconds last_ = 0;
-  double heading_rad_ = 0.0;
-  double speed_mps_ = 0.0;
+  Motion motion_;
 };
 
 /// Measures the motors' supply at the time of the read.
@@ -156,6 +165,8 @@ class I2cChips {
   void advance(bool is_running);
   void reset_imus();
   void reset_power_sensors();
+  /// Until then the firmware's task is busy with them, by the device clock.
+  uint64_t busy_until_us() const { return clock_.woken_us + clock_.spent_us; }
 
   bool take(size_t channel, ImuReading& out) { return sensors_.take(channel, out); }
   bool take(size_t channel, PowerReading& out) { return sensors_.take(channel, out); }

@@ -10,6 +10,10 @@ namespace {
 constexpr double kGravity = 9.80665;  // [m/s^2]
 constexpr double kMostSlip = 0.9;
 
+double approached(double value, double target, double most) {
+  return value + std::clamp(target - value, -most, most);
+}
+
 }  // namespace
 
 /// Each wheel carries half of the robot; they are not coupled, as in a robot whose radius of
@@ -62,9 +66,57 @@ void Plant::configure(const PlantModel& model) {
 void Plant::step(double dt, const std::array<BridgeState, 2>& bridges) {
   const double uphill = model_.slope_rad == 0.0 ? 0.0 : std::cos(pose_.heading_rad);
   if (model_.supply_ohm != 0.0) step_supply(bridges);
-  for (const Side side : kSides) step_side(side, dt, bridge_of(side, bridges), uphill);
+  step_tilt(dt);
   forward_mps_ = yaw_rate_radps_ = 0.0;
-  if (!model_.wheels_free) step_pose(dt);
+  if (is_pushed()) return step_push(dt, bridges, uphill);
+  for (const Side side : kSides) step_side(side, dt, bridge_of(side, bridges), uphill);
+  if (model_.wheels_free) return;
+  std::array<double, 2> travel_m{};
+  for (const Side side : kSides)
+    travel_m[side] = gears_[side].rolled_rad * constants_[side].radius_m * (1.0 - slip(side));
+  step_pose(travel_m[kLeft], travel_m[kRight], dt);
+}
+
+void Plant::step_tilt(double dt) {
+  tilt_.roll_rad = approached(tilt_.roll_rad, held_.roll_rad, kTiltSpeed * dt);
+  tilt_.pitch_rad = approached(tilt_.pitch_rad, held_.pitch_rad, kTiltSpeed * dt);
+}
+
+/// Hands are stronger than motors.
+void Plant::step_push(double dt, const std::array<BridgeState, 2>& bridges, double uphill) {
+  pushed_.forward_mps =
+      approached(pushed_.forward_mps, push_.forward_mps, kPushGrowth.forward_mps * dt);
+  pushed_.turn_radps =
+      approached(pushed_.turn_radps, push_.turn_radps, kPushGrowth.turn_radps * dt);
+  const double apart_mps = pushed_.turn_radps * model_.wheel_separation_m / 2.0;
+  const std::array<double, 2> speed_mps{pushed_.forward_mps - apart_mps,
+                                        pushed_.forward_mps + apart_mps};
+  for (const Side side : kSides) {
+    if (model_.wheels_free || model_.wheels[side].blocked)
+      step_side(side, dt, bridge_of(side, bridges), uphill);
+    else
+      roll_along(side, speed_mps[side] / constants_[side].radius_m, dt, bridge_of(side, bridges));
+  }
+  step_pose(speed_mps[kLeft] * dt, speed_mps[kRight] * dt, dt);
+}
+
+/// Wheel and motor turn alike: the floor does not cross the gearbox's play.
+void Plant::roll_along(Side side, double speed, double dt, const BridgeState& bridge) {
+  wheels_[side] = {.speed = speed, .current_a = current_through(side, bridge)};
+  Gear& gear = gears_[side];
+  gear.turned_rad = gear.rolled_rad = speed * dt;
+  gear.wheel_rad += gear.rolled_rad;
+  gear.in_play = false;
+  slip_[side] = 0.0;
+}
+
+double Plant::current_through(Side side, const BridgeState& bridge) const {
+  const WheelModel& model = model_.wheels[side];
+  if (model.motor_open) return 0.0;
+  const MotorConstants& motor = constants_[side].motor;
+  const double polarity = model.motor_reversed ? -1.0 : 1.0;
+  const double emf = motor.emf_vs * wheels_[side].speed;
+  return bridge_.current(bridge, polarity * emf, motor.winding_ohm) * polarity;
 }
 
 /// The voltage moves towards what the last step's current leaves of it, by the share that is
@@ -96,10 +148,7 @@ void Plant::step_side(Side side, double dt, const BridgeState& bridge, double up
   const WheelConstants& constants = constants_[side];
   const WheelMotion before = wheels_[side];
   Gear& gear = gears_[side];
-  const double polarity = model.motor_reversed ? -1.0 : 1.0;
-  const double emf = constants.motor.emf_vs * before.speed;
-  double current = bridge_.current(bridge, polarity * emf, constants.motor.winding_ohm) * polarity;
-  if (model.motor_open) current = 0.0;
+  const double current = current_through(side, bridge);
   if (hand_rad_[side] != 0.0 && !model.blocked) {
     turn_by_hand_for(side, dt, current);
   } else {
@@ -153,13 +202,10 @@ void Plant::engage(Side side) {
 }
 
 /// Exact arc of the two rolled lengths, the chord taken along the mean heading.
-void Plant::step_pose(double dt) {
-  const double left = gears_[kLeft].rolled_rad * constants_[kLeft].radius_m * (1.0 - slip(kLeft));
-  const double right =
-      gears_[kRight].rolled_rad * constants_[kRight].radius_m * (1.0 - slip(kRight));
-  if (left == 0.0 && right == 0.0) return;
-  const double length = (left + right) / 2.0;
-  const double half_turn = (right - left) / model_.wheel_separation_m / 2.0;
+void Plant::step_pose(double left_m, double right_m, double dt) {
+  if (left_m == 0.0 && right_m == 0.0) return;
+  const double length = (left_m + right_m) / 2.0;
+  const double half_turn = (right_m - left_m) / model_.wheel_separation_m / 2.0;
   // sin(x)/x is 1 to a part in 1e13 below 1e-6.
   const double chord =
       std::abs(half_turn) < 1e-6 ? length : length * std::sin(half_turn) / half_turn;

@@ -63,6 +63,21 @@ constexpr double kMaxPhysicsStep = 100e-6;
 /// How fast a hand turns a wheel [rad/s]: once a second.
 constexpr double kHandSpeed = 2.0 * std::numbers::pi;
 
+/// How hands move the robot, from rest and back to it.
+struct Push {
+  double forward_mps = 0.0;
+  double turn_radps = 0.0;  ///< Counter-clockwise positive.
+  bool operator==(const Push&) const = default;
+};
+constexpr Push kPushGrowth{.forward_mps = 2.0, .turn_radps = 10.0};  ///< [a second]
+
+/// How hands hold the robot, after its heading: pitch first, then roll about its own axis.
+struct Tilt {
+  double roll_rad = 0.0;   ///< The right side down positive.
+  double pitch_rad = 0.0;  ///< The nose down positive.
+};
+constexpr double kTiltSpeed = 1.0;  ///< Of each angle [rad/s].
+
 class Plant {
  public:
   explicit Plant(const PlantModel& model = {}) { configure(model); }
@@ -79,6 +94,16 @@ class Plant {
   void turn_by_hand(Side side, double angle_rad) { hand_rad_[side] = angle_rad; }
   /// Still to be turned by hand.
   double hand_rad(Side side) const { return hand_rad_[side]; }
+
+  /// Hands take the robot to this speed, whatever its wheels and motors do, and hold it there; once
+  /// it stands again, they let go. The wheels of a robot on the floor roll with it, but for one
+  /// that is blocked.
+  void push_by_hand(const Push& push) { push_ = push; }
+  const Push& push() const { return push_; }
+  /// Hands tilt the robot, and hold it so. Its wheels do not notice.
+  void tilt_by_hand(const Tilt& tilt) { held_ = tilt; }
+  const Tilt& held() const { return held_; }
+  const Tilt& tilt() const { return tilt_; }  ///< As it is by now.
 
   const Pose& pose() const { return pose_; }
   double distance_m() const { return distance_m_; }  ///< Length of the centre's path.
@@ -137,7 +162,13 @@ class Plant {
   void step_slip(Side side, double push_nm);
   void turn_by_hand_for(Side side, double dt, double current_a);
   void engage(Side side);
-  void step_pose(double dt);
+  void step_tilt(double dt);
+  /// Whether hands move the robot in this step.
+  bool is_pushed() const { return push_ != Push{} || pushed_ != Push{}; }
+  void step_push(double dt, const std::array<BridgeState, 2>& bridges, double uphill);
+  void roll_along(Side side, double speed, double dt, const BridgeState& bridge);
+  double current_through(Side side, const BridgeState& bridge) const;
+  void step_pose(double left_m, double right_m, double dt);
 
   PlantModel model_;
   BridgeModel bridge_;  ///< The model's, with the supply as it sags.
@@ -146,6 +177,10 @@ class Plant {
   std::array<Gear, 2> gears_{};
   std::array<double, 2> hand_rad_{};
   std::array<double, 2> slip_{};
+  Push push_;    ///< The speed at which hands are to move the robot.
+  Push pushed_;  ///< At which they move it by now.
+  Tilt held_;    ///< To which hands tilt it.
+  Tilt tilt_;
   Pose pose_;
   double distance_m_ = 0.0;
   double forward_mps_ = 0.0;

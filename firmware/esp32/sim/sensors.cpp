@@ -1,12 +1,15 @@
 #include "sensors.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 #include "board.hpp"
-#include "built_in_boards.hpp"
+#include "own_board.hpp"
 
 namespace wheelwire::sim {
 
 PeripheralList default_peripherals() {
-  PeripheralList list{.count = 4, .board = fingerprint(kBoardOfEsp32)};
+  PeripheralList list{.count = 4, .board = fingerprint(kOwnBoard)};
   list.entries[0] = {.kind = PeripheralKind::kImu,
                      .chip = SensorChip::kMpu6050,
                      .pin_a = 16,
@@ -19,6 +22,39 @@ PeripheralList default_peripherals() {
   list.entries[2] = {.kind = PeripheralKind::kBumper, .place = Place::kFrontLeft, .pin_a = 36};
   list.entries[3] = {.kind = PeripheralKind::kBumper, .place = Place::kFrontRight, .pin_a = 39};
   return list;
+}
+
+void Sensors::take_up(const PeripheralList& list) {
+  list_ = list;
+  chips.take_up(list);
+  ranges.take_up(list);
+  analog_ = {};
+  next_analog_us_ = 0;
+}
+
+/// One task asks both the chips on buses and the range sensors: a bus that hangs keeps it busy.
+void Sensors::advance(bool is_running) {
+  chips.advance(is_running);
+  if (!is_running) return;
+  if (board_.device_us() >= chips.busy_until_us()) ranges.poll();
+  measure_analog();
+}
+
+void Sensors::measure_analog() {
+  if (board_.device_us() < next_analog_us_) return;
+  next_analog_us_ = board_.device_us() + SensorHub::kAnalogPeriodUs;
+  if (analog_failed) return;
+  for (size_t i = 0; i < list_.count; ++i)
+    if (list_.entries[i].kind == PeripheralKind::kAnalog)
+      analog_[i].post({.pin_mv = pin_mv(list_.entries[i])});
+}
+
+/// The ADC reads no more than this, whatever the voltage. 0 where another wire is at the pin.
+uint16_t Sensors::pin_mv(const Peripheral& entry) const {
+  constexpr double kMostMv = 3100.0;
+  if (!board_.is_free(entry.pin_a)) return 0;
+  const double whole_mv = analog_v[analog_index(entry)] * 1e3;
+  return static_cast<uint16_t>(std::lround(std::min(kMostMv, whole_mv * 1e3 / entry.value_a)));
 }
 
 bool Sensors::is_triggered(const Peripheral& entry) const {

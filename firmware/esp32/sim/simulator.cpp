@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "built_in_boards.hpp"
+#include "own_board.hpp"
 
 namespace wheelwire::sim {
 
@@ -87,9 +87,10 @@ void Simulator::brown_out() {
 }
 
 void Simulator::boot() {
+  const BoardDescription& built_in = board_unwritten ? kBoardOfEsp32 : kOwnBoard;
   // The chip that is simulated: it refuses boards of others, as the real one does.
   keeper_.emplace(
-      board.board_store, kBoardOfEsp32.chip, &kBoardOfEsp32,
+      board.board_store, built_in.chip, &built_in,
       board_unwritten ? BoardKeeper::BuiltIn::kUnconfirmed : BoardKeeper::BuiltIn::kConfirmed);
   keeper_->start();
   std::copy(std::begin(specs_), std::end(specs_), boot_specs_);

@@ -82,7 +82,7 @@ class Simulator {
   SimulatedBoard board;
   uint64_t boot_time_us = 50'000;  ///< From reset to the first control step.
   bool boot_text = false;          ///< The ROM prints at each reset.
-  /// Nobody has confirmed the image's board. From the next reset on.
+  /// A fresh chip: on the image's board, which nobody has confirmed. From the next reset on.
   bool board_unwritten = false;
 
  private:

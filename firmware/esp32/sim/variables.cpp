@@ -171,6 +171,48 @@ Variable by_hand(const std::string& side) {
   return variable;
 }
 
+template <double Push::* kSpeed>
+Variable pushed(Variable variable) {
+  variable.get = [](const Simulator& s) { return s.board.plant.push().*kSpeed; };
+  variable.set = [](Simulator& s, double value) {
+    Push push = s.board.plant.push();
+    push.*kSpeed = value;
+    s.board.plant.push_by_hand(push);
+    return true;
+  };
+  return variable;
+}
+
+template <double Tilt::* kAngle>
+Variable held(Variable variable) {
+  variable.get = [](const Simulator& s) { return s.board.plant.held().*kAngle; };
+  variable.set = [](Simulator& s, double value) {
+    Tilt tilt = s.board.plant.held();
+    tilt.*kAngle = value;
+    s.board.plant.tilt_by_hand(tilt);
+    return true;
+  };
+  return variable;
+}
+
+void add_hands(std::vector<Variable>& table) {
+  table.insert(table.end(),
+               {
+                   pushed<&Push::forward_mps>(real(
+                       "push.forward_mps", "m/s", -5, 5,
+                       "Hands push the robot at this speed, with its wheels if it is on the floor, "
+                       "whatever the motors do; 0 in both: they let go once it stands.")),
+                   pushed<&Push::turn_radps>(real("push.turn_radps", "rad/s", -10, 10,
+                                                  "The same, turned counter-clockwise positive.")),
+                   held<&Tilt::roll_rad>(real(
+                       "tilt.roll_rad", "rad", -kTurn / 2, kTurn / 2,
+                       "Hands tilt the robot to this, one radian in a second, the right side down "
+                       "positive. Only the IMU notices.")),
+                   held<&Tilt::pitch_rad>(real("tilt.pitch_rad", "rad", -kTurn / 2, kTurn / 2,
+                                               "The same, the nose down positive.")),
+               });
+}
+
 template <Side kSide>
 void add_wheel(std::vector<Variable>& table, const std::string& side) {
   table.insert(
@@ -297,6 +339,47 @@ Variable cliff(std::string name) {
   }>(toggle(std::move(name), "No floor below it. Needs a cliff sensor there."));
 }
 
+template <Place kPlace>
+Variable range(std::string name) {
+  return with_field<[](auto& s) -> auto& {
+    return s.board.sensors.ranges.world.distance_m[static_cast<size_t>(kPlace)];
+  }>(real(std::move(name), "m", 0, 20,
+          "How far away something is there; beyond 4.5 m nothing is heard of it. Needs a range "
+          "sensor there."));
+}
+
+template <size_t kIndex>
+Variable analog(std::string name) {
+  return with_field<[](auto& s) -> auto& { return s.board.sensors.analog_v[kIndex]; }>(
+      real(std::move(name), "V", 0, 60,
+           "Before the divider of the analogue input with this number. Needs one."));
+}
+
+void add_ranges(std::vector<Variable>& table) {
+  table.insert(
+      table.end(),
+      {
+          range<Place::kFront>("range.front_m"),
+          range<Place::kFrontLeft>("range.front_left_m"),
+          range<Place::kFrontRight>("range.front_right_m"),
+          range<Place::kRear>("range.rear_m"),
+          range<Place::kRearLeft>("range.rear_left_m"),
+          range<Place::kRearRight>("range.rear_right_m"),
+          range<Place::kLeft>("range.left_m"),
+          range<Place::kRight>("range.right_m"),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.ranges.world.absent; }>(
+              toggle("range.absent", "The plugs of the range sensors are off.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.ranges.world.hung; }>(
+              toggle("range.hung", "The echo outputs of the range sensors stay high.")),
+          analog<0>("analog.1_v"),
+          analog<1>("analog.2_v"),
+          analog<2>("analog.3_v"),
+          analog<3>("analog.4_v"),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.analog_failed; }>(
+              toggle("analog.failed", "The chip's ADC gives no reading of the analogue inputs.")),
+      });
+}
+
 void add_chips(std::vector<Variable>& table) {
   table.insert(
       table.end(),
@@ -316,6 +399,13 @@ void add_chips(std::vector<Variable>& table) {
                      "A line of the IMU's bus is held low. What else is on it hangs, too.")),
           with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.interrupt_lost; }>(
               toggle("imu.interrupt_lost", "The wire of the IMU's data-ready output is off.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.forward; }>(
+              whole("imu.forward", "", -1, 5,
+                    "The axis of the IMU's print that points forward, whatever the board says: 0 "
+                    "to 5 for x, y, z, -x, -y, -z. Counts together with `imu.up`; -1: as the board "
+                    "says.")),
+          with_field<[](auto& s) -> auto& { return s.board.sensors.chips.imu.up; }>(
+              whole("imu.up", "", -1, 5, "The same of the axis that points up.")),
           with_field<[](auto& s) -> auto& { return s.board.sensors.chips.power_absent; }>(
               toggle("power.absent", "The power sensor does not answer.")),
       });
@@ -355,6 +445,10 @@ void add_device(std::vector<Variable>& table) {
           cliff<Place::kFrontLeft>("cliff.front_left"),
           cliff<Place::kFrontRight>("cliff.front_right"),
           cliff<Place::kRear>("cliff.rear"),
+          cliff<Place::kRearLeft>("cliff.rear_left"),
+          cliff<Place::kRearRight>("cliff.rear_right"),
+          cliff<Place::kLeft>("cliff.left"),
+          cliff<Place::kRight>("cliff.right"),
           with_field<[](auto& s) -> auto& { return s.board.sensors.stage_fault; }>(
               toggle("stage_fault", "A power stage reports a fault. Needs an input for it.")),
           with_field<[](auto& s) -> auto& { return s.board.battery.volts; }>(
@@ -433,6 +527,10 @@ void add_readings(std::vector<Variable>& table) {
                   [](const Simulator& s) { return s.board.plant.pose().heading_rad; }),
           reading("true.yaw_rate_radps", "rad/s", "Counter-clockwise positive.",
                   [](const Simulator& s) { return s.board.plant.yaw_rate_radps(); }),
+          reading("true.roll_rad", "rad", "The right side down positive.",
+                  [](const Simulator& s) { return s.board.plant.tilt().roll_rad; }),
+          reading("true.pitch_rad", "rad", "The nose down positive.",
+                  [](const Simulator& s) { return s.board.plant.tilt().pitch_rad; }),
           reading("true.distance_m", "m", "Length of the centre's path.",
                   [](const Simulator& s) { return s.board.plant.distance_m(); }),
           reading("true.kinetic_energy_j", "J", "Of robot and wheels.",
@@ -483,8 +581,10 @@ std::vector<Variable> make_table() {
   add_world(table);
   add_wheel<kLeft>(table, "left");
   add_wheel<kRight>(table, "right");
+  add_hands(table);
   add_device(table);
   add_chips(table);
+  add_ranges(table);
   add_readings(table);
   return table;
 }

@@ -101,6 +101,25 @@ TEST(each_imu_of_the_tables_measures_in_its_own_axes_and_counts) {
   }
 }
 
+TEST(an_imu_may_be_mounted_otherwise_than_its_board_says) {
+  Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+  const double g = 9.80665 / imu_table_of(SensorChip::kMpu6050)->accelerometer_mps2;
+  ImuFaults& imu = bench.board.sensors.chips.imu;
+  bench.run(300);
+  const auto check_gravity = [&](double x, double z) {
+    bench.run(20);
+    bench.run_afresh(500);
+    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0), x, 10));
+    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 2), z, 10));
+  };
+  imu.up = 3;
+  check_gravity(0, g);  // where forward is, nobody has said
+  imu.forward = 2;
+  check_gravity(-g, 0);
+  imu.forward = 0;
+  check_gravity(0, g);  // on one line with the axis that is up
+}
+
 TEST(a_power_sensor_measures_the_motors_supply) {
   for (const SensorChip chip : {SensorChip::kIna219, SensorChip::kIna226}) {
     Bench bench{{power_entry(chip, 500)}};
@@ -171,4 +190,89 @@ TEST(samples_go_on_after_a_reset_of_the_processor) {
   bench.run_afresh(500);
   CHECK(bench.imus.size() >= 75 && bench.imus.back().state == SensorState::kOk);
   for (const ImuReading& reading : bench.imus) CHECK(reading.t_us <= bench.board.device_us());
+}
+
+namespace {
+
+/// The rotation that maps the axes of a robot at `tilt` to those of the level one, column by
+/// column.
+struct Attitude {
+  explicit Attitude(const Tilt& tilt) {
+    const double sr = std::sin(tilt.roll_rad), cr = std::cos(tilt.roll_rad);
+    const double sp = std::sin(tilt.pitch_rad), cp = std::cos(tilt.pitch_rad);
+    const double rows[3][3] = {{cp, sp * sr, sp * cr}, {0, cr, -sr}, {-sp, cp * sr, cp * cr}};
+    for (size_t i = 0; i < 3; ++i)
+      for (size_t j = 0; j < 3; ++j) to_level[i][j] = rows[i][j];
+  }
+  double to_level[3][3];
+};
+
+}  // namespace
+
+TEST(a_tilted_imu_sees_gravity_turn_and_the_tilt_itself) {
+  const double g = 9.80665;
+  struct Case {
+    Tilt tilt;
+    double expected[3];
+  };
+  const Case cases[] = {
+      {{}, {0, 0, g}},
+      {{.pitch_rad = 0.5}, {-g * std::sin(0.5), 0, g * std::cos(0.5)}},  // nose down
+      {{.roll_rad = 0.5}, {0, g * std::sin(0.5), g * std::cos(0.5)}},    // right side down
+      {{.pitch_rad = -1.5}, {g * std::sin(1.5), 0, g * std::cos(1.5)}},
+      {{.roll_rad = 0.4, .pitch_rad = -0.3},
+       {g * std::sin(0.3), g * std::cos(0.3) * std::sin(0.4), g * std::cos(0.3) * std::cos(0.4)}},
+  };
+  for (const Case& one : cases) {
+    Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
+    bench.run(300);
+    bench.board.plant.tilt_by_hand(one.tilt);
+    bench.run_afresh(2000);
+    // Rates that turn the robot's axes from level to the tilt, sample by sample.
+    double to_level[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (const ImuReading& reading : bench.imus) {
+      for (auto& row : to_level) {
+        double w[3];
+        for (size_t i = 0; i < 3; ++i) w[i] = reading.gyro[i] * table.gyro_radps * 0.005;
+        const double next[3] = {row[0] + row[1] * w[2] - row[2] * w[1],
+                                row[1] + row[2] * w[0] - row[0] * w[2],
+                                row[2] + row[0] * w[1] - row[1] * w[0]};
+        std::copy(next, next + 3, row);
+      }
+    }
+    const Attitude expected(one.tilt);
+    for (size_t i = 0; i < 3; ++i)
+      for (size_t j = 0; j < 3; ++j) CHECK(is_near(to_level[i][j], expected.to_level[i][j], 0.02));
+    bench.run_afresh(500);
+    for (size_t i = 0; i < 3; ++i)
+      CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, i) * table.accelerometer_mps2,
+                    one.expected[i], 0.05));
+  }
+}
+
+TEST(an_imu_feels_hands_that_push_and_turn) {
+  for (const bool is_raised : {false, true}) {
+    Bench bench{{imu_entry(SensorChip::kMpu6050, Axis::kX, Axis::kZ)}};
+    const ImuTable& table = *imu_table_of(SensorChip::kMpu6050);
+    PlantModel model = bench.board.plant.model();
+    model.wheels_free = is_raised;
+    bench.board.plant.configure(model);
+    bench.run(300);
+    bench.board.plant.push_by_hand({.forward_mps = 1.0, .turn_radps = 1.5});
+    bench.run_afresh(500);  // It takes half a second to that speed.
+    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 0) * table.accelerometer_mps2,
+                  kPushGrowth.forward_mps, 0.1));
+    bench.run_afresh(1000);
+    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5, 0.01));
+    CHECK(is_near(mean(bench.imus, &ImuReading::accelerometer, 1) * table.accelerometer_mps2, 1.5,
+                  0.05));
+    bench.board.plant.tilt_by_hand({.roll_rad = 0.5});
+    bench.run(600);
+    bench.run_afresh(500);
+    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 1) * table.gyro_radps, 1.5 * std::sin(0.5),
+                  0.01));
+    CHECK(is_near(mean(bench.imus, &ImuReading::gyro, 2) * table.gyro_radps, 1.5 * std::cos(0.5),
+                  0.01));
+  }
 }

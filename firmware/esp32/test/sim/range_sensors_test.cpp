@@ -1,0 +1,125 @@
+// The simulated range sensors and analogue inputs, each with its own truth.
+#include "range_sensors.hpp"
+
+#include <map>
+
+#include "board.hpp"
+#include "check.hpp"
+#include "shipped_boards.hpp"
+
+using namespace wheelwire;
+using namespace wheelwire::sim;
+
+namespace {
+
+constexpr Peripheral range_entry(Place place, int8_t trigger, int8_t echo) {
+  return {.kind = PeripheralKind::kRange,
+          .chip = SensorChip::kHcSr04,
+          .place = place,
+          .pin_a = trigger,
+          .pin_b = echo};
+}
+
+constexpr Peripheral analog_entry(uint16_t number, int8_t pin, uint16_t divider_permille) {
+  return {.kind = PeripheralKind::kAnalog,
+          .pin_a = pin,
+          .value_a = divider_permille,
+          .value_b = number};
+}
+
+constexpr Peripheral kImu{
+    .kind = PeripheralKind::kImu, .chip = SensorChip::kMpu6050, .pin_a = 16, .pin_b = 17};
+
+/// A board with these peripherals, whose readings are taken each millisecond.
+struct Bench {
+  explicit Bench(std::initializer_list<Peripheral> entries) {
+    board.take_up(kBoardL298n);
+    list.board = fingerprint(kBoardL298n);
+    for (const Peripheral& entry : entries) list.entries[list.count++] = entry;
+    board.sensors.take_up(list);
+  }
+
+  void run(int milliseconds) {
+    ranges.clear();
+    analogs.clear();
+    for (int i = 0; i < milliseconds; ++i) {
+      board.run_until(board.now() + 1'000'000, true);
+      for (size_t channel = 0; channel < list.count; ++channel) {
+        RangeReading range;
+        if (board.sensors.take(channel, range)) ranges[channel].push_back(range);
+        AnalogReading analog;
+        if (board.sensors.take(channel, analog)) analogs[channel].push_back(analog);
+      }
+    }
+  }
+  double& distance_m(Place place) {
+    return board.sensors.ranges.world.distance_m[static_cast<size_t>(place)];
+  }
+
+  SimulatedBoard board{1};
+  PeripheralList list;
+  std::map<size_t, std::vector<RangeReading>> ranges;  ///< By channel, of the last run.
+  std::map<size_t, std::vector<AnalogReading>> analogs;
+};
+
+}  // namespace
+
+TEST(each_range_sensor_measures_what_is_on_its_side) {
+  Bench bench({range_entry(Place::kFront, 21, 34), range_entry(Place::kLeft, 5, 35),
+               range_entry(Place::kRight, 12, 36)});
+  bench.distance_m(Place::kFront) = 0.5;
+  bench.distance_m(Place::kLeft) = 3.0;
+  bench.distance_m(Place::kRight) = 10.0;
+  bench.run(2000);
+  const int expected_mm[] = {500, 3000, 0};
+  for (size_t channel = 0; channel < 3; ++channel) {
+    const auto& found = bench.ranges[channel];
+    CHECK(found.size() >= 10 && found.size() <= 11);
+    for (const RangeReading& reading : found) {
+      CHECK(reading.state == SensorState::kOk && reading.distance_mm == expected_mm[channel]);
+      CHECK((reading.quality == RangeQuality::kFar) == (channel == 2));
+    }
+  }
+}
+
+TEST(a_bus_that_hangs_keeps_the_task_and_the_ranges_are_measured_all_the_same) {
+  Bench bench({kImu, range_entry(Place::kFront, 21, 34)});
+  bench.board.sensors.chips.imu.bus_hung = true;
+  bench.run(2000);
+  CHECK(bench.ranges[1].size() >= 28);
+  for (const RangeReading& reading : bench.ranges[1]) CHECK(reading.distance_mm == 1000);
+}
+
+/// Its wires lead to where the other board has a motor.
+TEST(a_range_sensor_on_the_pins_of_another_board_is_absent) {
+  Bench bench({range_entry(Place::kFront, 21, 34)});
+  bench.board.wire(kBoardDrv8833);  // Its standby is at GPIO 21.
+  bench.run(300);
+  CHECK(!bench.ranges[0].empty());
+  for (const RangeReading& reading : bench.ranges[0]) CHECK(reading.state == SensorState::kAbsent);
+}
+
+TEST(a_start_of_the_firmware_begins_anew) {
+  Bench bench({range_entry(Place::kFront, 21, 34)});
+  bench.run(63);  // It listens now.
+  bench.board.reset();
+  bench.board.take_up(kBoardL298n);
+  bench.board.sensors.take_up(bench.list);
+  bench.run(500);
+  CHECK(bench.ranges[0].size() >= 7);
+  for (const RangeReading& reading : bench.ranges[0]) {
+    CHECK(reading.state == SensorState::kOk && reading.t_us <= bench.board.device_us());
+    CHECK(reading.distance_mm == 1000);
+  }
+}
+
+TEST(an_analogue_input_reads_its_own_voltage_behind_its_divider) {
+  Bench bench({analog_entry(3, 35, 4000), analog_entry(1, 36, 1000)});
+  bench.board.sensors.analog_v = {2.0, 9.0, 6.0, 9.0};
+  bench.run(1000);
+  CHECK(bench.analogs[0].size() == 10 && bench.analogs[1].size() == 10);
+  CHECK(bench.analogs[0].back().pin_mv == 1500 && bench.analogs[1].back().pin_mv == 2000);
+  bench.board.sensors.analog_v = {24.0, 0.0, 60.0, 0.0};
+  bench.run(200);
+  CHECK(bench.analogs[0].back().pin_mv == 3100 && bench.analogs[1].back().pin_mv == 3100);
+}
