@@ -7,9 +7,11 @@
 #include "board_keeper.hpp"
 #include "core_hash.hpp"
 #include "device.hpp"
+#include "host_sensors.hpp"
 #include "ports.hpp"
 #include "power_stage.hpp"
 #include "recorder_keeper.hpp"
+#include "sensor_server.hpp"
 
 using namespace wheelwire::capi;
 
@@ -42,6 +44,12 @@ struct CoreRecorder {
 };
 
 }  // namespace
+
+struct wheelwire_sensors {
+  explicit wheelwire_sensors(const wheelwire::PeripheralList& list) : port(list) {}
+
+  HostSensors port;
+};
 
 struct wheelwire_core {
   wheelwire_core(const wheelwire_identity& given, const Store& saved) : identity{}, store(saved) {
@@ -77,6 +85,14 @@ struct wheelwire_core {
     encoders.right_illegal = inputs.right_illegal;
     contact.open = inputs.contact_open != 0;
     battery.mv = inputs.battery_mv;
+    if (sensors != nullptr) sensors->port.begin_step(inputs.now_us, inputs.levels);
+  }
+
+  void start_sensors() {
+    peripherals.emplace(read_only_store, &sensors->port.list());
+    peripherals->start(&*description);
+    sensor_server.emplace(*peripherals, &sensors->port, nullptr);
+    device->sense(*sensor_server);
   }
 
   void write(wheelwire_outputs& outputs) const {
@@ -104,6 +120,11 @@ struct wheelwire_core {
   Contact contact;
   Battery battery;
   wheelwire::BoardFacts board;
+  std::optional<wheelwire::BoardDescription> description;  // Once a board was given.
+  wheelwire_sensors* sensors = nullptr;
+  ReadOnlyStore read_only_store;
+  std::optional<wheelwire::PeripheralKeeper> peripherals;
+  std::optional<wheelwire::SensorServer> sensor_server;
   CoreRecorder* recorder = nullptr;
   bool failed = false;
   std::optional<wheelwire::Device> device;  // From wheelwire_core_start() on.
@@ -137,7 +158,31 @@ uint8_t wheelwire_core_board(wheelwire_core* core, const uint8_t* board, size_t 
   core->board = {.fingerprint = wheelwire::fingerprint(description),
                  .max_pwm_hz = stage.max_frequency_hz,
                  .is_confirmed = true};
+  core->description = description;
   return 0;
+}
+
+size_t wheelwire_sensors_size(void) { return sizeof(wheelwire_sensors); }
+
+wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* packed, size_t size) {
+  wheelwire::PeripheralList list;
+  const wheelwire::PeripheralFault fault = wheelwire::read_list(packed, size, list);
+  return fault == wheelwire::PeripheralFault::kNone ? new (memory) wheelwire_sensors(list)
+                                                    : nullptr;
+}
+
+uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus, uint64_t now_us,
+                                wheelwire_transfer transfer, void* context) {
+  return sensors->port.poll(bus, now_us, transfer, context);
+}
+
+uint8_t wheelwire_core_sense(wheelwire_core* core, wheelwire_sensors* sensors) {
+  const wheelwire::PeripheralList& list = sensors->port.list();
+  wheelwire::PeripheralFault fault = wheelwire::PeripheralFault::kOtherBoard;
+  if (core->description && list.board == core->board.fingerprint)
+    fault = wheelwire::first_issue(list, *core->description).fault;
+  if (fault == wheelwire::PeripheralFault::kNone) core->sensors = sensors;
+  return static_cast<uint8_t>(fault);
 }
 
 uint8_t wheelwire_core_preset(wheelwire_core* core, uint8_t parameter, float value) {
@@ -167,6 +212,7 @@ void wheelwire_core_start(wheelwire_core* core, const wheelwire_inputs* inputs,
   core->encoders.right.start(inputs->right_ticks);
   core->read(*inputs);
   core->device.emplace(core->hal(), core->identity, core->specs, core->board);
+  if (core->sensors != nullptr) core->start_sensors();
   if (core->failed) core->device->report_driver_failure();
   core->device->start(inputs->now_us);
   if (core->recorder != nullptr) {

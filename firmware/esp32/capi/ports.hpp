@@ -177,6 +177,14 @@ class NoStore final : public ParameterStore {
   bool erase() override { return true; }
 };
 
+/// For what the caller gives at each start: a host cannot change it.
+class ReadOnlyStore final : public ParameterStore {
+ public:
+  size_t load(uint8_t*, size_t) override { return 0; }
+  bool save(const uint8_t*, size_t) override { return false; }
+  bool erase() override { return false; }
+};
+
 class Contact final : public EstopInput {
  public:
   bool open = false;

@@ -16,7 +16,7 @@ extern "C" {
 #define WHEELWIRE_EXPORT __attribute__((visibility("default")))
 
 /* Incremented with every change of the declarations here. */
-#define WHEELWIRE_ABI 10
+#define WHEELWIRE_ABI 11
 
 WHEELWIRE_EXPORT uint32_t wheelwire_abi(void);
 /* Of the message definitions, as in DeviceHello. */
@@ -45,6 +45,7 @@ typedef struct wheelwire_inputs {
   uint32_t left_illegal; /* Transitions that imply a lost edge, cumulative; 0 where not detected. */
   uint32_t right_illegal;
   uint8_t contact_open; /* The e-stop contact, normally closed. */
+  uint16_t levels;      /* Of the peripherals that are digital inputs: bit n is that of entry n. */
 } wheelwire_inputs;
 
 /* The inputs of one wheel's power stage: the duty of the PWM on each, 0 to 32767; 0 is low, 32767
@@ -104,6 +105,37 @@ typedef int (*wheelwire_write)(void* context, uint32_t offset, const uint8_t* da
  * when out of memory. */
 WHEELWIRE_EXPORT int wheelwire_core_recorder(wheelwire_core* core, const uint8_t* content,
                                              wheelwire_write write, void* context);
+
+/* The peripherals of a robot on a computer's own pins. Those on an I2C bus are read by a process of
+ * their own, or a thread, which a bus that hangs holds up alone. */
+typedef struct wheelwire_sensors wheelwire_sensors;
+
+enum wheelwire_transfer_result {
+  WHEELWIRE_TRANSFER_HUNG = 0, /* It did not end in time, or a line was held low. */
+  WHEELWIRE_TRANSFER_DONE = 1,
+  WHEELWIRE_TRANSFER_NO_ANSWER = 2
+};
+
+/* Writes `out` to the chip at an address, then, unless `in_size` is 0, reads from it after a
+ * repeated start. Sets `now_us` to when it ended. Returns a wheelwire_transfer_result. */
+typedef int (*wheelwire_transfer)(void* context, uint8_t address, const uint8_t* out,
+                                  size_t out_size, uint8_t* in, size_t in_size, uint64_t* now_us);
+
+/* Of the memory that they need, in bytes. */
+WHEELWIRE_EXPORT size_t wheelwire_sensors_size(void);
+/* Makes those in a packed list in this memory, which begins as a page does and holds all of them.
+ * If it is shared, a process that was forked later may poll them. NULL if the list cannot be read;
+ * its rules are checked by wheelwire_core_sense. */
+WHEELWIRE_EXPORT wheelwire_sensors* wheelwire_sensors_create(void* memory, const uint8_t* list,
+                                                             size_t size);
+/* Does what is due on the bus of this number. Returns when there will be something to do. Each bus
+ * has one caller, while others step the core. */
+WHEELWIRE_EXPORT uint64_t wheelwire_sensors_poll(wheelwire_sensors* sensors, int bus,
+                                                 uint64_t now_us, wheelwire_transfer transfer,
+                                                 void* context);
+/* The core's robot has these, on the board that it was given; before the start. They must outlive
+ * the core. Returns a PeripheralFault, the first one of the list. */
+WHEELWIRE_EXPORT uint8_t wheelwire_core_sense(wheelwire_core* core, wheelwire_sensors* sensors);
 
 /* Call once, when the pins are ready; then a step each period. Before the start the functions below
  * do nothing. */

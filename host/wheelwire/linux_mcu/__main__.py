@@ -13,14 +13,18 @@ import socket
 import sys
 import time
 import traceback
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import ConfigurationError, LinkLost, WheelwireError
 from . import guard
 from .guard import Heartbeat, Phase
 from .settings import McuSettings
+
+if TYPE_CHECKING:
+    from wheelwire_protocol.native import Sensors
 
 GUARD_START_S = 10.0
 _PARENT_ENDED = "wheelwire: the application ended before its pins were opened"
@@ -68,6 +72,29 @@ def _run_guard(settings: McuSettings, heartbeat: Heartbeat, core_pid: int) -> in
 
 
 def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | None]) -> int:
+    """Run the core, and beside it what reads its buses."""
+    from wheelwire_protocol.native import NativeMissingError, Sensors
+
+    from .bus_reader import BusReaders
+
+    start_ns = time.monotonic_ns()
+    # Before there are pins: a reader that does not end must not hold any.
+    try:
+        sensors = Sensors(settings.packed_peripherals())
+        readers = BusReaders(sensors, settings.buses, start_ns)
+    except (WheelwireError, NativeMissingError, OSError) as error:
+        return _fail(settings, error)
+    with closing(readers):
+        return _run_on_pins(settings, heartbeat, endings, sensors, start_ns)
+
+
+def _run_on_pins(
+    settings: McuSettings,
+    heartbeat: Heartbeat,
+    endings: list[int | None],
+    sensors: Sensors,
+    start_ns: int,
+) -> int:
     """Run the core. However it ends, the wheels coast and the pins are released."""
     from wheelwire_protocol.native import NativeMissingError
 
@@ -87,7 +114,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
         return _fail(settings, error)
     started = False
     try:
-        core = make_core(settings, heartbeat)
+        core = make_core(settings, heartbeat, sensors)
         keep_recorder(core, settings, heartbeat)
         limits = (*gpio.limits, *([limit] if limit else []))
         # Before anybody hears that the robot is ready: nothing may drive unguarded.
@@ -104,7 +131,7 @@ def _run_core(settings: McuSettings, heartbeat: Heartbeat, endings: list[int | N
         # Only now: opening the pins may take longer than a running core may be silent.
         heartbeat.phase = Phase.RUNNING
         ends = [end_signal, *(fd for fd in endings if fd is not None)]
-        McuLoop(core, gpio, line, heartbeat, ends).run()
+        McuLoop(core, gpio, line, heartbeat, ends, start_ns).run()
     except LinkLost as error:
         return _print_error(error)
     except (WheelwireError, OSError) as error:

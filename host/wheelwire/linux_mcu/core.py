@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from wheelwire_protocol.codes import Board, ResetReason, SupervisorState
-from wheelwire_protocol.native import Core, Identity, Outputs
+from wheelwire_protocol.native import Core, Identity, Outputs, Sensors
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 
 from ..errors import ConfigurationError
@@ -29,8 +29,15 @@ STOPPED_STEPS = 4
 MACHINE_ID = Path("/etc/machine-id")
 
 
-def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core:
+def make_core(
+    settings: McuSettings, heartbeat: Heartbeat | None = None, sensors: Sensors | None = None
+) -> Core:
     """Create the core with its saved parameters, not started; `heartbeat` beats while it saves.
+
+    Args:
+        settings: Of the robot.
+        heartbeat: See above.
+        sensors: Its board's peripherals; None: it does without.
 
     Raises:
         ConfigurationError: A parameter is refused, or the store cannot be read.
@@ -50,6 +57,8 @@ def make_core(settings: McuSettings, heartbeat: Heartbeat | None = None) -> Core
         raise ConfigurationError("; ".join(problems))
     # Before the presets, which override the defaults that a board gives.
     core.take_board(settings.board.packed())
+    if sensors is not None:
+        core.sense(sensors)  # their rules were checked with the board's
     # A contact that the board names is fitted; the robot's own parameters may still disable it.
     presets = {"estop_input_enabled": float(settings.board.estop is not None)}
     for name, value in {**presets, **settings.parameters}.items():
@@ -76,10 +85,17 @@ class McuLoop:
         line: The line to the application.
         heartbeat: Gets a beat in each pass of the loop.
         endings: File descriptors that become readable when this process is to end.
+        start_ns: When the device's clock began, by `time.monotonic_ns`; None: it does now.
     """
 
     def __init__(
-        self, core: Core, gpio: Gpio, line: Line, heartbeat: Heartbeat, endings: list[int]
+        self,
+        core: Core,
+        gpio: Gpio,
+        line: Line,
+        heartbeat: Heartbeat,
+        endings: list[int],
+        start_ns: int | None = None,
     ) -> None:
         self._core = core
         self._gpio = gpio
@@ -87,7 +103,7 @@ class McuLoop:
         self._heartbeat = heartbeat
         self._endings = endings
         # The device's clock begins at its start, as a chip's does.
-        self._start_ns = time.monotonic_ns()
+        self._start_ns = time.monotonic_ns() if start_ns is None else start_ns
         self._ending = False
         self._low_steps = 0
         self._outputs = core.start(self._now_us(), *gpio.ticks())
@@ -159,6 +175,7 @@ class McuLoop:
             contact_open=gpio.contact_is_open(),
             left_illegal=illegal.left,
             right_illegal=illegal.right,
+            levels=gpio.input_levels(),
         )
         self._apply(outputs)
         # Read from the outputs: how long the core brakes is for its parameters to say.

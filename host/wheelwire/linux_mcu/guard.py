@@ -21,6 +21,8 @@ from ..errors import WheelwireError
 
 CHECK_S = 0.01
 CORE_PRIORITY = 40
+READER_PRIORITY = 39
+"""Of those that read I2C buses: below the core's."""
 GUARD_PRIORITY = 41
 """Above the core's: the guard must run even if the core hogs the processor."""
 _MCL_CURRENT, _MCL_FUTURE = 1, 2

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from ..board import BoardDescription, unpacked
+from ..peripherals import ImuSensor, PowerSensor, packed_list, unpacked_list
 
 CORE_TIMEOUT_MS = 100
 """A core that is silent for this long while it drives is considered hung."""
@@ -20,7 +21,7 @@ class McuSettings:
 
     Attributes:
         backend: What moves the pins.
-        board: The wiring of this computer's pins.
+        board: The wiring of this computer's pins, and its peripherals.
         parameters: Values that differ from the defaults, by name.
         store: File for saved parameters; without one nothing can be saved.
         pwm_directory: `l298n`: directory of the kernel's PWM chips.
@@ -52,13 +53,26 @@ class McuSettings:
         place = f"-{self.host}-{self.port}" if self.backend == "pigpio" else ""
         return f"{self.backend}-{self.board.fingerprint():08x}{place}"
 
+    @property
+    def buses(self) -> list[int]:
+        """The numbers of this computer's I2C buses on which there are sensors."""
+        chips = [one for one in self.board.peripherals if isinstance(one, (ImuSensor, PowerSensor))]
+        return sorted({chip.bus for chip in chips if chip.bus is not None})
+
     def to_json(self) -> str:
         """The settings as one line of JSON, with the board in its packed form."""
         # JSON knows neither the board's enumerations nor its set of pins.
-        return json.dumps({**vars(self), "board": self.board.packed().hex()})
+        board = {"board": self.board.packed().hex(), "peripherals": self.packed_peripherals().hex()}
+        return json.dumps({**vars(self), **board})
+
+    def packed_peripherals(self) -> bytes:
+        """The list of the board's peripherals, which its own packed form does not have."""
+        return packed_list(self.board.peripherals, self.board.fingerprint())
 
     @classmethod
     def from_json(cls, text: str) -> McuSettings:
         """The settings from the output of `to_json`."""
         content = json.loads(text)
-        return cls(**{**content, "board": unpacked(bytes.fromhex(content["board"]))})
+        board = unpacked(bytes.fromhex(content["board"]))
+        peripherals, _ = unpacked_list(bytes.fromhex(content.pop("peripherals")))
+        return cls(**{**content, "board": replace(board, peripherals=peripherals)})

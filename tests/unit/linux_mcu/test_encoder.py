@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterable
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,18 +33,14 @@ def fed(edges: list[Edge]) -> QuadratureDecoder:
     return decoder
 
 
-def test_when_a_leads_b_the_wheel_goes_forward() -> None:
-    decoder = QuadratureDecoder(0, 0)
-    for stamp, (channel, level) in enumerate([(A, 1), (B, 1), (A, 0), (B, 0)] * 10):
-        decoder.change(channel, level, stamp)
-    assert (decoder.ticks, decoder.illegal) == (40, 0)
-
-
-def test_when_b_leads_a_it_goes_backward() -> None:
-    decoder = QuadratureDecoder(0, 0)
-    for stamp, (channel, level) in enumerate([(B, 1), (A, 1), (B, 0), (A, 0)] * 10):
-        decoder.change(channel, level, stamp)
-    assert (decoder.ticks, decoder.illegal) == (-40, 0)
+@pytest.mark.parametrize(
+    ("cycle", "ticks"),
+    [([(A, 1), (B, 1), (A, 0), (B, 0)], 40), ([(B, 1), (A, 1), (B, 0), (A, 0)], -40)],
+    ids=["a leads", "b leads"],
+)
+def test_when_a_leads_b_the_wheel_goes_forward(cycle: list[Edge], ticks: int) -> None:
+    decoder = fed(cycle * 10)
+    assert (decoder.ticks, decoder.illegal) == (ticks, 0)
 
 
 def test_the_table_is_antisymmetric_and_complete() -> None:

@@ -11,6 +11,7 @@ from wheelwire_protocol.native import Outputs, StageInputs
 
 from ...board import BoardDescription, WheelPins
 from ...errors import ConfigurationError, DriverUnavailable
+from ...peripherals import DigitalInput
 from ..encoder import QuadratureDecoder
 
 PWM_CHANNEL = {12: 0, 18: 0, 13: 1, 19: 1}
@@ -97,6 +98,12 @@ def release_pins(board: BoardDescription) -> tuple[int, ...]:
     return tuple(pins if board.standby is None else [*pins, board.standby])
 
 
+def digital_inputs(board: BoardDescription) -> dict[int, DigitalInput]:
+    """The board's bumpers, cliff sensors and the like, by channel; each has a pin."""
+    entries = enumerate(board.peripherals)
+    return {channel: one for channel, one in entries if isinstance(one, DigitalInput)}
+
+
 class Gpio(ABC):
     """The opened pins of one robot. Methods raise `LinkLost` if they can no longer be reached.
 
@@ -134,6 +141,10 @@ class Gpio(ABC):
     @abstractmethod
     def contact_level(self) -> bool:
         """The level of the e-stop contact's pin, which is fitted."""
+
+    def input_levels(self) -> int:
+        """The levels of `digital_inputs`: bit n is that of channel n."""
+        return 0
 
     def is_released(self, outputs: Outputs) -> bool:
         """Whether neither motor is driven or braked by an input that is high."""

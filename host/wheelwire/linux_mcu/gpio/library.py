@@ -13,12 +13,14 @@ from wheelwire_protocol.board import EncoderPulls
 
 from ...board import WheelPins
 from ...errors import DriverUnavailable, LinkLost, WheelwireError
+from ...peripherals import Pull
 from ..encoder import A, B, QuadratureDecoder
 from ..settings import McuSettings
 from .base import (
     Gpio,
     PinsBusy,
     StagePins,
+    digital_inputs,
     encoder_pins,
     inputs_of,
     pwm_inputs,
@@ -28,6 +30,8 @@ from .base import (
 from .enable_pwm import EnablePwm, KernelPwm, LibraryPwm, find_channels
 
 LIMITS = ("glitch_filter_ns is not applied: filter the encoder lines in hardware",)
+PULLS = {Pull.INTERNAL: "up", Pull.DOWN: "down", Pull.EXTERNAL: "floating"}
+"""What a factory calls them."""
 CLAIM_TIMEOUT_S = 0.1
 """The kernel releases the lines of a killed process shortly after the process has ended."""
 
@@ -91,6 +95,7 @@ class LibraryGpio(Gpio):
         self._callbacks: list[Callable[[float, int], None]] = []  # pins keep only weak references
         self._open_pins: list[Any] = []
         self._stages: list[LibraryStagePins] = []
+        self._inputs: dict[int, Any] = {}
         self.board = settings.board
         try:
             with _driver_unavailable_errors():
@@ -104,6 +109,11 @@ class LibraryGpio(Gpio):
         """As the factory reads it."""
         with _link_lost_errors():
             return bool(self._estop.state)
+
+    def input_levels(self) -> int:
+        """As the factory reads them."""
+        with _link_lost_errors():
+            return sum(bool(pin.state) << channel for channel, pin in self._inputs.items())
 
     def close(self) -> None:
         """Let both wheels coast and make all pins inputs."""
@@ -135,6 +145,8 @@ class LibraryGpio(Gpio):
         ]
         if board.estop is not None:
             self._estop = self._input(board.estop, "up")
+        for channel, entry in digital_inputs(board).items():
+            self._inputs[channel] = self._input(entry.pin or 0, PULLS[entry.pull])
 
     def _open_pwm(self, settings: McuSettings, frequency_hz: float) -> list[EnablePwm]:
         channels = kernel_channels(settings)

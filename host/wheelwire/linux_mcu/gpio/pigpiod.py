@@ -8,6 +8,7 @@ from contextlib import suppress
 from wheelwire_protocol.board import EncoderPulls
 
 from ...errors import DriverUnavailable, WheelwireError
+from ...peripherals import Pull
 from ..encoder import A, B, QuadratureDecoder
 from ..settings import McuSettings
 from .base import (
@@ -15,6 +16,7 @@ from .base import (
     Gpio,
     StagePins,
     WheelPair,
+    digital_inputs,
     encoder_pins,
     inputs_of,
     pwm_inputs,
@@ -111,6 +113,7 @@ class PigpiodGpio(Gpio):
 
     def __init__(self, settings: McuSettings, parameters: Mapping[str, float]) -> None:
         self.board = settings.board
+        self._inputs: dict[int, int] = {}
         self._client = PigpioClient(settings.host, settings.port)
         try:
             self._start(parameters)
@@ -130,6 +133,13 @@ class PigpiodGpio(Gpio):
     def contact_level(self) -> bool:
         """As the daemon reads it."""
         return bool(self._client.call("read", self.board.estop))
+
+    def input_levels(self) -> int:
+        """As the daemon reads them, all at once."""
+        if not self._inputs:
+            return 0  # each call is a round trip
+        bank = self._client.call("read_bank_1")
+        return sum((bank >> gpio & 1) << channel for channel, gpio in self._inputs.items())
 
     def keep_alive(self, now_us: int) -> None:
         """Refresh the watchdog script in the daemon."""
@@ -178,6 +188,11 @@ class PigpiodGpio(Gpio):
         ]
         if board.estop is not None:
             self._input(board.estop, client.library.PUD_UP)
+        library = client.library
+        pulls = {Pull.INTERNAL: library.PUD_UP, Pull.DOWN: library.PUD_DOWN}
+        for channel, entry in digital_inputs(board).items():
+            self._inputs[channel] = entry.pin or 0
+            self._input(entry.pin or 0, pulls.get(entry.pull, library.PUD_OFF))
 
     def _end_standby(self) -> None:
         """Let the stages follow their inputs; the watchdog script pulls standby low, too."""

@@ -1,0 +1,140 @@
+"""The processes that read this computer's I2C buses, one for each, with the firmware's drivers.
+
+A transfer on a bus that hangs waits in the kernel, where nothing can end it: neither the core nor
+the guard may wait for a process that is in one. So the reader is a child of the core's process,
+made before that has any pins, and shares nothing with it but the memory of `Sensors`.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+
+from wheelwire_protocol.native import Sensors, TransferResult
+
+from . import guard
+from .i2c_bus import I2cBus
+
+LONGEST_PAUSE_US = 100_000
+"""Between two looks at the bus."""
+END_S = 0.1
+"""A reader that is killed is waited for: but not for long, for it may be in a transfer."""
+
+Transfer = Callable[[int, bytes, int], tuple[TransferResult, bytes]]
+
+
+class BusReaders:
+    """Runs until it is closed, or this process ends.
+
+    Args:
+        sensors: What is read.
+        numbers: Of the buses.
+        start_ns: Of the device's clock, by `time.monotonic_ns`.
+
+    Raises:
+        DriverUnavailable: A bus cannot be had.
+    """
+
+    def __init__(self, sensors: Sensors, numbers: Iterable[int], start_ns: int) -> None:
+        def now_us() -> int:
+            return (time.monotonic_ns() - start_ns) // 1000
+
+        self._pids: list[int] = []
+        buses: dict[int, I2cBus] = {}
+        try:
+            # All of them first: what is wrong with one is this process's to report.
+            for number in numbers:
+                buses[number] = I2cBus(number)
+            for number, bus in buses.items():
+                self._pids.append(_fork(BusReader(sensors, number, bus.transfer, now_us), bus))
+        except BaseException:
+            self.close()
+            raise
+        finally:
+            for bus in buses.values():
+                bus.close()
+
+    def close(self) -> None:
+        """End them. One that is in a transfer ends when the kernel lets it."""
+        for pid in self._pids:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        until = time.monotonic() + END_S
+        while self._pids and time.monotonic() < until:
+            self._pids = [pid for pid in self._pids if not _reaped(pid)]
+            time.sleep(0.001)
+        self._pids = []
+
+
+class BusReader:
+    """Reads one bus: what is due, when it is due.
+
+    Args:
+        sensors: What is read.
+        number: Of the bus.
+        transfer: Of the bus.
+        now_us: The device's clock.
+    """
+
+    def __init__(
+        self, sensors: Sensors, number: int, transfer: Transfer, now_us: Callable[[], int]
+    ) -> None:
+        self._sensors = sensors
+        self._number = number
+        self._transfer = transfer
+        self._now_us = now_us
+
+    def poll(self) -> float:
+        """Do what is due; returns for how many seconds there is nothing to do."""
+        due_us = self._sensors.poll(self._number, self._now_us(), self._carry)
+        return min(max(0, due_us - self._now_us()), LONGEST_PAUSE_US) / 1e6
+
+    def _carry(self, address: int, out: bytes, size: int) -> tuple[TransferResult, bytes, int]:
+        try:
+            result, data = self._transfer(address, out, size)
+        except Exception:  # one that nobody thought of must not pass for an answer
+            traceback.print_exc()
+            result, data = TransferResult.HUNG, b""
+        return result, data, self._now_us()
+
+
+def _fork(reader: BusReader, bus: I2cBus) -> int:
+    core = os.getpid()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            _run(reader, bus, core)
+        except BaseException:
+            traceback.print_exc()
+        os._exit(0)  # not sys.exit: the exit handlers belong to the core's process
+    return pid
+
+
+def _run(reader: BusReader, bus: I2cBus, core: int) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # The application has to see its socket close when the core ends, and so has the guard.
+    _close_all_but(bus.fd)
+    ending = os.pidfd_open(core)
+    if os.getppid() != core:
+        return
+    guard.request_realtime(guard.READER_PRIORITY)
+    wait_s = 0.0
+    while not select.select([ending], [], [], wait_s)[0]:
+        wait_s = reader.poll()
+
+
+def _close_all_but(fd: int) -> None:
+    os.closerange(3, fd)
+    os.closerange(fd + 1, os.sysconf("SC_OPEN_MAX"))
+
+
+def _reaped(pid: int) -> bool:
+    try:
+        return os.waitpid(pid, os.WNOHANG)[0] == pid
+    except ChildProcessError:
+        return True

@@ -1,0 +1,376 @@
+"""Sensors on a computer's I2C bus: the firmware's drivers beside the core as a library."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from support.i2c_chips import INA219, MPU6050
+from support.pi_robot import IMU, LEVELS, POWER, PiRobot, board_with
+from wheelwire.errors import DeviceRefused
+from wheelwire.linux_mcu.bus_reader import BusReader
+from wheelwire.peripherals import (
+    DigitalInput,
+    ImuSensor,
+    Peripheral,
+    PowerSensor,
+    fingerprint,
+    packed_list,
+)
+from wheelwire_protocol.codes import Board, Fault, RefusalCode, SupervisorState
+from wheelwire_protocol.native import Core, Identity, Sensors, TransferResult
+from wheelwire_protocol.sensors import (
+    PeripheralFault,
+    PeripheralKind,
+    Place,
+    Reflex,
+    SensorChip,
+    SensorState,
+)
+from wheelwire_protocol.types import (
+    Imu,
+    Inputs,
+    PeripheralsWrite,
+    Power,
+    SensorInfo,
+    SensorStream,
+)
+
+IMU_CHANNEL, POWER_CHANNEL = 0, 1
+ADDRESSES = {IMU_CHANNEL: MPU6050, POWER_CHANNEL: INA219}
+BUMPER = DigitalInput(PeripheralKind.BUMPER, Place.FRONT, 8)
+HANGS_MS = 500
+REPORTED_MS = 100
+"""After this a transfer that has not ended is reported."""
+
+
+def started(*peripherals: Peripheral) -> PiRobot:
+    """A robot whose sensors have been read for a while."""
+    robot = PiRobot(*peripherals).open()
+    robot.request(SensorStream(0, 0, 200))
+    robot.run_ms(300)
+    robot.messages.clear()
+    return robot
+
+
+@pytest.fixture
+def robot() -> Iterator[PiRobot]:
+    return started()  # type: ignore[return-value]
+
+
+def drives(robot: PiRobot, milliseconds: int) -> None:
+    """Drive for so long, with wheels that turn."""
+    for _ in range(milliseconds // 10):
+        robot.set_duty(0.3, 0.3)
+        robot.left_ticks += 5
+        robot.right_ticks += 5
+        robot.step()
+        assert robot.outputs.state is SupervisorState.DRIVING, robot.outputs.faults
+
+
+def test_all_samples_arrive_though_the_steps_are_half_as_many(robot: PiRobot) -> None:
+    robot.steps = 0
+    robot.run_ms(1000)
+    assert robot.steps == 100
+    numbers = [one.sample for one in robot.of(Imu)]
+    assert numbers == list(range(numbers[0], numbers[0] + 200))
+
+
+def test_a_sample_was_taken_within_the_bound_of_its_stamp(robot: PiRobot) -> None:
+    taken_us = []
+    robot.in_transfer = lambda: taken_us.append(robot.chips.imu.taken_us)
+    robot.run_ms(200)
+    found = robot.of(Imu)
+    assert len(found) == 40
+    for one in found:
+        assert any(abs(one.t_us - t_us) <= one.bound_us for t_us in taken_us)
+        assert one.bound_us <= 1500
+
+
+def test_the_power_sensor_measures(robot: PiRobot) -> None:
+    robot.chips.power.millivolts, robot.chips.power.milliamperes = 9_800, -1_250
+    robot.run_ms(1000)
+    power = robot.of(Power)[-1]
+    assert (power.voltage_mv, power.current_ma) == (9_800, -1_250)
+
+
+def test_what_the_channels_are() -> None:
+    robot = PiRobot(IMU, POWER, BUMPER).open()
+    robot.request(SensorStream(0, 0, 200))
+    robot.run_ms(100)
+    infos = {one.channel: (one.kind, one.chip, one.place) for one in robot.of(SensorInfo)}
+    assert infos == {
+        0: (PeripheralKind.IMU, SensorChip.MPU6050, Place.NONE),
+        1: (PeripheralKind.POWER, SensorChip.INA219, Place.NONE),
+        2: (PeripheralKind.BUMPER, SensorChip.NONE, Place.FRONT),
+    }
+
+
+def test_nothing_is_read_before_the_core_has_started() -> None:
+    robot = PiRobot()
+    for _ in range(10):
+        robot.poll()
+    assert robot.chips.transfers == 0
+    robot.open().run_ms(200)
+    assert robot.chips.transfers > 0
+
+
+@pytest.mark.parametrize("channel", [IMU_CHANNEL, POWER_CHANNEL])
+def test_a_chip_is_unplugged_and_plugged(robot: PiRobot, channel: int) -> None:
+    chip = robot.chips.by_address.pop(ADDRESSES[channel])
+    robot.run_ms(500)
+    assert robot.states(channel) == [SensorState.ABSENT]
+    assert not robot.states(1 - channel)  # the other one goes on
+    chip.power_on()  # its supply was off, too
+    robot.chips.by_address[ADDRESSES[channel]] = chip
+    robot.run_ms(500)
+    assert robot.states(channel)[-1] is SensorState.OK
+
+
+def test_another_chip_is_none(robot: PiRobot) -> None:
+    robot.chips.imu.identity = 0x69
+    robot.chips.imu.power_on()
+    robot.run_ms(1000)
+    assert robot.states(IMU_CHANNEL) == [SensorState.RESET, SensorState.ABSENT]
+
+
+@pytest.mark.parametrize("channel", [IMU_CHANNEL, POWER_CHANNEL])
+def test_a_chip_that_lost_its_settings_is_set_up_again(robot: PiRobot, channel: int) -> None:
+    robot.chips.by_address[ADDRESSES[channel]].power_on()
+    robot.run_ms(500)
+    assert robot.states(channel) == [SensorState.RESET, SensorState.OK]
+
+
+def test_an_imu_that_repeats_itself_is_frozen(robot: PiRobot) -> None:
+    robot.chips.imu.frozen = True
+    robot.run_ms(200)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.FROZEN
+    robot.chips.imu.frozen = False
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.OK
+
+
+@pytest.mark.parametrize(
+    ("failure", "state"),
+    [
+        (TransferResult.HUNG, SensorState.HUNG),
+        (TransferResult.NO_ANSWER, SensorState.ABSENT),
+    ],
+)
+def test_transfers_that_fail(robot: PiRobot, failure: TransferResult, state: SensorState) -> None:
+    robot.failure = failure
+    robot.run_ms(300)
+    for channel in ADDRESSES:
+        assert robot.states(channel)[-1] is state
+    robot.failure = None
+    robot.run_ms(500)
+    for channel in ADDRESSES:
+        assert robot.states(channel)[-1] is SensorState.OK
+
+
+def test_a_transfer_that_does_not_end_delays_no_step(robot: PiRobot) -> None:
+    found: list[SensorState] = []
+
+    def hang() -> None:
+        robot.in_transfer, robot.reads = lambda: None, False
+        began_us, robot.steps = robot.now_us, 0
+        drives(robot, HANGS_MS)
+        assert robot.steps == HANGS_MS // 10
+        assert robot.now_us - began_us == HANGS_MS * 1000
+        found.extend(robot.states(IMU_CHANNEL))
+        robot.bus_us, robot.reads = robot.now_us, True
+
+    robot.in_transfer = hang
+    drives(robot, 300)
+    # First nothing came; then it was known why.
+    assert found == [SensorState.MISSED, SensorState.HUNG]
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.OK
+    assert robot.states(POWER_CHANNEL)[-1] is SensorState.OK
+
+
+def test_a_transfer_that_takes_its_time_is_not_yet_one_that_hangs(robot: PiRobot) -> None:
+    def take_time() -> None:
+        robot.in_transfer, robot.reads = lambda: None, False
+        robot.run_ms(REPORTED_MS - 20)
+        robot.bus_us, robot.reads = robot.now_us, True
+
+    robot.in_transfer = take_time
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL) == [SensorState.MISSED, SensorState.OK]
+
+
+def test_a_transfer_that_began_after_the_step_did_is_none_that_hangs(robot: PiRobot) -> None:
+    def step_late() -> None:
+        robot.in_transfer, robot.reads = lambda: None, False
+        robot.bus_us += 50_000
+        robot.run_ms(30)
+        robot.reads = True
+
+    robot.chips.imu.frozen = False
+    robot.in_transfer = step_late
+    robot.bus_us += 50_000
+    robot.run_ms(500)
+    assert SensorState.HUNG not in robot.states(IMU_CHANNEL)
+
+
+def test_what_was_read_too_slowly_is_not_used(robot: PiRobot) -> None:
+    def take_time() -> None:
+        robot.bus_us += 25_000
+
+    robot.in_transfer = take_time
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.MISSED
+    robot.messages.clear()
+    robot.run_ms(500)
+    assert not robot.of(Imu)
+
+
+def test_a_reader_that_has_ended_is_missed(robot: PiRobot) -> None:
+    robot.reads = False
+    robot.run_ms(500)
+    for channel in ADDRESSES:
+        assert robot.states(channel) == [SensorState.MISSED]
+
+
+def test_one_step_without_a_sample_is_no_fault(robot: PiRobot) -> None:
+    for _ in range(20):
+        robot.reads = False
+        robot.step()
+        robot.reads = True
+        robot.run_ms(20)
+    assert not robot.states(IMU_CHANNEL)
+
+
+def test_a_transfer_that_raises_counts_as_hung(
+    robot: PiRobot, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail() -> None:
+        raise RuntimeError("nobody thought of this")
+
+    robot.in_transfer = fail
+    robot.run_ms(300)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.HUNG
+    assert "nobody thought of this" in capfd.readouterr().err
+
+
+def test_half_an_answer_is_none(robot: PiRobot) -> None:
+    robot.failure = TransferResult.DONE  # with no bytes
+    robot.run_ms(300)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.HUNG
+
+
+def test_an_empty_battery_stops_the_robot() -> None:
+    robot = started(IMU, POWER, LEVELS)
+    robot.chips.power.millivolts = 9_500
+    drives(robot, 1900)  # a motor that starts may pull it down so far
+    with pytest.raises(AssertionError):
+        drives(robot, 300)
+    assert Fault.EXTERNAL in robot.outputs.faults
+
+
+def test_a_guarded_battery_that_nobody_measures_stops_the_robot() -> None:
+    robot = started(IMU, POWER, LEVELS)
+    drives(robot, 100)
+    robot.failure = TransferResult.HUNG
+    robot.run_ms(500)
+    assert Fault.EXTERNAL in robot.outputs.faults
+
+
+def test_a_robot_with_a_guarded_battery_waits_for_its_first_measurement() -> None:
+    robot = PiRobot(IMU, POWER, LEVELS)
+    robot.reads = False
+    robot.open()
+    robot.set_duty(0.3, 0.3)
+    robot.step()
+    with pytest.raises(DeviceRefused):  # of the first one
+        robot.set_duty(0.3, 0.3)
+    robot.reads = True
+    robot.run_ms(500)
+    drives(robot, 100)
+
+
+def test_a_bumper_acts_in_the_core() -> None:
+    robot = started(IMU, BUMPER)
+    drives(robot, 100)
+    robot.levels = 1 << 1
+    for _ in range(2):
+        robot.set_duty(0.3, 0.3)
+        robot.step()
+    assert robot.outputs.left.in1_q15 == robot.outputs.left.in2_q15
+    assert robot.of(Inputs)[-1].reflexes == Reflex.NO_FORWARD
+
+
+def test_a_host_cannot_write_the_list(robot: PiRobot) -> None:
+    board = board_with().fingerprint()
+    with pytest.raises(DeviceRefused) as refused:
+        robot.request(PeripheralsWrite(0, 0, 0, board, fingerprint((), board)))
+    assert refused.value.code == RefusalCode.STORE_FAILED
+
+
+def core_on(board_of: tuple[Peripheral, ...]) -> Core:
+    core = Core(Identity(1, Board.LINUX))
+    core.take_board(board_with(*board_of).packed())
+    return core
+
+
+def sensors_for(board: int, *peripherals: Peripheral) -> Sensors:
+    return Sensors(packed_list(peripherals, board))
+
+
+def test_a_list_for_another_board_is_refused() -> None:
+    board = board_with().fingerprint()
+    assert core_on(()).sense(sensors_for(board + 1, IMU)) is PeripheralFault.OTHER_BOARD
+    assert Core(Identity(1, Board.LINUX)).sense(sensors_for(board, IMU)) is (
+        PeripheralFault.OTHER_BOARD
+    )
+    assert core_on(()).sense(sensors_for(board, IMU)) is PeripheralFault.NONE
+
+
+def test_a_list_that_breaks_a_rule_is_refused() -> None:
+    board = board_with().fingerprint()
+    by_pins = ImuSensor(SensorChip.MPU6050, 2, 3)
+    assert core_on(()).sense(sensors_for(board, by_pins)) is PeripheralFault.BUS
+
+
+def test_a_list_that_cannot_be_read_is_refused() -> None:
+    with pytest.raises(ValueError, match="cannot be read"):
+        Sensors(packed_list((IMU,), 1)[:-1])
+
+
+def test_each_bus_has_a_reader_of_its_own() -> None:
+    other = PowerSensor(SensorChip.INA219, None, None, 100.0, bus=3)
+    robot = PiRobot(IMU, other).open()
+    robot.request(SensorStream(0, 0, 200))
+    robot.run_ms(300)
+    addresses: list[int] = []
+
+    def transfer(address: int, out: bytes, size: int) -> tuple[TransferResult, bytes]:
+        addresses.append(address)
+        return TransferResult.DONE, robot.chips.transfer(address, out, size) or b""
+
+    # The second bus was not read: of its chip nothing is known, and the first one's goes on.
+    assert not robot.of(Power)
+    assert len(robot.of(Imu)) > 10
+    second = BusReader(robot.sensors, 3, transfer, lambda: robot.now_us)
+    for _ in range(100):
+        second.poll()
+        robot.step()
+    assert set(addresses) == {INA219}
+    assert robot.of(Power)[-1].voltage_mv == 11_400
+
+
+def test_a_bus_without_chips_has_nothing_to_do(robot: PiRobot) -> None:
+    reader = BusReader(robot.sensors, 7, lambda *_: pytest.fail("no transfer"), lambda: 1000)
+    assert reader.poll() > 0
+
+
+def test_an_address_of_its_own() -> None:
+    robot = started(replace(IMU, address=0x69))
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL)[-1:] != [SensorState.OK]
+    robot.chips.by_address[0x69] = robot.chips.imu
+    robot.run_ms(500)
+    assert robot.states(IMU_CHANNEL)[-1] is SensorState.OK

@@ -1,0 +1,284 @@
+"""Sensors of a robot on a computer's own pins: its processes, and a bus with faults."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from support.command import output, run_json
+from support.gpio_chip_process import GpioChip
+from support.i2c_bus import I2cBuses
+from support.processes import children
+from support.waiting import wait_until
+from wheelwire import aio, connect, errors, open_driver
+from wheelwire.config import load_config
+from wheelwire.drivers.base import BaseDriver
+from wheelwire.files.pins import Pins
+from wheelwire_protocol.codes import SupervisorState
+from wheelwire_protocol.sensors import Reflex, SensorState
+
+FILE = """\
+driver: l298n
+parameters: {overrun_limit_us: 1000000, brake_time_s: 0.2, stall_time_s: 5, ttl_max_s: 5}
+imu: {chip: mpu6050, bus: 1, forward: y, up: z}
+power: {chip: ina219, bus: 1, shunt_mohm: 100}
+inputs: {bumper_front: {pin: 8}}
+"""
+BUMPER_GPIO = 8
+IMU, POWER = "absent-0x68", "absent-0x40"
+WAIT_S = 30.0
+"""On a busy test machine."""
+
+
+class Scene:
+    """A Pi: its GPIO chip, its I2C buses, and a robot's file."""
+
+    def __init__(self, directory: Path, patch: pytest.MonkeyPatch, chip: GpioChip) -> None:
+        self.chip = chip
+        self.buses = I2cBuses(directory / "i2c", 1)
+        self.file = directory / "robot.yaml"
+        self.file.write_text(FILE)
+        environment = chip.environment | self.buses.environment(chip.environment["PYTHONPATH"])
+        for name, value in environment.items():
+            patch.setenv(name, value)
+
+    def options(self, file: Path | None = None) -> dict[str, Any]:
+        """Of the robot in a file, on a busy test machine."""
+        return {**load_config(file or self.file).driver_options(), "core_timeout_ms": 5000}
+
+    def open(self, file: Path | None = None) -> BaseDriver:
+        robot: BaseDriver = open_driver("l298n", **self.options(file))
+        return robot
+
+    def reaches(self, robot: BaseDriver, state: SensorState) -> None:
+        wait_until(lambda: robot.imu.state is state, WAIT_S, what=f"imu {state.name}")
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        yield Scene(tmp_path, monkeypatch, chip)
+
+
+@pytest.fixture
+def robot(scene: Scene) -> Iterator[BaseDriver]:
+    with scene.open() as robot:
+        scene.chip.command("level 8 0")
+        robot.imu.read(WAIT_S)
+        yield robot
+
+
+def core_of_the_driver() -> int:
+    """The process that steps the core."""
+    (guard,) = [pid for pid in children(os.getpid()) if _runs(pid, "wheelwire.linux_mcu")]
+    wait_until(lambda: children(guard), WAIT_S, what="the core's process")
+    return children(guard)[0]
+
+
+def _runs(pid: int, module: str) -> bool:
+    return module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes()
+
+
+def steps_while_driving(robot: BaseDriver, count: int) -> int:
+    """Drive until so many states have come; how many of them drove."""
+    samples = robot.samples()
+    driving = 0
+    for _ in range(count):
+        robot.set_wheel_velocity(0.1, 0.1, ttl=5)
+        driving += next(samples).state is SupervisorState.DRIVING
+    return driving
+
+
+def test_samples_states_and_stamps(robot: BaseDriver) -> None:
+    imu = robot.imu.read()
+    # The chip's z points up, and its y forward.
+    assert imu.acceleration[2] == pytest.approx(9.81, abs=0.1)
+    assert robot.power.read(WAIT_S).voltage_v == pytest.approx(11.4)
+    assert robot.power.read().current_a == pytest.approx(0.5)
+    assert [one.info.name for one in robot.sensors.channels] == ["imu", "power", "bumper.front"]
+    assert 0 < imu.stamp_error_s < 1
+    samples = robot.imu.samples()
+    numbers = [next(samples).sample for _ in range(100)]
+    assert len(set(numbers)) == 100
+
+
+def test_the_command_shows_them(scene: Scene, robot: BaseDriver) -> None:
+    robot.power.read(WAIT_S)
+    found = {one["channel"]: one for one in run_json("sensors", str(scene.file))}
+    assert set(found) == {"imu", "power", "bumper.front"}
+    assert found["imu"]["rate_hz"] == 200
+    assert "imu" in output("sensors", str(scene.file))
+
+
+@pytest.mark.parametrize(
+    ("fault", "state"),
+    [
+        (IMU, SensorState.ABSENT),
+        ("hung", SensorState.HUNG),
+        ("stuck", SensorState.HUNG),
+        ("frozen", SensorState.FROZEN),
+    ],
+)
+def test_a_fault_is_told_and_ends(
+    scene: Scene, robot: BaseDriver, fault: str, state: SensorState
+) -> None:
+    with scene.buses.wrong(fault):
+        scene.reaches(robot, state)
+        assert robot.imu.latest is None
+        with pytest.raises(errors.SensorStale, match=state.name):
+            robot.imu.read()
+    scene.reaches(robot, SensorState.OK)
+    robot.imu.read(WAIT_S)
+
+
+def test_a_chip_that_lost_its_settings_is_told_of(scene: Scene, robot: BaseDriver) -> None:
+    events = robot.sensors.events()
+    scene.buses.set("reset-0x68")
+    for event in events:
+        if event.name == "imu" and event.value == SensorState.RESET:
+            break
+    scene.reaches(robot, SensorState.OK)
+
+
+def test_a_bus_that_is_stuck_delays_no_step(scene: Scene, robot: BaseDriver) -> None:
+    with scene.buses.wrong("stuck"):
+        scene.reaches(robot, SensorState.HUNG)
+        robot.set_wheel_velocity(0.1, 0.1, ttl=5)
+        wait_until(lambda: robot.read().state is SupervisorState.DRIVING, WAIT_S, what="it drives")
+        assert steps_while_driving(robot, 50) == 50
+        robot.stop()
+    scene.reaches(robot, SensorState.OK)
+
+
+def test_closing_while_a_read_does_not_end(scene: Scene) -> None:
+    with scene.open() as robot:
+        robot.imu.read(WAIT_S)
+        core = core_of_the_driver()
+        (reader,) = children(core)
+        scene.buses.set("stuck")
+        scene.reaches(robot, SensorState.HUNG)
+    assert not Path(f"/proc/{core}").exists()
+    wait_until(lambda: not Path(f"/proc/{reader}").exists(), WAIT_S, what="the reader's end")
+    # The next one opens, with the bus as it is.
+    with scene.open() as robot:
+        robot.sensors.start()
+        scene.reaches(robot, SensorState.HUNG)
+        scene.buses.clear("stuck")
+        scene.reaches(robot, SensorState.OK)
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_reader_that_dies_or_stops_takes_nothing_with_it(
+    robot: BaseDriver, end: signal.Signals
+) -> None:
+    (reader,) = children(core_of_the_driver())
+    os.kill(reader, end)
+    known = (SensorState.MISSED, SensorState.HUNG)  # in a transfer it counts as one that hangs
+    wait_until(lambda: robot.imu.state in known, WAIT_S, what="imu missed")
+    robot.set_wheel_velocity(0.1, 0.1, ttl=5)
+    wait_until(lambda: robot.read().state is SupervisorState.DRIVING, WAIT_S, what="it drives")
+    assert steps_while_driving(robot, 20) == 20
+
+
+def test_the_reader_ends_with_a_core_that_is_killed(robot: BaseDriver) -> None:
+    core = core_of_the_driver()
+    (reader,) = children(core)
+    os.kill(core, signal.SIGKILL)
+    wait_until(lambda: not _alive(reader), WAIT_S, what="the reader's end")
+    # The driver starts both again, and asks for samples again.
+    wait_until(lambda: robot.imu.state is SensorState.OK, WAIT_S, what="imu OK")
+    assert children(core_of_the_driver()) != [reader]
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def test_a_bumper_at_a_gpio(scene: Scene, robot: BaseDriver) -> None:
+    wait_until(lambda: not robot.inputs.read().triggered, WAIT_S, what="the bumper is free")
+    scene.chip.command(f"level {BUMPER_GPIO} 1")
+    wait_until(
+        lambda: robot.inputs.read().triggered == ("bumper.front",), WAIT_S, what="it is pressed"
+    )
+    assert robot.inputs.read().reflexes is Reflex.NO_FORWARD
+
+
+def test_two_robots_of_one_process_on_one_bus(scene: Scene, tmp_path: Path) -> None:
+    other = tmp_path / "other.yaml"
+    other.write_text(
+        "driver: l298n\n"
+        "pins: {left_enc_a: 25}\n"
+        "power: {chip: ina219, bus: 1, shunt_mohm: 100}\n"
+        "parameters: {overrun_limit_us: 1000000}\n"
+    )
+    with scene.open() as one:
+        one.imu.read(WAIT_S)
+        (tmp_path / "second").mkdir()
+        with GpioChip(tmp_path / "second", kernel_pwm=False, board=Pins(left_enc_a=25)) as chip:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setenv("WHEELWIRE_TEST_CHIP", chip.environment["WHEELWIRE_TEST_CHIP"])
+                two = scene.open(other)
+            with two:
+                assert two.power.read(WAIT_S).voltage_v == pytest.approx(11.4)
+                with scene.buses.wrong(IMU):
+                    scene.reaches(one, SensorState.ABSENT)
+                    assert two.power.read(WAIT_S).voltage_v == pytest.approx(11.4)
+                scene.reaches(one, SensorState.OK)
+        one.imu.read(WAIT_S)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda scene: scene.buses.clear("bus-1"), "/dev/i2c-1 does not exist"),
+        (
+            lambda scene: scene.file.write_text(FILE.replace("pin: 8", "pin: 2")),
+            "inputs.bumper_front: 2: GPIO 2 is in use already",
+        ),
+    ],
+)
+def test_what_keeps_a_robot_from_opening(
+    scene: Scene, spoil: Callable[[Scene], None], words: str
+) -> None:
+    spoil(scene)
+    with pytest.raises((errors.DriverUnavailable, errors.ConfigurationError)) as raised:
+        scene.open()
+    assert words in str(raised.value)
+
+
+def test_with_asyncio(scene: Scene) -> None:
+    async def read() -> float:
+        async with await aio.open_driver("l298n", **scene.options()) as robot:
+            upward: float = (await robot.imu.read(WAIT_S)).acceleration[2]
+            return upward
+
+    assert asyncio.run(read()) == pytest.approx(9.81, abs=0.1)
+
+
+def test_a_recording_gives_the_same_samples(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WHEELWIRE_RECORD", str(tmp_path / "day.mcap"))
+    with scene.open() as robot:
+        samples = robot.imu.samples()
+        live = [next(samples).t_us for _ in range(50)]
+    monkeypatch.delenv("WHEELWIRE_RECORD")
+    with connect(tmp_path / "day.mcap") as replayed:
+        again = replayed.imu.samples()
+        first = next(again).t_us
+        assert first in live
+
+
+def test_a_robot_without_sensors_says_where_to_name_them(scene: Scene) -> None:
+    scene.file.write_text("driver: l298n\n")
+    with scene.open() as robot, pytest.raises(errors.SensorMissing, match="no imu: name it in"):
+        robot.imu.read()
