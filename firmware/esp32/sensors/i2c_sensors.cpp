@@ -92,6 +92,7 @@ void ImuDriver::read_sample() {
   const uint64_t began_us = chip_.now_us();
   if (!succeeded(chip_.read(table_->data_register, raw, table_->size))) return;
   const uint64_t ended_us = chip_.now_us();
+  if (ended_us - began_us > kI2cLongestReadUs) return;
   // The next sample came before this one was read: whose it is nobody knows.
   if (ready_ != nullptr && (ready_->edge_us() != edge_us_ || ended_us - edge_us_ >= kFreshUs))
     return;
@@ -187,6 +188,7 @@ void PowerDriver::read_sample() {
   uint16_t setup = 0;
   if (!read_register(table_->bus_register, bus) || !read_register(1, shunt)) return;
   const uint64_t ended_us = chip_.now_us();
+  if (ended_us - began_us > kI2cLongestReadUs) return;
   // After the read: what was measured with other settings is not used.
   if (!read_register(0, setup)) return;
   if (setup != table_->setup) return fail(SensorState::kReset);
@@ -225,6 +227,16 @@ void I2cSensors::poll() {
     if (powers_[next_].exists()) powers_[next_].poll();
     next_ = (next_ + 1) % kMostPeripherals;
   }
+}
+
+uint64_t I2cSensors::due_us() const {
+  uint64_t due_us = UINT64_MAX;
+  const auto look = [&due_us](const auto& driver) {
+    if (driver.exists() && driver.due_us() < due_us) due_us = driver.due_us();
+  };
+  for (const ImuDriver& imu : imus_) look(imu);
+  for (const PowerDriver& power : powers_) look(power);
+  return due_us;
 }
 
 }  // namespace wheelwire

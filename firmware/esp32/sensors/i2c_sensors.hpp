@@ -44,6 +44,8 @@ constexpr uint64_t kI2cRetryUs = 100'000;
 /// What a chip measures so soon after it was set up is not used: gyroscopes start, filters settle,
 /// the first conversion of a power sensor ends.
 constexpr uint64_t kI2cSettleUs = 100'000;
+/// When in a longer read the chip measured nobody knows: longer than what two transfers may take.
+constexpr uint64_t kI2cLongestReadUs = 4 * uint64_t{I2cBus::kTransferUs};
 
 /// What the drivers of all chips have in common.
 template <typename Reading>
@@ -51,6 +53,8 @@ class I2cDriver {
  public:
   /// From another task: the newest reading since the last call; false: there is none.
   bool take(Reading& out) { return mailbox_.take(out); }
+  /// Before this there is nothing to do.
+  uint64_t due_us() const { return next_us_; }
 
  protected:
   I2cDriver() = default;
@@ -72,7 +76,7 @@ class I2cDriver {
   }
 
   I2cChip chip_;
-  uint64_t next_us_ = 0;   // Before this there is nothing to do.
+  uint64_t next_us_ = 0;
   bool is_ready_ = false;  // Identified and set up.
 
  private:
@@ -159,6 +163,8 @@ class I2cSensors {
   /// Looks at all chips, or ends after one that hung; the next call goes on behind it. So lower
   /// tasks get their turn in between: the task watchdog waits for less than all chips may take.
   void poll();
+  /// When the next poll has something to do, where there is no data-ready output.
+  uint64_t due_us() const;
   // From the control task.
   bool take(size_t channel, ImuReading& out) { return imus_[channel].take(out); }
   bool take(size_t channel, PowerReading& out) { return powers_[channel].take(out); }

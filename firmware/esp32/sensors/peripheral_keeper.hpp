@@ -10,8 +10,8 @@ namespace wheelwire {
 
 class PeripheralKeeper {
  public:
-  /// `built_in`: active while none is stored, on the board that it names. A simulated robot has
-  /// what it says, so it is not checked; nullptr: there is none.
+  /// `built_in`: active while none is stored, on the board that it names, as the simulated robot's
+  /// own; nullptr: there is none.
   explicit PeripheralKeeper(ParameterStore& store, const PeripheralList* built_in = nullptr)
       : store_(store), built_in_(built_in) {}
 

@@ -15,8 +15,8 @@ struct PeripheralList {
   uint32_t board = 0;  ///< Fingerprint.
   Peripheral entries[kMostPeripherals]{};
 
-  const Peripheral* begin() const { return entries; }
-  const Peripheral* end() const { return entries + count; }
+  constexpr const Peripheral* begin() const { return entries; }
+  constexpr const Peripheral* end() const { return entries + count; }
 };
 
 /// Writes PeripheralList::kSize bytes with the checksum that belongs to them; returns it. It names
@@ -25,6 +25,12 @@ uint32_t write_list(const PeripheralList& list, uint8_t* out);
 
 /// Reads a list. Returns kNone, or that it cannot be read; `out` is then unchanged.
 PeripheralFault read_list(const uint8_t* data, size_t size, PeripheralList& out);
+
+/// Of Place, NONE included.
+constexpr size_t kPlaces = static_cast<size_t>(Place::kRight) + 1;
+
+/// What an analogue input's divider divides by at most, in thousandths.
+constexpr uint16_t kLargestDivider = 20'000;
 
 /// What is wrong with a list: the values for the sentence of `fault`.
 struct PeripheralIssue {
@@ -49,6 +55,13 @@ constexpr const PowerTable* power_table_of(SensorChip chip) {
   return nullptr;
 }
 
+/// nullptr if it is no range sensor that is known.
+constexpr const RangeTable* range_table_of(SensorChip chip) {
+  for (const RangeTable& table : kRangeTables)
+    if (table.chip == chip) return &table;
+  return nullptr;
+}
+
 constexpr bool is_digital_input(PeripheralKind kind) {
   return kind == PeripheralKind::kBumper || kind == PeripheralKind::kCliff ||
          kind == PeripheralKind::kStageFault;
@@ -56,6 +69,26 @@ constexpr bool is_digital_input(PeripheralKind kind) {
 
 constexpr bool is_on_bus(PeripheralKind kind) {
   return kind == PeripheralKind::kImu || kind == PeripheralKind::kPower;
+}
+
+/// Range sensors measure in turn, so that none hears another's sound: from one measurement of a
+/// sensor to its next; 0: there is none.
+constexpr uint32_t range_round_us(const PeripheralList& list) {
+  uint32_t round_us = 0;
+  for (const Peripheral& entry : list)
+    if (entry.kind == PeripheralKind::kRange) round_us += range_table_of(entry.chip)->period_us;
+  return round_us;
+}
+
+/// An analogue input's number, from 0.
+constexpr size_t analog_index(const Peripheral& entry) { return entry.value_b - 1u; }
+
+/// A computer's buses are its kernel's. A chip names one by its number, in place of its first pin.
+constexpr bool has_numbered_buses(Board chip) { return chip == Board::kLinux; }
+
+/// Where a computer has none of what reads it: neither a timer that captures edges nor an ADC.
+constexpr bool needs_microcontroller(PeripheralKind kind) {
+  return kind == PeripheralKind::kRange || kind == PeripheralKind::kAnalog;
 }
 
 /// Whether a battery acts on the robot. Without bounds it is only measured.
@@ -101,6 +134,9 @@ class PeripheralCheck {
   }
 
   constexpr void check_kind(const Peripheral& entry) {
+    if (static_cast<size_t>(entry.place) >= kPlaces) tell(PeripheralFault::kCode);
+    if (has_numbered_buses(board_.chip) && needs_microcontroller(entry.kind))
+      return tell(PeripheralFault::kNotOnThisChip);
     switch (entry.kind) {
       case PeripheralKind::kImu:
         check_bus(entry);
@@ -122,6 +158,10 @@ class PeripheralCheck {
       case PeripheralKind::kCliff:
       case PeripheralKind::kStageFault:
         return check_input(entry, false);
+      case PeripheralKind::kRange:
+        return check_range(entry);
+      case PeripheralKind::kAnalog:
+        return check_analog(entry);
       case PeripheralKind::kNone:
         break;
     }
@@ -148,6 +188,26 @@ class PeripheralCheck {
     if (!is_measured) tell(PeripheralFault::kNoBattery);
   }
 
+  constexpr void check_range(const Peripheral& entry) {
+    check_driven_pin(entry.pin_a);
+    check_pin(entry.pin_b);
+    if (entry.pin_a == entry.pin_b) tell(PeripheralFault::kPinTaken, entry.pin_b);
+    if (range_table_of(entry.chip) == nullptr) tell(PeripheralFault::kChip);
+    if (entry.place == Place::kNone) tell(PeripheralFault::kPlace);
+    size_t before = 0;
+    for (size_t i = 0; i < channel_; ++i)
+      if (list_.entries[i].kind == PeripheralKind::kRange) ++before;
+    if (before >= kMostRanges) tell(PeripheralFault::kTooManyRanges, -1, 0, kMostRanges);
+  }
+
+  constexpr void check_analog(const Peripheral& entry) {
+    if (check_pin(entry.pin_a) && !(chip_.adc & mask_of(entry.pin_a)))
+      tell(PeripheralFault::kNoAdc, entry.pin_a);
+    if (entry.value_a < 1000 || entry.value_a > kLargestDivider)
+      tell(PeripheralFault::kDivider, -1, entry.value_a, kLargestDivider);
+    if (entry.value_b < 1 || entry.value_b > kMostAnalog) tell(PeripheralFault::kCode);
+  }
+
   constexpr void check_input(const Peripheral& entry, bool needs_pull_up) {
     if (!check_pin(entry.pin_a)) return;
     const bool is_pulled =
@@ -159,11 +219,23 @@ class PeripheralCheck {
   }
 
   constexpr void check_bus(const Peripheral& entry) {
+    if (entry.address > 0x77) tell(PeripheralFault::kCode);
+    const bool has_number = entry.pin_a >= 0 && entry.pin_b == -1;
+    if (has_numbered_buses(board_.chip) != has_number && entry.pin_a >= 0)
+      return tell(PeripheralFault::kBus);
+    if (has_numbered_buses(board_.chip)) return check_numbered_bus(entry);
     check_driven_pin(entry.pin_a);
     check_driven_pin(entry.pin_b);
     if (entry.pin_c != -1) check_pin(entry.pin_c);
     if (entry.pin_a == entry.pin_b) tell(PeripheralFault::kPinTaken, entry.pin_b);
-    if (entry.address > 0x77) tell(PeripheralFault::kCode);
+  }
+
+  constexpr void check_numbered_bus(const Peripheral& entry) {
+    if (entry.pin_a < 0) return tell(PeripheralFault::kPinMissing);
+    if (entry.pin_c != -1) return tell(PeripheralFault::kNotOnThisChip, entry.pin_c);
+    if (entry.pin_a != kHeaderBus) return;
+    for (const int pin : kHeaderBusPins)
+      if (is_of_board(pin) || is_of_another(pin)) tell(PeripheralFault::kPinTaken, pin);
   }
 
   constexpr void check_driven_pin(int pin) {
@@ -206,21 +278,34 @@ class PeripheralCheck {
       const Peripheral& other = list_.entries[i];
       const bool shares = is_on_bus(entry.kind) && is_on_bus(other.kind) &&
                           entry.pin_a == other.pin_a && entry.pin_b == other.pin_b;
-      if (shares && (pin == entry.pin_a || pin == entry.pin_b)) continue;
-      if (pin == other.pin_a || pin == other.pin_b || pin == other.pin_c) return true;
+      if (shares && (has_numbered_buses(board_.chip) || pin == entry.pin_a || pin == entry.pin_b))
+        continue;
+      if (is_of(other, pin)) return true;
     }
     return false;
+  }
+
+  constexpr bool is_of(const Peripheral& entry, int pin) const {
+    if (is_on_bus(entry.kind) && has_numbered_buses(board_.chip))
+      return entry.pin_a == kHeaderBus && (pin == kHeaderBusPins[0] || pin == kHeaderBusPins[1]);
+    return pin == entry.pin_a || pin == entry.pin_b || pin == entry.pin_c;
   }
 
   constexpr void check_twice(const Peripheral& entry) {
     for (size_t i = 0; i < channel_; ++i) {
       const Peripheral& other = list_.entries[i];
-      const bool same_place = entry.kind == other.kind && entry.place == other.place;
+      const bool is_same = entry.kind == other.kind &&
+                           (entry.kind == PeripheralKind::kAnalog ? entry.value_b == other.value_b
+                                                                  : entry.place == other.place);
       const bool same_address =
           is_on_bus(entry.kind) && is_on_bus(other.kind) && address_of(entry) == address_of(other);
-      if (same_place || same_address) return tell(PeripheralFault::kTwice);
+      if (is_same || same_address) return tell(PeripheralFault::kTwice);
     }
   }
+
+  /// On the header of every Raspberry Pi.
+  static constexpr int kHeaderBus = 1;
+  static constexpr int kHeaderBusPins[] = {2, 3};
 
   const PeripheralList& list_;
   const BoardDescription& board_;
@@ -237,8 +322,8 @@ constexpr void check_peripherals(const PeripheralList& list, const BoardDescript
                                  Report&& report) {
   const ChipTable* const chip = table_of(board.chip);
   if (list.count == 0) return;
-  if (chip == nullptr || board.chip == Board::kLinux) {
-    report(PeripheralIssue{.fault = PeripheralFault::kNotOnThisChip});
+  if (chip == nullptr) {
+    report(PeripheralIssue{.fault = PeripheralFault::kNotOnThisChip, .channel = 0});
   } else {
     PeripheralCheck(list, board, *chip, report).run();
   }

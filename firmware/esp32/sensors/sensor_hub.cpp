@@ -17,6 +17,7 @@ void SensorHub::start(SensorPort& port, const PeripheralList& list, bool has_div
   port_ = &port;
   list_ = &list;
   has_divider_ = has_divider;
+  range_round_us_ = wheelwire::range_round_us(list);
   power_channel_ = find(list, PeripheralKind::kPower);
   battery_channel_ = find(list, PeripheralKind::kBattery);
   if (battery_channel_ >= 0) battery_.start(list.entries[battery_channel_]);
@@ -31,7 +32,7 @@ void SensorHub::start(SensorPort& port, const PeripheralList& list, bool has_div
 uint8_t SensorHub::update(uint16_t battery_mv, uint64_t now_us) {
   if (!started_) {
     started_ = true;
-    start_us_ = used_us_ = now_us;
+    start_us_ = now_us;
     for (Channel& channel : channels_) channel.seen_us = now_us;
     levels_ = static_cast<uint16_t>(port_->levels() & inputs_);
   }
@@ -44,10 +45,17 @@ uint8_t SensorHub::update(uint16_t battery_mv, uint64_t now_us) {
       case PeripheralKind::kPower:
         read_power(i, now_us);
         break;
+      case PeripheralKind::kRange:
+        read_range(i, now_us);
+        break;
+      case PeripheralKind::kAnalog:
+        read_analog(i, now_us);
+        break;
       default:
         break;
     }
   }
+  updated_us_ = now_us;
   // After the power sensor, which may be what measures it.
   if (battery_channel_ >= 0)
     read_battery(static_cast<size_t>(battery_channel_), battery_mv, now_us);
@@ -100,7 +108,9 @@ SensorState SensorHub::overdue(size_t channel, uint32_t period_us, uint64_t now_
   const Channel& known = channels_[channel];
   if (known.state == SensorState::kUnread)
     return now_us - start_us_ < kFirstReadUs ? SensorState::kUnread : SensorState::kMissed;
-  const bool is_late = known.state == SensorState::kOk && now_us - known.seen_us > 2 * period_us;
+  // A step that comes late is no fault of a sensor: the one before it found nothing, either.
+  const bool is_late = known.state == SensorState::kOk && known.seen_us < updated_us_ &&
+                       now_us - known.seen_us > 2 * period_us;
   return is_late ? SensorState::kMissed : known.state;
 }
 
@@ -121,9 +131,12 @@ void SensorHub::read_imu(size_t channel, uint64_t now_us) {
     note_state(channel, overdue(channel, kImuPeriodUs, now_us), now_us);
     return;
   }
-  if (!note_state(channel, reading.state, now_us)) return;
-  channels_[channel].seen_us = now_us;
-  observer_.on_reading(channel, reading, ++channels_[channel].count);
+  // Where steps are farther apart than samples each step takes several.
+  do {
+    if (!note_state(channel, reading.state, now_us)) continue;
+    channels_[channel].seen_us = now_us;
+    observer_.on_reading(channel, reading, ++channels_[channel].count);
+  } while (port_->take(channel, reading));
 }
 
 void SensorHub::read_power(size_t channel, uint64_t now_us) {
@@ -132,13 +145,44 @@ void SensorHub::read_power(size_t channel, uint64_t now_us) {
     note_state(channel, overdue(channel, kPowerPeriodUs, now_us), now_us);
     return;
   }
+  const bool was_measured = channels_[channel].state == SensorState::kOk;
   if (!note_state(channel, reading.state, now_us)) return;
   channels_[channel].seen_us = now_us;
+  // What was drawn before the first reading, or while there was none, nobody knows.
+  if (was_measured)
+    used_ma_us_ += reading.current_ma * static_cast<int64_t>(reading.t_us - power_.t_us);
   power_ = reading;
+}
+
+float SensorHub::used_mah() const {
   constexpr float kMicrosecondsPerHour = 3.6e9f;
-  used_mah_ += static_cast<float>(reading.current_ma) *
-               static_cast<float>(reading.t_us - used_us_) / kMicrosecondsPerHour;
-  used_us_ = reading.t_us;
+  return static_cast<float>(used_ma_us_) / kMicrosecondsPerHour;
+}
+
+void SensorHub::read_range(size_t channel, uint64_t now_us) {
+  RangeReading reading;
+  if (!port_->take(channel, reading)) {
+    note_state(channel, overdue(channel, range_round_us_, now_us), now_us);
+    return;
+  }
+  if (!note_state(channel, reading.state, now_us)) return;
+  channels_[channel].seen_us = now_us;
+  observer_.on_reading(channel, reading, ++channels_[channel].count);
+}
+
+/// 0 mV is a voltage as any other: what is connected may well have none.
+void SensorHub::read_analog(size_t channel, uint64_t now_us) {
+  const Peripheral& entry = list_->entries[channel];
+  uint16_t& millivolts = analog_mv_[analog_index(entry)];
+  AnalogReading reading;
+  if (!port_->take(channel, reading)) {
+    if (!note_state(channel, overdue(channel, kAnalogPeriodUs, now_us), now_us)) millivolts = 0;
+    return;
+  }
+  note_state(channel, SensorState::kOk, now_us);
+  channels_[channel].seen_us = now_us;
+  const uint32_t whole_mv = uint32_t{reading.pin_mv} * entry.value_a / 1000;
+  millivolts = static_cast<uint16_t>(whole_mv < UINT16_MAX ? whole_mv : UINT16_MAX);
 }
 
 void SensorHub::read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us) {

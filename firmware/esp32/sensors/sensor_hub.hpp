@@ -14,6 +14,7 @@ class SensorObserver {
   virtual void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
                                uint64_t now_us) = 0;
   virtual void on_reading(size_t channel, const ImuReading& reading, uint16_t sample) = 0;
+  virtual void on_reading(size_t channel, const RangeReading& reading, uint16_t sample) = 0;
 
  protected:
   ~SensorObserver() = default;
@@ -30,6 +31,7 @@ class SensorHub {
   /// From one reading to the next, at most half of what makes a sensor stale.
   static constexpr uint32_t kImuPeriodUs = 5'000;
   static constexpr uint32_t kPowerPeriodUs = 100'000;
+  static constexpr uint32_t kAnalogPeriodUs = 100'000;
 
   explicit SensorHub(SensorObserver& observer) : observer_(observer) {}
 
@@ -46,24 +48,34 @@ class SensorHub {
   /// The inputs that act on the robot: bit n is that of channel n.
   uint16_t triggered() const { return triggered_; }
   uint16_t stale() const;
-  uint16_t edges(size_t channel) const { return channels_[channel].count; }
+  /// Of a digital input; 0 of others.
+  uint16_t edges(size_t channel) const {
+    return (inputs_ >> channel & 1) != 0 ? channels_[channel].count : uint16_t{0};
+  }
   BatteryLevel battery_level() const { return battery_level_; }
   /// Of the power sensor, or of the divider.
   const PowerReading& power() const { return power_; }
-  float used_mah() const { return used_mah_; }
+  /// Drawn since the start, as far as the power sensor measured it.
+  float used_mah() const;
   /// The channel whose Power is sent; -1: none.
   int power_channel() const { return power_channel_; }
+  /// From one measurement of a range sensor to its next.
+  uint32_t range_round_us() const { return range_round_us_; }
+  /// Before its divider, by its index; 0: there is none, or it cannot be used.
+  uint16_t analog_mv(size_t index) const { return analog_mv_[index]; }
 
  private:
   struct Channel {
     SensorState state = SensorState::kUnread;
-    uint16_t count = 0;  // Of an IMU its samples, of an input its edges.
+    uint16_t count = 0;  // Of an IMU and a range sensor its samples, of an input its edges.
     uint64_t seen_us = 0;
   };
 
   void read_inputs(uint64_t now_us);
   void read_imu(size_t channel, uint64_t now_us);
   void read_power(size_t channel, uint64_t now_us);
+  void read_range(size_t channel, uint64_t now_us);
+  void read_analog(size_t channel, uint64_t now_us);
   void read_battery(size_t channel, uint16_t divider_mv, uint64_t now_us);
   bool note_state(size_t channel, SensorState state, uint64_t now_us);
   /// The state of a sensor that gave nothing new.
@@ -81,12 +93,14 @@ class SensorHub {
   uint16_t levels_ = 0;
   uint16_t triggered_ = 0;
   uint64_t start_us_ = 0;
+  uint64_t updated_us_ = 0;  // The update before this one.
   Channel channels_[kMostPeripherals];
+  uint32_t range_round_us_ = 0;
+  uint16_t analog_mv_[kMostAnalog]{};
   int power_channel_ = -1;
   int battery_channel_ = -1;
   PowerReading power_;
-  float used_mah_ = 0.0f;
-  uint64_t used_us_ = 0;
+  int64_t used_ma_us_ = 0;  // A sum of floats would lose small currents after a day.
   BatteryLevel battery_level_ = BatteryLevel::kUnknown;
   BatteryGuard battery_;
 };

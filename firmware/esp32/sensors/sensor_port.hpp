@@ -26,8 +26,22 @@ struct PowerReading {
   int32_t current_ma = 0;
 };
 
-/// A board's peripherals. Inputs are read at once; what is on a bus is read by a task of its own,
-/// which a bus that hangs cannot make the control task wait for.
+/// One measurement of a range sensor.
+struct RangeReading {
+  SensorState state = SensorState::kUnread;  ///< Otherwise than kOk only the time has a meaning.
+  uint64_t t_us = 0;                         ///< Device clock when the sound was reflected...
+  uint16_t bound_us = 0;                     ///< ... give or take so much.
+  uint16_t distance_mm = 0;                  ///< Of quality GOOD.
+  RangeQuality quality = RangeQuality::kGood;
+};
+
+/// One reading of an analogue input. One that failed is none: no reading may mean 0 mV.
+struct AnalogReading {
+  uint16_t pin_mv = 0;  ///< Behind the divider.
+};
+
+/// A board's peripherals. Digital inputs are read at once; the rest is read by tasks of its own,
+/// which nothing that hangs can make the control task wait for.
 class SensorPort {
  public:
   /// The levels at the pins of the digital inputs: bit n is that of channel n.
@@ -35,6 +49,8 @@ class SensorPort {
   /// The newest reading of the channel since the last call; false: there is none.
   virtual bool take(size_t channel, ImuReading& out) = 0;
   virtual bool take(size_t channel, PowerReading& out) = 0;
+  virtual bool take(size_t channel, RangeReading& out) = 0;
+  virtual bool take(size_t channel, AnalogReading& out) = 0;
 
  protected:
   ~SensorPort() = default;

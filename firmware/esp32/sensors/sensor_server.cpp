@@ -8,6 +8,18 @@ constexpr uint64_t kInputsPeriodUs = kSecondUs;
 /// Inputs that chatter do not fill the line.
 constexpr uint64_t kLeastInputsUs = 20'000;
 constexpr uint16_t kPowerHz = 2;
+/// What an analogue input moves by at its pin before it has changed.
+constexpr int kAnalogStepMv = 50;
+
+/// Of all range sensors together: they measure in turn.
+uint32_t range_bytes_per_second(const PeripheralList& list) {
+  uint32_t count = 0;
+  for (const Peripheral& entry : list)
+    if (entry.kind == PeripheralKind::kRange) ++count;
+  if (count == 0) return 0;
+  const uint32_t rate_hz = count * static_cast<uint32_t>(kSecondUs) / range_round_us(list) + 1;
+  return rate_hz * static_cast<uint32_t>(frame_size(Range::kSize));
+}
 
 }  // namespace
 
@@ -101,11 +113,14 @@ void SensorServer::end_session() {
 
 // --- what is sent unasked ------------------------------------------------------------------------
 
-/// The states come first: what they leave of the line is the IMU's, and so much less of it is sent.
+/// The states come first, and ranges, which are few: what they leave of the line is the IMU's, and
+/// so much less of it is sent.
 void SensorServer::fit_to_line(uint32_t state_hz, uint64_t now_us) {
   if (streams_.asked_hz == 0) return;
-  const uint32_t imu_hz = server_->link().rate_beside(state_hz * frame_size(WheelState::kSize),
-                                                      Imu::kSize, streams_.asked_hz);
+  const size_t taken =
+      state_hz * frame_size(WheelState::kSize) + range_bytes_per_second(hub_.list());
+  const uint32_t imu_hz =
+      server_->link().rate_beside(static_cast<uint32_t>(taken), Imu::kSize, streams_.asked_hz);
   if (imu_hz == streams_.imu_hz) return;
   streams_.imu_hz = static_cast<uint16_t>(imu_hz);
   if (imu_hz == streams_.asked_hz) return;
@@ -133,6 +148,12 @@ void SensorServer::send_info(size_t channel) {
                   .forward = entry.forward,
                   .up = entry.up,
                   .state = hub_.state(channel)};
+  // The host takes an IMU's bias off, and knows an analogue input by its number.
+  if (entry.kind == PeripheralKind::kImu || entry.kind == PeripheralKind::kAnalog) {
+    info.bias_x = static_cast<int16_t>(entry.value_a);
+    info.bias_y = static_cast<int16_t>(entry.value_b);
+    info.bias_z = static_cast<int16_t>(entry.value_c);
+  }
   const ImuTable* const table = imu_table_of(entry.chip);
   if (entry.kind == PeripheralKind::kImu && table != nullptr) {
     info.rate_hz = streams_.imu_hz;
@@ -140,6 +161,8 @@ void SensorServer::send_info(size_t channel) {
     info.accelerometer_scale = table->accelerometer_mps2;
     info.gyro_noise = table->gyro_noise * table->gyro_radps;
     info.accelerometer_noise = table->accelerometer_noise * table->accelerometer_mps2;
+  } else if (entry.kind == PeripheralKind::kRange) {
+    info.rate_hz = static_cast<uint16_t>(kSecondUs / hub_.range_round_us());
   } else if (static_cast<int>(channel) == hub_.power_channel()) {
     info.rate_hz = kPowerHz;
   }
@@ -162,29 +185,50 @@ void SensorServer::send_power(uint64_t now_us) {
 }
 
 void SensorServer::send_inputs(uint64_t now_us) {
-  Inputs inputs{.boot_id = server_->boot_id(),
-                .levels = hub_.levels(),
-                .triggered = hub_.triggered(),
-                .stale = hub_.stale(),
-                .reflexes = hub_.reflexes(),
-                .level = hub_.battery_level(),
-                .edges_0 = hub_.edges(0),
-                .edges_1 = hub_.edges(1),
-                .edges_2 = hub_.edges(2),
-                .edges_3 = hub_.edges(3),
-                .edges_4 = hub_.edges(4),
-                .edges_5 = hub_.edges(5),
-                .edges_6 = hub_.edges(6),
-                .edges_7 = hub_.edges(7),
-                .edges_8 = hub_.edges(8),
-                .edges_9 = hub_.edges(9)};
-  const bool changed = inputs != streams_.inputs;
+  const Inputs digital = digital_inputs();
+  const bool changed = digital != streams_.digital || has_analog_moved();
   if (now_us < (changed ? streams_.inputs_us + kLeastInputsUs : streams_.next_inputs_us)) return;
-  streams_.inputs = inputs;
+  streams_.digital = digital;
+  for (size_t i = 0; i < kMostAnalog; ++i) streams_.analog_mv[i] = hub_.analog_mv(i);
   streams_.inputs_us = now_us;
   streams_.next_inputs_us = now_us + kInputsPeriodUs;
+  Inputs inputs = digital;
   inputs.t_us = static_cast<uint32_t>(now_us);
+  inputs.analog_1_mv = streams_.analog_mv[0];
+  inputs.analog_2_mv = streams_.analog_mv[1];
+  inputs.analog_3_mv = streams_.analog_mv[2];
+  inputs.analog_4_mv = streams_.analog_mv[3];
   server_->link().send(inputs);
+}
+
+Inputs SensorServer::digital_inputs() const {
+  return {.boot_id = server_->boot_id(),
+          .levels = hub_.levels(),
+          .triggered = hub_.triggered(),
+          .stale = hub_.stale(),
+          .reflexes = hub_.reflexes(),
+          .level = hub_.battery_level(),
+          .edges_0 = hub_.edges(0),
+          .edges_1 = hub_.edges(1),
+          .edges_2 = hub_.edges(2),
+          .edges_3 = hub_.edges(3),
+          .edges_4 = hub_.edges(4),
+          .edges_5 = hub_.edges(5),
+          .edges_6 = hub_.edges(6),
+          .edges_7 = hub_.edges(7),
+          .edges_8 = hub_.edges(8),
+          .edges_9 = hub_.edges(9)};
+}
+
+/// By more than what an ADC's readings tremble.
+bool SensorServer::has_analog_moved() const {
+  for (const Peripheral& entry : hub_.list()) {
+    if (entry.kind != PeripheralKind::kAnalog) continue;
+    const int moved_mv =
+        hub_.analog_mv(analog_index(entry)) - streams_.analog_mv[analog_index(entry)];
+    if ((moved_mv < 0 ? -moved_mv : moved_mv) * 1000 >= kAnalogStepMv * entry.value_a) return true;
+  }
+  return false;
 }
 
 void SensorServer::on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
@@ -214,6 +258,17 @@ void SensorServer::on_reading(size_t channel, const ImuReading& reading, uint16_
                            .accelerometer_y = reading.accelerometer[1],
                            .accelerometer_z = reading.accelerometer[2],
                            .temperature_cdeg = reading.temperature_cdeg});
+}
+
+void SensorServer::on_reading(size_t channel, const RangeReading& reading, uint16_t sample) {
+  if (streams_.asked_hz == 0) return;
+  server_->link().send(Range{.boot_id = server_->boot_id(),
+                             .t_us = static_cast<uint32_t>(reading.t_us),
+                             .channel = static_cast<uint8_t>(channel),
+                             .sample = sample,
+                             .bound_us = reading.bound_us,
+                             .distance_mm = reading.distance_mm,
+                             .quality = reading.quality});
 }
 
 }  // namespace wheelwire

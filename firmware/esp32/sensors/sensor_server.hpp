@@ -32,6 +32,7 @@ class SensorServer final : public SensorMessages, public SensorObserver {
   void on_sensor_event(SensorEventCode code, size_t channel, uint16_t value,
                        uint64_t now_us) override;
   void on_reading(size_t channel, const ImuReading& reading, uint16_t sample) override;
+  void on_reading(size_t channel, const RangeReading& reading, uint16_t sample) override;
 
  private:
   /// What a host has asked for, and when the next of each is due.
@@ -43,7 +44,8 @@ class SensorServer final : public SensorMessages, public SensorObserver {
     uint64_t next_power_us = 0;
     uint64_t next_inputs_us = 0;
     uint64_t inputs_us = 0;  // When they were last sent,
-    Inputs inputs{};         // and what.
+    Inputs digital{};        // and what,
+    uint16_t analog_mv[kMostAnalog]{};
   };
 
   void on(const SensorStream& request, uint64_t now_us);
@@ -54,6 +56,8 @@ class SensorServer final : public SensorMessages, public SensorObserver {
   void send_info(size_t channel);
   void send_power(uint64_t now_us);
   void send_inputs(uint64_t now_us);
+  Inputs digital_inputs() const;
+  bool has_analog_moved() const;
 
   PeripheralKeeper& keeper_;
   BatterySense* divider_;

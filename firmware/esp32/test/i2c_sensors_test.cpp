@@ -130,12 +130,15 @@ class Rig final : public SensorPort, public SensorObserver {
   uint16_t levels() override { return 0; }
   bool take(size_t channel, ImuReading& out) override { return sensors.take(channel, out); }
   bool take(size_t channel, PowerReading& out) override { return sensors.take(channel, out); }
+  bool take(size_t, RangeReading&) override { return false; }
+  bool take(size_t, AnalogReading&) override { return false; }
   void on_sensor_event(SensorEventCode, size_t, uint16_t value, uint64_t now_us) override {
     states.push_back({static_cast<SensorState>(value), now_us});
   }
   void on_reading(size_t, const ImuReading& reading, uint16_t) override {
     readings.push_back(reading);
   }
+  void on_reading(size_t, const RangeReading&, uint16_t) override {}
 
  private:
   void sample() {

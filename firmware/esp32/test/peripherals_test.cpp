@@ -39,6 +39,18 @@ Peripheral power() {
           .value_a = 1000};
 }
 
+Peripheral range() {
+  return {.kind = PeripheralKind::kRange,
+          .chip = SensorChip::kHcSr04,
+          .place = Place::kFront,
+          .pin_a = 21,
+          .pin_b = 34};
+}
+
+Peripheral analog(uint16_t number = 1, int8_t pin = 34) {
+  return {.kind = PeripheralKind::kAnalog, .pin_a = pin, .value_a = 2000, .value_b = number};
+}
+
 template <typename Change>
 Peripheral changed(Peripheral entry, Change change) {
   change(entry);
@@ -59,6 +71,37 @@ TEST(peripherals_that_can_be_used) {
   CHECK(fault_of({imu(), power(), bumper(Place::kFront), bumper(Place::kFrontRight, 39),
                   battery(7000, 6800, 6400)}) == kNone);
   CHECK(fault_of(kBoardOfEsp32, {}) == kNone);
+  CHECK(fault_of({range(), analog(1, 35), analog(4, 36)}) == kNone);
+  CHECK(fault_of(kBoardOfEsp32, {range(), analog(2, 39)}) == kNone);
+}
+
+TEST(an_imu_may_have_any_bias) {
+  for (const uint16_t counts : std::initializer_list<uint16_t>{1, 0x7fff, 0x8000, 0xffff})
+    CHECK(fault_of({changed(
+              imu(), [counts](auto& e) { e.value_a = e.value_b = e.value_c = counts; })}) == kNone);
+}
+
+TEST(a_range_sensor_may_be_at_any_side_and_a_bumper_not) {
+  for (const Place place : {Place::kFront, Place::kRearLeft, Place::kLeft, Place::kRight})
+    CHECK(fault_of({changed(range(), [place](auto& e) { e.place = place; })}) == kNone);
+  for (const Place place : {Place::kLeft, Place::kRight})
+    CHECK(fault_of({bumper(place)}) == kPlace);
+}
+
+/// The board has no more pins that drive than two: what is taken is not what is asked here.
+TEST(there_are_as_many_range_sensors_as_the_chip_times_echoes) {
+  PeripheralList list = list_of({});
+  for (const Place place : {Place::kFront, Place::kRear, Place::kLeft, Place::kRight}) {
+    list.entries[list.count] = range();
+    list.entries[list.count++].place = place;
+    bool is_too_many = false;
+    check_peripherals(list, wroom(), [&](const PeripheralIssue& issue) {
+      if (issue.fault != kTooManyRanges) return;
+      is_too_many = true;
+      CHECK(issue.channel == 3 && issue.limit == kMostRanges);
+    });
+    CHECK(is_too_many == (list.count == 4));
+  }
 }
 
 TEST(peripherals_by_the_pins_of_the_module) {
@@ -94,6 +137,27 @@ TEST(each_rule_of_peripherals) {
       {kCode, imu(), [](auto& e) { e.up = static_cast<Axis>(6); }},
       {kCode, imu(), [](auto& e) { e.address = 0x78; }},
       {kShunt, power(), [](auto& e) { e.value_a = 0; }},
+      {kCode, bumper(Place::kFront),
+       [](auto& e) {
+         e.kind = PeripheralKind::kCliff;
+         e.place = static_cast<Place>(9);
+       }},
+      {kChip, range(), [](auto& e) { e.chip = SensorChip::kMpu6050; }},
+      {kChip, imu(), [](auto& e) { e.chip = SensorChip::kHcSr04; }},
+      {kPlace, range(), [](auto& e) { e.place = Place::kNone; }},
+      {kPinInputOnly, range(), [](auto& e) { e.pin_a = 35; }},
+      {kPinMissing, range(), [](auto& e) { e.pin_a = -1; }},
+      {kPinMissing, range(), [](auto& e) { e.pin_b = -1; }},
+      {kPinTaken, range(), [](auto& e) { e.pin_b = e.pin_a; }},
+      {kPinTaken, range(), [](auto& e) { e.pin_a = 25; }},
+      {kPinStrapping, range(), [](auto& e) { e.pin_b = 12; }},
+      {kNoAdc, analog(), [](auto& e) { e.pin_a = 21; }},
+      {kPinMissing, analog(), [](auto& e) { e.pin_a = -1; }},
+      {kPinTaken, analog(), [](auto& e) { e.pin_a = 33; }},
+      {kDivider, analog(), [](auto& e) { e.value_a = 999; }},
+      {kDivider, analog(), [](auto& e) { e.value_a = 20'001; }},
+      {kCode, analog(), [](auto& e) { e.value_b = 0; }},
+      {kCode, analog(), [](auto& e) { e.value_b = 5; }},
   };
   for (const Case& one : cases) CHECK(fault_of({changed(one.entry, one.change)}) == one.fault);
 }
@@ -113,12 +177,61 @@ TEST(two_of_a_kind_at_one_place_or_at_one_address) {
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kFront, 39)}) == kTwice);
   CHECK(fault_of({imu(), changed(power(), [](auto& e) { e.address = 0x68; })}) == kTwice);
   CHECK(fault_of({bumper(Place::kFront), bumper(Place::kRear)}) == kPinTaken);
+  CHECK(fault_of({range(), changed(range(), [](auto& e) {
+                    e.pin_a = 16;
+                    e.pin_b = 35;
+                  })}) == kTwice);
+  CHECK(fault_of({analog(2), analog(2, 35)}) == kTwice);
+  CHECK(fault_of({analog(1), analog(2)}) == kPinTaken);
+  CHECK(fault_of({range(), analog()}) == kPinTaken);
 }
 
-TEST(a_linux_computer_reads_no_peripherals) {
-  BoardDescription board = wroom();
-  board.chip = Board::kLinux;
-  CHECK(fault_of(board, {bumper(Place::kFront)}) == kNotOnThisChip);
+TEST(a_computer_has_its_buses_by_number) {
+  BoardDescription pi = wroom();
+  pi.chip = Board::kLinux;
+  const auto on_bus = [](Peripheral entry, int8_t number) {
+    return changed(entry, [number](auto& e) {
+      e.pin_a = number;
+      e.pin_b = e.pin_c = -1;
+    });
+  };
+  CHECK(fault_of(pi, {on_bus(imu(), 1), on_bus(power(), 1), bumper(Place::kFront, 8)}) == kNone);
+  CHECK(fault_of(pi, {on_bus(imu(), 0), on_bus(power(), 3), battery(9000, 8000, 7000)}) == kNone);
+  CHECK(fault_of(pi, {imu()}) == kBus);
+  CHECK(fault_of({on_bus(imu(), 1)}) == kBus);
+  CHECK(fault_of(pi, {on_bus(imu(), -1)}) == kPinMissing);
+  CHECK(fault_of(pi, {changed(on_bus(imu(), 1), [](auto& e) { e.pin_c = 7; })}) == kNotOnThisChip);
+  CHECK(fault_of(pi, {on_bus(imu(), 1),
+                      changed(on_bus(power(), 1), [](auto& e) { e.address = 0x68; })}) == kTwice);
+  CHECK(fault_of(pi, {battery(9000, 8000, 7000)}) == kNoBattery);
+}
+
+TEST(the_header_s_bus_has_two_of_a_computer_s_pins) {
+  BoardDescription pi = wroom();
+  pi.chip = Board::kLinux;
+  const auto on_bus = [](int8_t number) {
+    return changed(imu(), [number](auto& e) {
+      e.pin_a = number;
+      e.pin_b = e.pin_c = -1;
+    });
+  };
+  for (const int8_t pin : {int8_t{2}, int8_t{3}}) {
+    CHECK(fault_of(pi, {on_bus(1), bumper(Place::kFront, pin)}) == kPinTaken);
+    CHECK(fault_of(pi, {bumper(Place::kFront, pin), on_bus(1)}) == kPinTaken);
+    CHECK(fault_of(pi, {on_bus(3), bumper(Place::kFront, pin)}) == kNone);
+    BoardDescription with_contact = pi;
+    with_contact.estop = pin;
+    CHECK(fault_of(with_contact, {on_bus(1)}) == kPinTaken);
+  }
+  // The number of a bus is no pin.
+  CHECK(fault_of(pi, {on_bus(7), bumper(Place::kFront, 7)}) == kNone);
+}
+
+TEST(a_computer_times_no_echoes_and_measures_no_voltage) {
+  BoardDescription pi = wroom();
+  pi.chip = Board::kLinux;
+  for (const PeripheralKind kind : {PeripheralKind::kRange, PeripheralKind::kAnalog})
+    CHECK(fault_of(pi, {{.kind = kind, .pin_a = 8}}) == kNotOnThisChip);
 }
 
 TEST(a_packed_list_is_read_back_and_each_bit_counts) {

@@ -1,4 +1,6 @@
 // What the sensors forbid, at the robot's pins.
+#include <cmath>
+
 #include "check.hpp"
 #include "sensor_bench.hpp"
 
@@ -15,6 +17,11 @@ const PeripheralList kBumpers = list_of({bumper(Place::kFrontLeft), bumper(Place
 const PeripheralList kCliff =
     list_of({Peripheral{.kind = PeripheralKind::kCliff, .place = Place::kFront, .pin_a = 36}});
 const PeripheralList kGuard = list_of({battery(7000, 6800, 6400)});
+constexpr Peripheral kIna219 = {.kind = PeripheralKind::kPower,
+                                .chip = SensorChip::kIna219,
+                                .pin_a = 16,
+                                .pin_b = 17,
+                                .value_a = 1000};
 
 bool forward(const SensorBench& bench) { return bench.left.duty() > 0 || bench.right.duty() > 0; }
 
@@ -305,12 +312,7 @@ TEST(a_battery_that_is_only_measured_stops_nothing) {
 }
 
 TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
-  SensorBench bench(list_of({battery(7000, 6800, 6400), Peripheral{.kind = PeripheralKind::kPower,
-                                                                   .chip = SensorChip::kIna219,
-                                                                   .pin_a = 16,
-                                                                   .pin_b = 17,
-                                                                   .value_a = 1000}}),
-                    false);
+  SensorBench bench(list_of({battery(7000, 6800, 6400), kIna219}), false);
   const auto measure = [&](uint16_t millivolts) {
     bench.sensors.power =
         PowerReading{.state = SensorState::kOk, .t_us = bench.now_us, .voltage_mv = millivolts};
@@ -327,6 +329,40 @@ TEST(a_power_sensor_that_falls_silent_stops_the_robot) {
   CHECK(bench.driven());
   bench.drive_on(0.2f, 0.2f, 10);
   CHECK(!bench.driven() && bench.device.faults() == fault::kExternal);
+}
+
+TEST(charge_is_counted_while_the_current_is_measured) {
+  struct Nobody final : SensorObserver {
+    void on_sensor_event(SensorEventCode, size_t, uint16_t, uint64_t) override {}
+    void on_reading(size_t, const ImuReading&, uint16_t) override {}
+    void on_reading(size_t, const RangeReading&, uint16_t) override {}
+  } nobody;
+  const PeripheralList list = list_of({kIna219});
+  test::BenchSensors sensors;
+  SensorHub hub(nobody);
+  hub.start(sensors, list, false);
+  const auto measure = [&](uint64_t t_us, int32_t milliamperes) {
+    sensors.power =
+        PowerReading{.state = SensorState::kOk, .t_us = t_us, .current_ma = milliamperes};
+    hub.update(0, t_us + 500);
+    return hub.used_mah();
+  };
+  constexpr uint64_t kHourUs = 3'600'000'000;
+  constexpr uint64_t kPeriodUs = SensorHub::kPowerPeriodUs;
+  // The sensors' task was there before the control task's first step.
+  hub.update(0, kPeriodUs);
+  CHECK(measure(10, 36'000) == 0.0f);
+  CHECK(std::abs(measure(10 + kPeriodUs, 36'000) - 1.0f) < 1e-5f);
+  // It flows back while a motor brakes.
+  CHECK(std::abs(measure(10 + 2 * kPeriodUs, -36'000)) < 1e-5f);
+  // Nobody knows what was drawn in an hour without a reading.
+  hub.update(0, kHourUs);
+  CHECK(hub.state(0) == SensorState::kMissed);
+  CHECK(std::abs(measure(kHourUs, 36'000)) < 1e-5f);
+  // A day at 10 mA.
+  for (uint64_t t_us = kHourUs; t_us < 25 * kHourUs; t_us += kPeriodUs)
+    measure(t_us + kPeriodUs, 10);
+  CHECK(std::abs(hub.used_mah() - 240.0f) < 0.1f);
 }
 
 // --- what the host is sent -----------------------------------------------------------------------
@@ -401,6 +437,27 @@ TEST(a_reading_is_never_sent_again_and_its_absence_is_named) {
   CHECK(!bench.of<Inputs>().empty() && bench.of<Inputs>().back().stale == 1);
 }
 
+TEST(inputs_that_do_not_change_are_sent_each_second_beside_an_imu) {
+  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
+                                        .chip = SensorChip::kMpu6050,
+                                        .pin_a = 16,
+                                        .pin_b = 17,
+                                        .forward = Axis::kY,
+                                        .up = Axis::kZ},
+                             bumper(Place::kFront)}));
+  bench.open();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(100);
+  bench.received.clear();
+  for (int i = 0; i < 400; ++i) {
+    bench.sensors.imu = ImuReading{.state = SensorState::kOk, .t_us = bench.now_us};
+    bench.run(5);
+  }
+  CHECK(bench.of<Imu>().size() > 390);
+  CHECK(bench.of<Inputs>().size() == 2);
+  CHECK(bench.of<Inputs>().back().edges_0 == 0);
+}
+
 TEST(states_go_before_sensors_on_a_slow_line) {
   SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
                                         .chip = SensorChip::kMpu6050,
@@ -421,6 +478,126 @@ TEST(states_go_before_sensors_on_a_slow_line) {
   CHECK(bench.of<SensorInfo>()[0].rate_hz == rate_hz);
   const double bytes = 150.0 * frame_size(WheelState::kSize) + rate_hz * frame_size(Imu::kSize);
   CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
+}
+
+namespace {
+
+const Peripheral kRange{.kind = PeripheralKind::kRange,
+                        .chip = SensorChip::kHcSr04,
+                        .place = Place::kFront,
+                        .pin_a = 21,
+                        .pin_b = 34};
+const PeripheralList kAnalog = list_of(
+    {Peripheral{.kind = PeripheralKind::kAnalog, .pin_a = 35, .value_a = 4000, .value_b = 2}});
+
+/// What it was sent of the input, after a reading.
+std::vector<uint16_t> inputs_after(SensorBench& bench, uint16_t pin_mv, int milliseconds) {
+  bench.sensors.analog = AnalogReading{.pin_mv = pin_mv};
+  bench.received.clear();
+  bench.run(milliseconds);
+  std::vector<uint16_t> found;
+  for (const Inputs& inputs : bench.of<Inputs>()) found.push_back(inputs.analog_2_mv);
+  return found;
+}
+
+}  // namespace
+
+TEST(the_bias_of_an_imu_is_sent_as_its_entry_has_it) {
+  SensorBench bench(list_of({Peripheral{.kind = PeripheralKind::kImu,
+                                        .chip = SensorChip::kMpu6050,
+                                        .pin_a = 16,
+                                        .pin_b = 17,
+                                        .forward = Axis::kY,
+                                        .up = Axis::kZ,
+                                        .value_a = 3,
+                                        .value_b = 0xffff,
+                                        .value_c = 0x8000}}));
+  bench.open();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(2);
+  const SensorInfo info = bench.of<SensorInfo>().back();
+  CHECK(info.bias_x == 3 && info.bias_y == -1 && info.bias_z == INT16_MIN);
+}
+
+TEST(a_measured_range_is_sent_once_and_only_if_it_can_be_used) {
+  SensorBench bench(list_of({kRange}));
+  bench.sensors.range = RangeReading{.state = SensorState::kOk, .t_us = 1};
+  bench.open();
+  CHECK(bench.of<Range>().empty());  // Nobody has asked.
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(2);
+  CHECK(bench.of<SensorInfo>().back().rate_hz == 16);
+  const uint64_t t_us = bench.now_us;
+  bench.sensors.range = RangeReading{.state = SensorState::kOk,
+                                     .t_us = t_us,
+                                     .bound_us = 250,
+                                     .distance_mm = 812,
+                                     .quality = RangeQuality::kGood};
+  bench.run(100);
+  CHECK(bench.of<Range>().size() == 1);
+  const Range found = bench.of<Range>()[0];
+  CHECK(found.t_us == t_us && found.bound_us == 250 && found.distance_mm == 812);
+  CHECK(found.channel == 0 && found.quality == RangeQuality::kGood);
+  bench.sensors.range = RangeReading{.state = SensorState::kAbsent, .t_us = bench.now_us};
+  bench.run(100);
+  CHECK(bench.of<Range>().size() == 1);
+  CHECK(bench.of<SensorEvent>().back().value == static_cast<uint16_t>(SensorState::kAbsent));
+}
+
+TEST(ranges_go_before_an_imu_on_a_slow_line) {
+  SensorBench bench(list_of({kRange, Peripheral{.kind = PeripheralKind::kImu,
+                                                .chip = SensorChip::kMpu6050,
+                                                .pin_a = 16,
+                                                .pin_b = 17,
+                                                .forward = Axis::kY,
+                                                .up = Axis::kZ}}));
+  bench.line.rate = 11'520;
+  bench.open();
+  CHECK(bench.refusal(SetStreamRate{.rate_hz = 100}) == RefusalCode::kNone);
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(3);
+  const uint16_t rate_hz = bench.of<SensorInfo>()[0].rate_hz;
+  const double others = 100.0 * frame_size(WheelState::kSize) + 17 * frame_size(Range::kSize);
+  const double bytes = others + rate_hz * frame_size(Imu::kSize);
+  CHECK(rate_hz > 0 && rate_hz < 200);
+  CHECK(bytes <= 0.8 * 11'520 && bytes > 0.75 * 11'520);
+}
+
+TEST(an_analogue_input_is_sent_when_it_has_moved_and_each_second) {
+  SensorBench bench(kAnalog);
+  bench.sensors.analog = AnalogReading{.pin_mv = 500};
+  bench.open();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(30);
+  CHECK(bench.of<Inputs>().back().analog_2_mv == 2000);
+  CHECK(bench.of<Inputs>().back().stale == 0);
+  CHECK(inputs_after(bench, 549, 100).empty());
+  CHECK(inputs_after(bench, 550, 100) == std::vector<uint16_t>{2200});
+  CHECK(inputs_after(bench, 501, 100).empty());
+  CHECK(inputs_after(bench, 500, 100) == std::vector<uint16_t>{2000});
+  CHECK(inputs_after(bench, 520, 100).empty());
+  // What it trembles by is in the next one that is sent.
+  std::vector<uint16_t> sent;
+  for (int i = 0; i < 11; ++i)
+    for (const uint16_t millivolts : inputs_after(bench, 521, 100)) sent.push_back(millivolts);
+  CHECK(sent == std::vector<uint16_t>{2084});
+  CHECK(inputs_after(bench, 20'000, 100) == std::vector<uint16_t>{UINT16_MAX});
+}
+
+TEST(an_analogue_input_that_nobody_reads_is_no_voltage) {
+  SensorBench bench(kAnalog);
+  bench.open();
+  bench.refusal(SensorStream{.rate_hz = 200});
+  bench.run(30);
+  CHECK(bench.of<Inputs>().back().stale == 1);
+  CHECK(inputs_after(bench, 0, 30) == std::vector<uint16_t>{0});
+  CHECK(bench.of<Inputs>().back().stale == 0);
+  CHECK(inputs_after(bench, 800, 199).back() == 3200);
+  bench.received.clear();
+  bench.run(25);
+  CHECK(bench.of<SensorEvent>().size() == 1);
+  CHECK(bench.of<SensorEvent>()[0].value == static_cast<uint16_t>(SensorState::kMissed));
+  CHECK(bench.of<Inputs>().back().stale == 1 && bench.of<Inputs>().back().analog_2_mv == 0);
 }
 
 // --- the list ------------------------------------------------------------------------------------

@@ -14,10 +14,14 @@ struct BenchSensors final : SensorPort {
   uint16_t at_pins = 0;
   std::optional<ImuReading> imu;
   std::optional<PowerReading> power;
+  std::optional<RangeReading> range;
+  std::optional<AnalogReading> analog;
 
   uint16_t levels() override { return at_pins; }
   bool take(size_t, ImuReading& out) override { return take(imu, out); }
   bool take(size_t, PowerReading& out) override { return take(power, out); }
+  bool take(size_t, RangeReading& out) override { return take(range, out); }
+  bool take(size_t, AnalogReading& out) override { return take(analog, out); }
 
  private:
   template <typename Reading>
