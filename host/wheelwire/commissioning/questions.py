@@ -25,6 +25,7 @@ WHEEL_AND_WAY = tuple(f"{side} {way}" for side in SIDES for way in ("forward", "
 NONE, BOTH = "none", "both"
 HAND = "hand"
 TURNED, HELD, SKIP = "turned", "held", "skip"
+READY = "ready"
 KEEP = "keep"
 
 ANSWER_KEYS = (
@@ -32,6 +33,7 @@ ANSWER_KEYS = (
     "first",
     "second",
     "board",
+    "imu",
     "counts_per_revolution",
     "wheel_radius",
     "wheel_separation",
@@ -44,6 +46,10 @@ _SEEN_TURNS = 0.005
 """Less than that a person does not see."""
 _HAND_LIMIT_S = 1.5
 """Of a wheel that does not give way."""
+_MOVING = ("tilt.pitch_rad", "tilt.roll_rad", "push.turn_radps")
+_MOVED = ("true.pitch_rad", "true.roll_rad", "true.yaw_rate_radps")
+_LIFT_RAD = 0.5
+_TURN_RADPS = 1.0
 
 
 class HandTurn(NamedTuple):
@@ -100,7 +106,7 @@ class Question:
 
 def _forms() -> dict[str, Question]:
     """What each answer of a file may be."""
-    yes_or_no = dict.fromkeys(("raised", "tune", "save"), (YES, NO))
+    yes_or_no = dict.fromkeys(("raised", "imu", "tune", "save"), (YES, NO))
     seen = (*WHEEL_AND_WAY, NONE, BOTH, AGAIN)
     choices = {
         **yes_or_no,
@@ -166,15 +172,16 @@ class AnswersFile:
             return SKIP
         if question.key == "floor":
             return YES  # the option says so
-        # A script says all that it wants; what another run has found is not among it.
-        return NO if question.key == "resume" else question.default
+        # A script says all that it wants: what another run has found is not among it, nor is a
+        # person who lifts the robot.
+        return NO if question.key in ("resume", "imu") else question.default
 
 
 class SimulatedPerson:
-    """Answers by the truth of a simulated robot, and turns its wheels.
+    """Answers by the truth of a simulated robot, turns its wheels, lifts it and turns it.
 
     Args:
-        robot: In virtual time, which passes while a wheel is turned.
+        robot: In virtual time, which passes while a wheel is turned, or the robot is put down.
         answers: Given as they are, by the question's key.
     """
 
@@ -191,6 +198,9 @@ class SimulatedPerson:
             return question.parse(self._answers[question.key])
         if question.turn is not None:
             return self._turn(question.turn)
+        self._put_down()
+        if question.key.startswith("imu_"):
+            self.move(question.key)
         if question.key == "raised":
             return YES if self._get("wheels_free") else NO
         if question.key == "floor":
@@ -200,6 +210,24 @@ class SimulatedPerson:
         if question.key in ("wheel_radius", "wheel_separation"):
             return repr(self._get(f"{question.key}_m"))
         return YES if question.key == "save" else question.default
+
+    def move(self, key: str) -> None:
+        """Begin what the question about the IMU asks for. The robot stands on the floor."""
+        name, value = {
+            "imu_rest": ("tilt.pitch_rad", 0.0),
+            "imu_front": ("tilt.pitch_rad", -_LIFT_RAD),
+            "imu_left": ("tilt.roll_rad", _LIFT_RAD),
+            "imu_turn": ("push.turn_radps", _TURN_RADPS),
+        }[key]
+        self._robot.simulator.set(name, value)
+
+    def _put_down(self) -> None:
+        if not any(map(self._get, _MOVING)):
+            return
+        for name in _MOVING:
+            self._robot.simulator.set(name, 0.0)
+        while any(map(self._get, _MOVED)):
+            self._robot.advance(0.1)
 
     def _turn(self, turn: HandTurn) -> str:
         name = f"{SIDES[turn.side]}.hand_turns"

@@ -23,6 +23,7 @@ from .counts import COUNTS, ask_counts
 from .driving import BoardReset, Left, not_watching, untold
 from .gains import tuned
 from .identification import identify
+from .imu import ImuFindings, set_up_imu
 from .problems import FAULTED, SAGS, VOIDING, Problem, Unfit
 from .questions import KEEP, NO, YES, Person, Question, Say
 from .wiring import (
@@ -113,6 +114,7 @@ class Findings:
     """What a set-up has found; None where it did not get to it.
 
     Attributes:
+        imu: How the IMU is mounted, and its gyroscope's bias.
         wiring: Of motors and encoders.
         counts_per_revolution: Of both wheels.
         velocity_feedforward: In duty per m/s.
@@ -124,6 +126,7 @@ class Findings:
         saved: The robot has saved the new values.
     """
 
+    imu: ImuFindings | None = None
     wiring: Wiring | None = None
     counts_per_revolution: int | None = None
     velocity_feedforward: float | None = None
@@ -158,7 +161,7 @@ class Options:
 
 
 def set_up(robot: BaseDriver, person: Person, say: Say, options: Options | None = None) -> Findings:
-    """Find wiring, counts, sizes, feed-forward and gains, and save them after a yes.
+    """Find the IMU's mounting, wiring, counts, sizes and gains, and save them after a yes.
 
     Unless they are saved, the robot has its previous parameters again afterwards. What ends it
     early is among the problems of the findings, unless the robot is out of reach.
@@ -198,6 +201,8 @@ class _SetUp:
             choose_board(self.robot, self.person, self.say)
         try:
             tell_contradictions(self.robot, self.say)  # with the board that was chosen
+            if not self.options.on_the_floor:
+                self._set_up_imu()
             with self.robot.parameters.trial() as trial:
                 if self.options.on_the_floor:
                     check_floor(self.robot, self.person)
@@ -224,6 +229,12 @@ class _SetUp:
         return self.findings
 
     # --- steps ---------------------------------------------------------------------------------
+
+    def _set_up_imu(self) -> None:
+        # Before the trial of parameters, as the board; and before the robot is raised.
+        keeps = self.options.keep is None
+        imu = set_up_imu(self.robot, self.person, self.say, self._note_text, keeps=keeps)
+        self.findings = replace(self.findings, imu=imu)
 
     def _find(self) -> None:
         self.say("1/4 Robot, supply and contact. Left and right are as seen from behind.")
@@ -428,6 +439,9 @@ class _SetUp:
         for name, value in now.items():
             self.former.setdefault(name, value)
         return now
+
+    def _note_text(self, text: str) -> None:
+        self._note([text])
 
     def _note(self, problems: Sequence[Problem | str]) -> None:
         # A gap in an encoder's counts may be found twice.

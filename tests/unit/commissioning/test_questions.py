@@ -65,6 +65,12 @@ def test_a_file_answers_and_the_defaults_do_the_rest(tmp_path: Path) -> None:
     assert file.answer(Question("resume", "Go on", (YES, NO), YES)) == NO
 
 
+def test_a_file_lifts_no_robot_unless_it_says_that_somebody_does(tmp_path: Path) -> None:
+    imu = Question("imu", "Find it", (YES, NO), YES)
+    assert answers(tmp_path, "save: yes\n").answer(imu) == NO
+    assert answers(tmp_path, "imu: yes\n").answer(imu) == YES
+
+
 def test_what_only_a_person_can_see_must_be_in_the_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="no answer `first`: add it; it is one of left f"):
         answers(tmp_path, "save: no\n").answer(FIRST)
