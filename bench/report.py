@@ -16,8 +16,8 @@ from support.benchmark import ROOT, output_folder
 
 BENCHES = (
     *("codec", "capture", "imports"),
-    *("link", "latency", "links_per_host", "ros"),
-    *("control", "drivers", "cost", "recording", "view"),
+    *("link", "latency", "links_per_host", "sensor_line", "ros"),
+    *("control", "battery", "drivers", "cost", "recording", "view"),
 )
 """The benchmarks, in the order of the report."""
 
