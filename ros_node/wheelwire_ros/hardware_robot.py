@@ -20,6 +20,7 @@ from wheelwire import (
     driver_names,
     open_driver,
 )
+from wheelwire.files.board import checked_board
 
 from .node import BaseRobotNode
 from .parameters import Setting
@@ -54,7 +55,8 @@ SETTINGS = (
             "patterns, separated by commas."),
     Setting("any_board", False, "serial: continue with another board if one appears at the port."),
     Setting("board", "", "serial: drive only if the device is on this board: a built-in board's "
-            "name, or a file. Empty: whichever was confirmed."),
+            "name, or a file. Empty: whichever was confirmed. l298n, pigpio: the pins and the "
+            "sensors, in place of pins.*."),
     Setting("pwm_chip", NO_CHIP, f"l298n: N of /sys/class/pwm/pwmchipN. {NO_CHIP}: find it.",
             NO_CHIP, 99),
     Setting("pigpio_host", "localhost", "pigpio: the daemon's computer."),
@@ -147,6 +149,8 @@ class HardwareRobot(BaseRobotNode):
         return {}
 
     def _pins(self) -> Any:
+        if board := self.setting("board"):
+            return checked_board(board)
         numbers: dict[str, int] = {name: self.setting(f"pins.{name}") for name in PINS}
         return Pins(**{name: number for name, number in numbers.items() if number != NO_PIN})
 

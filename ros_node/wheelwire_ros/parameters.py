@@ -256,9 +256,13 @@ def frames(get: Get) -> Frames:
 
 
 def _frame(parameter: str, get: Get) -> str:
+    return _frame_prefix(get) + str(get(parameter))
+
+
+def _frame_prefix(get: Get) -> str:
+    """Of the frames' names, with a slash; empty if there is none."""
     prefix = get("tf_frame_prefix").strip("/") if get("tf_frame_prefix_enable") else ""
-    name = str(get(parameter))
-    return f"{prefix}/{name}" if prefix else name
+    return f"{prefix}/" if prefix else ""
 
 
 def topics(get: Get, *, has_battery: bool) -> MotionTopics:
@@ -277,6 +281,7 @@ def topics(get: Get, *, has_battery: bool) -> MotionTopics:
 def sensor_topics(get: Get) -> SensorTopics:
     """The settings of what the node publishes about sensors."""
     return SensorTopics(
+        frame_prefix=_frame_prefix(get),
         imu_frame=_frame("imu_frame_id", get),
         takes_bias=get("imu_bias_at_rest"),
         base_frame=_frame("base_frame_id", get),

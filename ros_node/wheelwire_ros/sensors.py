@@ -1,4 +1,4 @@
-"""What the robot's sensors measure: the topics of IMU, bumpers and battery, and words about them.
+"""What the robot's sensors measure: topics of IMU, ranges, bumpers and battery, words about them.
 
 Nothing here has a thread: the thread that reads the wheels' samples takes those of the sensors
 before each of them, so that a filter gets them in the order of their stamps.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from typing import Any, NamedTuple, TypeVar
 
-from sensor_msgs.msg import BatteryState, Imu, PointCloud2, PointField
+from sensor_msgs.msg import BatteryState, Imu, PointCloud2, PointField, Range
 
 from wheelwire import (
     BaseDriver,
@@ -24,6 +24,7 @@ from wheelwire import (
     InputsSample,
     InvalidCommand,
     PowerSample,
+    RangeSample,
     Reflex,
     SensorEventCode,
     SensorInfo,
@@ -57,6 +58,8 @@ ANGLES_DEG = {
     Place.FRONT: 0.0,
     Place.FRONT_LEFT: 45.0,
     Place.FRONT_RIGHT: -45.0,
+    Place.LEFT: 90.0,
+    Place.RIGHT: -90.0,
     Place.REAR: 180.0,
     Place.REAR_LEFT: 135.0,
     Place.REAR_RIGHT: -135.0,
@@ -74,6 +77,8 @@ ToRosNs = Callable[[float, str], int | None]
 class SensorTopics(NamedTuple):
     """The settings of what the node publishes about sensors."""
 
+    frame_prefix: str
+    """Of the range sensors' frames, with its slash."""
     imu_frame: str
     takes_bias: bool
     """Whether the gyroscope's bias is measured at rest, and taken off."""
@@ -139,6 +144,9 @@ class SensorPublisher:
         self._imu_samples: SampleIterator[ImuSample] | None = None
         self._power_samples: SampleIterator[PowerSample] | None = None
         self._input_samples: SampleIterator[InputsSample] | None = None
+        self._ranges: dict[str, Any] = {}
+        """Their topics, by the sensors' names."""
+        self._range_samples: SampleIterator[RangeSample] | None = None
         self._unstamped: list[InputsSample] = []
         self._battery_due_ns = 0
         if sensors is None:
@@ -164,6 +172,9 @@ class SensorPublisher:
         if sensors.power.info is not None:
             self._battery = publisher(BatteryState, "battery_state")
             self._power_samples = sensors.power.samples()
+        if ranges := sensors.ranges.infos:
+            self._ranges = {name: publisher(Range, f"range/{name}") for name in ranges}
+            self._range_samples = sensors.ranges.samples()
         if sensors.inputs.info is not None:
             self._input_samples = sensors.inputs.samples()
         if any(status.info.kind in OBSTACLES for status in sensors.channels):
@@ -202,7 +213,10 @@ class SensorPublisher:
             if publishes:
                 self._publish_imu(imu, gyro)
         powers, inputs = list(taken(self._power_samples)), list(taken(self._input_samples))
+        ranges = list(taken(self._range_samples))
         if publishes:
+            for one in ranges:
+                self._publish_range(one)
             for power in powers:
                 self._publish_battery(power)
             if self._bumpers is not None:
@@ -220,6 +234,13 @@ class SensorPublisher:
             self._imu.publish(
                 self._imu_message.fill(*stamp, *gyro, *of_gyro, *sample.acceleration, *of_other)
             )
+
+    def _publish_range(self, sample: RangeSample) -> None:
+        stamp_ns = self._to_ros_ns(sample.stamp, "ranges")
+        publisher = self._ranges.get(sample.name)  # None: its board was given it since
+        if stamp_ns is not None and publisher is not None:
+            frame = f"{self._topics.frame_prefix}range_{sample.name}"
+            self._publish(publisher, range_message(sample), stamp_ns, frame)
 
     def _publish_battery(self, sample: PowerSample) -> None:
         stamp_ns = self._to_ros_ns(sample.stamp, "power")
@@ -240,9 +261,9 @@ class SensorPublisher:
             self._publish(self._bumpers, cloud_message(points), stamp_ns)
         return stamp_ns is not None
 
-    def _publish(self, publisher: Any, message: Any, stamp_ns: int) -> None:
+    def _publish(self, publisher: Any, message: Any, stamp_ns: int, frame: str = "") -> None:
         message.header.stamp = time_message(stamp_ns)
-        message.header.frame_id = self._topics.base_frame
+        message.header.frame_id = frame or self._topics.base_frame
         publisher.publish(message)
 
 
@@ -283,7 +304,7 @@ def _sentence(status: SensorStatus) -> str:
     info, sample = status.info, status.sample
     if isinstance(sample, PowerSample) and sample.level > BatteryLevel.OK:
         return sentence_of_event(info.name, SensorEventCode.BATTERY, sample.level)
-    if isinstance(sample, InputsSample) and sample.channels[info.name].triggered:
+    if isinstance(sample, InputsSample) and info.name in sample.triggered:
         return sentence_of_event(info.name, SensorEventCode.TRIGGERED, _reflex(info))
     return ""
 
@@ -313,12 +334,30 @@ def channel_words(status: SensorStatus) -> tuple[bool, str, dict[str, Any]]:
         values["voltage_v"] = sample.voltage_v
         values["current_a"] = math.nan if sample.current_a is None else sample.current_a
         values["level"] = sample.level.name
+    elif isinstance(sample, RangeSample):
+        values["distance_m"] = sample.distance_m
+    elif isinstance(sample, InputsSample) and info.kind is PeripheralKind.ANALOG:
+        values["voltage_v"] = sample.analog.get(info.name, math.nan)
     elif isinstance(sample, InputsSample):
         reading: InputReading = sample.channels[info.name]
         values["triggered"] = reading.triggered
         values["edges"] = reading.edges
     sentence = _sentence(status)
     return bool(sentence), sentence or sentence_of_state(status.state), values
+
+
+# --- ranges --------------------------------------------------------------------------------------
+
+
+def range_message(sample: RangeSample) -> Range:
+    """A distance: by REP-117 as in the sample, infinite if it was not measured."""
+    return Range(
+        radiation_type=Range.ULTRASOUND,
+        field_of_view=sample.field_of_view_rad,
+        min_range=sample.min_m,
+        max_range=sample.max_m,
+        range=sample.distance_m,
+    )
 
 
 # --- bumpers and cliffs as points ----------------------------------------------------------------

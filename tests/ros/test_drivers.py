@@ -11,12 +11,16 @@ pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 on
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState, Imu
 
 from support.gpio_chip_process import GpioChip
+from support.i2c_bus import I2cBuses
+from support.pi_robot import IMU, POWER, board_with
 from support.pigpio_process import PigpioProcess
 from support.ros import Diagnostics, Graph, Repeater, wait
 from support.ros_process import RobotNode
 from support.ros_rig import SPEED_MPS, twist
+from wheelwire.files.board import to_yaml
 
 LONG_OVERRUN_LIMIT_US = 1_000_000
 LONG_STALL_TIME_S = 2.0
@@ -56,3 +60,27 @@ def test_l298n(graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
             monkeypatch.setenv(name, value)
         check_driving(graph, "l298n")
         assert not chip.truth()["driven"]
+
+
+def test_a_pi_has_its_sensors_by_the_file_of_its_board(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("gpiozero", reason="of the extra wheelwire[dev]")
+    file = tmp_path / "board.yaml"
+    file.write_text(to_yaml(board_with(IMU, POWER)))
+    buses = I2cBuses(tmp_path / "i2c", 1)
+    with GpioChip(tmp_path, kernel_pwm=False) as chip:
+        environment = chip.environment | buses.environment(chip.environment["PYTHONPATH"])
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        samples = graph.listen(Imu, "imu/data_raw")
+        battery = graph.listen(BatteryState, "battery_state")
+        with RobotNode(
+            graph,
+            driver_type="l298n",
+            board=str(file),
+            overrun_limit_us=LONG_OVERRUN_LIMIT_US,
+        ):
+            wait(lambda: len(samples) > 100, "samples of the IMU")
+            assert samples[-1].linear_acceleration.z == pytest.approx(9.8, abs=0.1)
+            wait(lambda: battery and battery[-1].current == pytest.approx(-0.5), "the current")

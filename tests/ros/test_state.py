@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,10 +17,12 @@ from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool, Trigger
 
+from support.own_board import OWN_BOARD
 from support.pty_device import PtyDevice
 from support.ros import Graph, wait
 from support.ros_process import RobotNode
 from support.ros_rig import NODE, Rig, State, open_rig, values
+from wheelwire.files.board import board_mapping
 from wheelwire.simulation.simulator import Simulator
 from wheelwire_protocol.codes import Fault, ResetReason, SupervisorState
 from wheelwire_protocol.types import Estop
@@ -31,6 +34,11 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
         yield rig
 
 
+@pytest.fixture
+def state(rig: Rig) -> State:
+    return State(rig.graph)
+
+
 def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:
     told = State(rig.graph).wait(lambda v: v["link"] == "connected")
     assert told.level == DiagnosticStatus.OK
@@ -39,8 +47,7 @@ def test_who_subscribes_later_gets_the_present_state(rig: Rig) -> None:
     assert int(values(told)["boot_id"], 16) == rig.truth(lambda _: True).boot_id
 
 
-def test_an_open_contact_and_its_end_are_told_logged_and_diagnosed(rig: Rig) -> None:
-    state = State(rig.graph)
+def test_an_open_contact_and_its_end_are_told_logged_and_diagnosed(rig: Rig, state: State) -> None:
     state.wait(lambda v: v["link"] == "connected")
     reports = rig.graph.listen(DiagnosticArray, "/diagnostics")
     wait(lambda: reports, "/diagnostics")
@@ -63,8 +70,7 @@ def test_an_open_contact_and_its_end_are_told_logged_and_diagnosed(rig: Rig) -> 
     wait(lambda: "can be driven again" in rig.node.errors(), "the line of its end")
 
 
-def test_the_nodes_own_estop_is_named_as_such(rig: Rig) -> None:
-    state = State(rig.graph)
+def test_the_nodes_own_estop_is_named_as_such(rig: Rig, state: State) -> None:
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=True).success
     assert "~/estop" in state.wait(lambda v: v["state"] == "ESTOPPED").message
     assert rig.graph.call(SetBool, f"{NODE}/estop", data=False).success
@@ -72,8 +78,7 @@ def test_the_nodes_own_estop_is_named_as_such(rig: Rig) -> None:
     assert "another program" not in rig.node.errors()
 
 
-def test_a_fault_is_told_in_words(rig: Rig) -> None:
-    state = State(rig.graph)
+def test_a_fault_is_told_in_words(rig: Rig, state: State) -> None:
     rig.simulator.set("left.encoder_dead", 1)
     with rig.driving():
         told = state.wait(lambda v: v["state"] == "FAULT")
@@ -83,8 +88,7 @@ def test_a_fault_is_told_in_words(rig: Rig) -> None:
         wait(lambda: "command ignored: the device refused" in rig.node.errors(), "the refusal")
 
 
-def test_clearing_says_that_a_blocked_wheel_will_trip_again(rig: Rig) -> None:
-    state = State(rig.graph)
+def test_clearing_says_that_a_blocked_wheel_will_trip_again(rig: Rig, state: State) -> None:
     rig.simulator.set("left.encoder_dead", 1)
     with rig.driving():
         state.wait(lambda v: v["state"] == "FAULT")
@@ -174,8 +178,9 @@ def test_a_clear_waits_for_a_zero_command_and_says_so_once(rig: Rig) -> None:
         rig.truth(lambda state: state.drive_on)
 
 
-def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(rig: Rig) -> None:
-    state = State(rig.graph)
+def test_a_reset_of_the_device_is_warned_of_until_it_is_acknowledged(
+    rig: Rig, state: State
+) -> None:
     state.wait(lambda v: v["link"] == "connected")
     for _ in range(2):
         boot_id = f"{rig.simulator.reset(ResetReason.PANIC):08x}"
@@ -224,7 +229,9 @@ def test_a_device_on_another_board_than_the_named_one_is_not_driven(
         with RobotNode(graph, port=simulator.port, board="tb6612"):
             told = state.wait(lambda v: "not TB6612FNG" in v["cause"])
             assert told.level == DiagnosticStatus.ERROR
-        with RobotNode(graph, port=simulator.port, board="l298n"):
+        own = tmp_path / "own.yaml"
+        own.write_text(json.dumps(board_mapping(OWN_BOARD)))
+        with RobotNode(graph, port=simulator.port, board=str(own)):
             graph.wait_active()
 
 

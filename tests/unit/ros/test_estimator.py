@@ -13,12 +13,16 @@ from wheelwire_ros.estimator import MotionEstimator
 DRIVE = DifferentialDrive(wheel_separation=0.2, wheel_radius=0.05, counts_per_revolution=1000)
 
 
+@pytest.fixture
+def motions() -> MotionEstimator:
+    return estimator()
+
+
 def estimator(window: int = 1) -> MotionEstimator:
     return MotionEstimator(DRIVE, wheel_variance_m=1e-4, window=window)
 
 
-def test_one_turn_of_both_wheels() -> None:
-    motions = estimator()
+def test_one_turn_of_both_wheels(motions: MotionEstimator) -> None:
     motions.update(sample(left_ticks=70, right_ticks=-5))
     motion = motions.update(
         sample(left_ticks=1070, right_ticks=995, t_us=10**6, left_mps=0.3, right_mps=0.3)
@@ -29,8 +33,7 @@ def test_one_turn_of_both_wheels() -> None:
     assert motion.covariance[0, 0] > 0
 
 
-def test_a_reset_of_the_device_moves_nothing() -> None:
-    motions = estimator()
+def test_a_reset_of_the_device_moves_nothing(motions: MotionEstimator) -> None:
     motions.update(sample())
     before = motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))
     after = motions.update(sample(boot_id=2))
@@ -42,8 +45,7 @@ def test_a_reset_of_the_device_moves_nothing() -> None:
     assert motions.rebases == 1
 
 
-def test_resetting_the_odometry_leaves_the_wheels_where_they_are() -> None:
-    motions = estimator()
+def test_resetting_the_odometry_leaves_the_wheels_where_they_are(motions: MotionEstimator) -> None:
     motions.update(sample())
     motions.update(sample(left_ticks=500, right_ticks=900, t_us=10**6))
     motions.reset()
@@ -53,8 +55,7 @@ def test_resetting_the_odometry_leaves_the_wheels_where_they_are() -> None:
     assert motion.left.angle_rad == pytest.approx(math.pi)
 
 
-def test_new_numbers_count_from_now_on() -> None:
-    motions = estimator()
+def test_new_numbers_count_from_now_on(motions: MotionEstimator) -> None:
     motions.update(sample())
     one = motions.update(sample(left_ticks=100, right_ticks=100, t_us=1)).pose.x_m
     motions.drive = replace(DRIVE, wheel_radius=0.1)
@@ -66,8 +67,7 @@ def measured(linear_mps: float, *, turn_mps: float = 0.0, boot_id: int = 1) -> W
     return sample(left_mps=linear_mps - turn_mps, right_mps=linear_mps + turn_mps, boot_id=boot_id)
 
 
-def test_a_window_of_one_changes_nothing() -> None:
-    motions = estimator()
+def test_a_window_of_one_changes_nothing(motions: MotionEstimator) -> None:
     for linear_mps, turn_mps in ((0.1, 0.0), (0.3, -0.1)):
         twist = motions.update(measured(linear_mps, turn_mps=turn_mps)).twist
         assert twist == pytest.approx((linear_mps, turn_mps * 10))

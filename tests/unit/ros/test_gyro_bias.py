@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
 from support.host_samples import sample
+from support.sensor_messages import Stream, info
 from wheelwire import ImuSample
 from wheelwire_ros.gyro_bias import GyroBias
 
@@ -48,6 +49,22 @@ def test_a_second_of_rest_tells_the_bias() -> None:
     robot.run(1.0, 0.5, wheels_turn=True)
     assert robot.bias.radps == pytest.approx(BIAS, abs=NOISE_RADPS / 2)
     assert robot.corrected[2] == pytest.approx(0.5, abs=5 * NOISE_RADPS)
+
+
+def test_the_bias_in_the_boards_file_is_not_taken_off_twice() -> None:
+    at_rest = Stream()  # 2, 4 and 6 counts; y points forward
+    of_board = info(0, values=(1, 2, 3))._replace(gyro_scale=0.05)
+    at_rest.stream.take_info(of_board)
+    bias = GyroBias(NOISE_RADPS)
+    for k in range(102):
+        at_rest.imu(3_000_000 + 10_000 * k)
+        bias.note_wheels(sample())
+        _, imu = at_rest.sensed[-1]
+        assert isinstance(imu, ImuSample)
+        corrected = bias.corrected(imu)
+    # What the file's has left, which would be none if that were taken off here again.
+    assert bias.radps == pytest.approx((0.1, -0.05, 0.15))
+    assert corrected == pytest.approx((0, 0, 0))
 
 
 def test_a_robot_that_drives_is_not_at_rest() -> None:

@@ -8,11 +8,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="`make ros` brings ROS 2 (Linux on x86-64 only)")
 
+from sensor_msgs.msg import Range
+
 from wheelwire import (
     BatteryLevel,
     InputReading,
     InputsSample,
     PowerSample,
+    RangeSample,
     Reflex,
     SensorInfo,
     SensorState,
@@ -20,13 +23,15 @@ from wheelwire import (
 )
 from wheelwire.peripherals import channel_name
 from wheelwire_protocol.sensors import PeripheralKind, Place, SensorChip
-from wheelwire_ros.sensors import Limits, channel_words, limits_of, obstacles
+from wheelwire_ros.sensors import Limits, channel_words, limits_of, obstacles, range_message
 
 BUMPER, CLIFF, STAGE = PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT
 
 
-def info(kind: PeripheralKind, place: Place = Place.NONE, channel: int = 0) -> SensorInfo:
-    name = channel_name(kind, place)
+def info(
+    kind: PeripheralKind, place: Place = Place.NONE, channel: int = 0, number: int = 0
+) -> SensorInfo:
+    name = channel_name(kind, place, number)
     return SensorInfo(channel, name, kind, SensorChip.NONE, place, 0, 0.0, 0.0)
 
 
@@ -38,7 +43,7 @@ def inputs(*infos: SensorInfo, triggered: bool = True, reflexes: int = 0) -> Inp
 
 def status(
     one: SensorInfo,
-    sample: InputsSample | PowerSample | None = None,
+    sample: InputsSample | PowerSample | RangeSample | None = None,
     state: SensorState = SensorState.OK,
 ) -> SensorStatus:
     return SensorStatus(one, state, None if sample is None else 0.01, sample)
@@ -107,13 +112,46 @@ def test_an_empty_battery_is_told(level: BatteryLevel, words: str) -> None:
 
 @pytest.mark.parametrize(
     ("place", "degrees"),
-    [(Place.FRONT, 0), (Place.FRONT_LEFT, 45), (Place.REAR, 180), (Place.REAR_RIGHT, -135)],
+    [
+        *((Place.FRONT, 0), (Place.FRONT_LEFT, 45), (Place.REAR, 180), (Place.REAR_RIGHT, -135)),
+        *((Place.LEFT, 90), (Place.RIGHT, -90)),
+    ],
 )
 def test_a_point_lies_where_the_bumper_is(place: Place, degrees: float) -> None:
-    one = info(BUMPER, place)
+    one = info(CLIFF, place)
     ((x_m, y_m, z_m),) = obstacles([one], inputs(one), 0.3, 0.04)
     assert math.degrees(math.atan2(y_m, x_m)) == pytest.approx(degrees)
     assert (math.hypot(x_m, y_m), z_m) == pytest.approx((0.3, 0.04))
+
+
+def ranged(distance_m: float) -> RangeSample:
+    return RangeSample(5, 1, "front", distance_m, 0.02, 4.0, 0.26, 1.0, 0.001)
+
+
+@pytest.mark.parametrize("distance_m", [0.85, math.inf, -math.inf])
+def test_a_range_says_what_the_sensor_can_measure(distance_m: float) -> None:
+    message = range_message(ranged(distance_m))
+    assert message.radiation_type == Range.ULTRASOUND
+    assert message.range == pytest.approx(distance_m)
+    assert (message.min_range, message.max_range) == pytest.approx((0.02, 4.0))
+    assert message.field_of_view == pytest.approx(0.26)
+    assert message.variance == 0  # unknown
+
+
+def test_a_range_limits_nothing() -> None:
+    one = status(info(PeripheralKind.RANGE, Place.FRONT), ranged(-math.inf))
+    assert limits_of([one], None) == Limits()
+    warns, message, values = channel_words(one)
+    assert (warns, message, values["distance_m"]) == (False, "OK", -math.inf)
+
+
+def test_a_voltage_is_in_the_words_of_its_channel() -> None:
+    one = info(PeripheralKind.ANALOG, number=2)
+    sample = inputs()._replace(analog={"analog_2": 3.3})
+    assert limits_of([status(one, sample)], sample) == Limits()
+    warns, message, values = channel_words(status(one, sample))
+    assert (warns, message, values["voltage_v"]) == (False, "OK", 3.3)
+    assert "triggered" not in values
 
 
 def test_only_triggered_bumpers_and_cliffs_are_obstacles() -> None:

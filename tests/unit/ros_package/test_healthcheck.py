@@ -73,21 +73,28 @@ def test_healthy_while_the_link_is_up(reporter: Reporter) -> None:
     assert result.returncode == 0, result.stderr
 
 
-def test_a_namespace_is_another_robot(reporter: Reporter) -> None:
-    reporter.says(DiagnosticStatus.OK, "connected")
-    result = check(reporter.domain, "/hardware_robot")
+@pytest.mark.parametrize(
+    ("status", "node", "said"),
+    [
+        ((DiagnosticStatus.OK, "connected"), "/hardware_robot", "hardware_robot does not report"),
+        (
+            (DiagnosticStatus.ERROR, "unplugged?"),
+            "/robot1/hardware_robot",
+            "robot1/hardware_robot: link: unplugged?\n",
+        ),
+        (
+            None,
+            "/robot1/hardware_robot",
+            "robot1/hardware_robot does not report: is the node running",
+        ),
+    ],
+    ids=["another namespace", "no link", "no node"],
+)
+def test_unhealthy(
+    reporter: Reporter, status: tuple[Any, str] | None, node: str, said: str
+) -> None:
+    if status is not None:
+        reporter.says(*status)
+    result = check(reporter.domain, node)
     assert result.returncode == 1
-    assert result.stderr.startswith("hardware_robot does not report")
-
-
-def test_unhealthy_without_a_link(reporter: Reporter) -> None:
-    reporter.says(DiagnosticStatus.ERROR, "unplugged?")
-    result = check(reporter.domain)
-    assert result.returncode == 1
-    assert result.stderr.strip() == "robot1/hardware_robot: link: unplugged?"
-
-
-def test_unhealthy_without_a_node(reporter: Reporter) -> None:
-    result = check(reporter.domain)
-    assert result.returncode == 1
-    assert result.stderr.startswith("robot1/hardware_robot does not report: is the node running")
+    assert result.stderr.startswith(said)

@@ -11,7 +11,9 @@ import pytest
 from wheelwire import load_config
 
 MODEL = Path(__file__).parents[3] / "ros_node" / "urdf" / "pi4b.urdf"
-PLACES = {"base_link", "base_footprint", "imu_link"}
+RANGES = {"range_front": 0.0, "range_left": math.pi / 2, "range_right": -math.pi / 2}
+"""Range sensors' frames, and where they look. [rad]"""
+PLACES = {"base_link", "base_footprint", "imu_link", *RANGES}
 """Links without a body."""
 WHEELS = {"left_wheel_joint": 1, "right_wheel_joint": -1}
 
@@ -85,6 +87,19 @@ def test_the_imus_frame_has_the_robots_axes(robot: ET.Element) -> None:
     joint = _joint(robot, "imu_joint")
     assert _name(joint, "parent") == "base_link"
     assert "rpy" not in _the(joint, "origin").attrib
+
+
+@pytest.mark.parametrize(("name", "yaw_rad"), RANGES.items())
+def test_a_range_sensor_looks_along_its_x_away_from_the_robot(
+    robot: ET.Element, name: str, yaw_rad: float
+) -> None:
+    joint = _joint(robot, f"{name}_joint")
+    assert (_name(joint, "parent"), _name(joint, "child")) == ("base_link", name)
+    turn = _the(joint, "origin").attrib.get("rpy", "0 0 0")
+    assert [float(angle) for angle in turn.split()] == pytest.approx([0, 0, yaw_rad], abs=1e-6)
+    x, y, z = _numbers(joint, "origin", "xyz")
+    assert math.atan2(y, x) == pytest.approx(yaw_rad)
+    assert z > 0
 
 
 def test_the_caster_stands_on_the_floor(robot: ET.Element) -> None:
