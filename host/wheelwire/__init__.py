@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .config import load_config as load_config
     from .config import open_robot as open_robot
     from .drivers.base import BaseDriver as BaseDriver
+    from .drivers.device_sensors import Ranges as Ranges
     from .drivers.device_sensors import Sensor as Sensor
     from .drivers.device_sensors import Sensors as Sensors
     from .drivers.device_sensors import SensorStatus as SensorStatus
@@ -75,6 +76,7 @@ if TYPE_CHECKING:
     from .sensors import InputReading as InputReading
     from .sensors import InputsSample as InputsSample
     from .sensors import PowerSample as PowerSample
+    from .sensors import RangeSample as RangeSample
     from .sensors import SensorEvent as SensorEvent
     from .sensors import SensorInfo as SensorInfo
     from .simulation.simulator import Simulator as Simulator
@@ -83,7 +85,7 @@ _MODULES = {
     "motion.covariance": ("PoseCovariance",),
     "config": ("RobotConfig", "connect", "load_config", "open_robot"),
     "drivers.base": ("BaseDriver",),
-    "drivers.device_sensors": ("Sensor", "SensorStatus", "Sensors"),
+    "drivers.device_sensors": ("Ranges", "Sensor", "SensorStatus", "Sensors"),
     "drivers.serial": ("SerialDriver",),
     "errors": (
         "ConfigurationError",
@@ -120,6 +122,7 @@ _MODULES = {
         "InputReading",
         "InputsSample",
         "PowerSample",
+        "RangeSample",
         "SensorEvent",
         "SensorInfo",
     ),

@@ -32,6 +32,7 @@ from .drivers.device_sensors import (
     OF_IMU,
     OF_INPUTS,
     OF_POWER,
+    RangesView,
     SensorsView,
     SensorView,
     Streams,
@@ -44,10 +45,9 @@ from .drivers.requests import AwaitableDevice
 from .errors import DriverUnavailable
 from .link.news import Happening
 from .link.sample_iterator import SampleIterator as _SampleQueue
-from .link.sensor_stream import EVENTS
-from .motion.kinematics import WheelVelocities
+from .link.sensor_stream import EVENTS, RANGE
 from .samples import WheelSample
-from .sensors import ImuSample, InputsSample, PowerSample, SensorEvent
+from .sensors import ImuSample, InputsSample, PowerSample, RangeSample, SensorEvent
 
 # For type checkers alone: importing this module loads no driver, pin library or simulator.
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ __all__ = [
     "MockDriver",
     "Parameters",
     "PinDriver",
+    "Ranges",
     "SampleIterator",
     "Sensor",
     "Sensors",
@@ -105,11 +106,9 @@ class Driver(AwaitableDevice, LinkedRobot):
 
     def __init__(self, robot: DeviceDriver) -> None:
         self._robot = robot
-        self._link = robot._link
         self._latest_sample = robot._latest_sample
-        self._explanations = robot._explanations
         self._on_loop = on_loop = LoopLink(robot)
-        super().__init__(on_loop)
+        LinkedRobot.__init__(self, on_loop)
         self._callbacks: LoopCallbacks = LoopCallbacks(on_loop.call_in_loop)
         self._parameters = Parameters(on_loop)
         self._sensors = Sensors(on_loop)
@@ -227,8 +226,13 @@ class Driver(AwaitableDevice, LinkedRobot):
 
     @property
     def inputs(self) -> Sensor[InputsSample]:
-        """The robot's digital inputs: bumpers, cliff sensors, fault outputs of power stages."""
+        """The robot's inputs: bumpers, cliff sensors, fault outputs of power stages, voltages."""
         return self._sensors.inputs
+
+    @property
+    def ranges(self) -> Ranges:
+        """The robot's range sensors, by name."""
+        return self._sensors.ranges
 
     async def close(self) -> None:
         """Stop the robot and release all resources. Safe to call more than once.
@@ -294,18 +298,6 @@ class Driver(AwaitableDevice, LinkedRobot):
             except BaseException:
                 await self.close()
                 raise
-
-    def _listen(self, happening: Happening) -> None:
-        self._on_loop.check_thread()
-        super()._listen(happening)
-
-    def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
-        self._on_loop.check_thread()
-        super()._drive_velocity(wheels, expiry_us)
-
-    def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
-        self._on_loop.check_thread()
-        super()._drive_duty(left, right, expiry_us)
 
 
 class PinDriver(Driver):
@@ -402,7 +394,7 @@ class SampleIterator(AsyncIterator[SampleT]):
 
 
 class Sensor(SensorView[SensorSampleT]):
-    """One sensor of a robot, or all its digital inputs together. See `wheelwire.Sensor`."""
+    """One sensor of a robot, or all its inputs together. See `wheelwire.Sensor`."""
 
     async def read(self, timeout: float = 1.0) -> SensorSampleT:
         """As `wheelwire.Sensor.read`."""
@@ -411,6 +403,18 @@ class Sensor(SensorView[SensorSampleT]):
     def samples(self) -> SampleIterator[SensorSampleT]:
         """As `wheelwire.Sensor.samples`, for `async for`; errors come with the first sample."""
         return _iterator(self._streams, self._name, self._begin)
+
+
+class Ranges(RangesView):
+    """The range sensors of a robot, by name. See `wheelwire.Ranges`."""
+
+    async def read(self, name: str, timeout: float = 1.0) -> RangeSample:
+        """As `wheelwire.Ranges.read`."""
+        return await self._read(name, timeout)
+
+    def samples(self) -> SampleIterator[RangeSample]:
+        """As `wheelwire.Ranges.samples`, for `async for`; errors come with the first sample."""
+        return _iterator(self._streams, RANGE, self._begin)
 
 
 class Sensors(SensorsView):
@@ -422,6 +426,7 @@ class Sensors(SensorsView):
         self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
         self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
         self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
+        self.ranges = Ranges(streams)
 
     async def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """As `wheelwire.Sensors.start`."""

@@ -26,9 +26,9 @@ class WheelwireError(Exception):
     """Base class of the errors that Wheelwire raises.
 
     Attributes:
-        why: Of an error that a stop of the robot is behind, or a refusal of the device: the
-            sentence that `wheelwire why` says of it; else empty. Without `watch_stops` it knows
-            the state and the faults alone.
+        why: If a stop of the robot or a refusal of the device caused this error, the sentence that
+            `wheelwire why` gives for it; otherwise empty. Without `watch_stops` only the state and
+            the faults are known.
         evidence: What shows it.
         look_at: What to look at first.
     """
@@ -315,10 +315,10 @@ class GroupUnavailable(WheelwireError):  # noqa: N818
     exit_code = 25
 
     def __init__(self, group: str, host: int, device: int, *, needed_by: str = "") -> None:
-        theirs = f"has others (0x{device:08x})" if device else "has none"
+        theirs = f"the device's have 0x{device:08x}" if device else "the device has none"
         needed_by = needed_by and f"{needed_by}: "
         super().__init__(
-            f"{needed_by}the messages about {group}s of this library are 0x{host:08x}, the device "
+            f"{needed_by}this library's messages about {group}s have the hash 0x{host:08x}, "
             f"{theirs}: use firmware and library of one release for this; everything else works"
         )
         self.group = group

@@ -16,6 +16,7 @@ from typing import ClassVar, TypeAlias
 from wheelwire_protocol.board import NO_PIN
 from wheelwire_protocol.native import check_peripherals
 from wheelwire_protocol.sensors import (
+    IMUS,
     MOST_PERIPHERALS,
     PERIPHERAL_FORMAT,
     Axis,
@@ -33,9 +34,14 @@ from .errors import ConfigurationError
 _ENTRY = struct.Struct("<" + "".join(letters for _, letters in PERIPHERAL_LAYOUT))
 _NAMES = [name for name, _ in PERIPHERAL_LAYOUT]
 _PINS = ("pin_a", "pin_b", "pin_c")
+_VALUES = ("value_a", "value_b", "value_c")
 # Format, count, zeros, and the board's fingerprint.
 _HEAD = struct.Struct("<BBHI")
 _CRC_SIZE = 4
+# A list has unsigned numbers alone; those of a bias are in two's complement.
+_HALF, _COUNTS = 0x8000, 0x1_0000
+_BIAS_DIGITS = 5
+"""Decimals of a bias in rad/s: enough for one count of any chip."""
 ENTRY_SIZE = _ENTRY.size
 """Of a packed entry, in bytes."""
 _LIST_SIZE = _HEAD.size + MOST_PERIPHERALS * ENTRY_SIZE + _CRC_SIZE
@@ -64,6 +70,9 @@ class ImuSensor:
         forward: The axis of its print that points forward on the robot.
         up: The one that points up.
         address: On the bus; None: the chip's usual one.
+        bias: What the gyroscope says of the robot at rest, about the chip's own x, y and z; the
+            samples are without it. Kept in whole counts of the chip. [rad/s]
+        bus: Of a computer: the bus's number, in place of its pins.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.IMU
@@ -76,6 +85,8 @@ class ImuSensor:
     forward: Axis = Axis.X
     up: Axis = Axis.Z
     address: int | None = None
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    bus: int | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +99,7 @@ class PowerSensor:
         scl: The bus's clock.
         shunt_mohm: The resistor through which the current flows. [mOhm]
         address: On the bus; None: the chip's usual one.
+        bus: Of a computer: the bus's number, in place of its pins.
     """
 
     kind: ClassVar[PeripheralKind] = PeripheralKind.POWER
@@ -98,6 +110,7 @@ class PowerSensor:
     scl: int | None
     shunt_mohm: float
     address: int | None = None
+    bus: int | None = None
 
 
 @dataclass(frozen=True)
@@ -142,21 +155,79 @@ class DigitalInput:
     pull: Pull = Pull.INTERNAL
 
 
-Peripheral: TypeAlias = ImuSensor | PowerSensor | BatteryLevels | DigitalInput
+@dataclass(frozen=True)
+class RangeSensor:
+    """Measures the distance to what is ahead of it, by the echo of a sound. Pins are GPIO numbers.
+
+    Attributes:
+        chip: Which part.
+        place: Where it is on the robot.
+        trigger: Starts a measurement.
+        echo: Its output, by a divider if the part has 5 V.
+    """
+
+    kind: ClassVar[PeripheralKind] = PeripheralKind.RANGE
+
+    chip: SensorChip
+    place: Place
+    trigger: int | None
+    echo: int | None
+
+
+@dataclass(frozen=True)
+class AnalogInput:
+    """A voltage at a pin of the chip's ADC1.
+
+    Attributes:
+        number: Its name: 1 is `analog_1`.
+        pin: Its GPIO.
+        divider: Volts to be measured per volt at the pin.
+    """
+
+    kind: ClassVar[PeripheralKind] = PeripheralKind.ANALOG
+    place: ClassVar[Place] = Place.NONE
+
+    number: int
+    pin: int | None
+    divider: float = 1.0
+
+
+Peripheral: TypeAlias = (
+    ImuSensor | PowerSensor | BatteryLevels | DigitalInput | RangeSensor | AnalogInput
+)
 
 DIGITAL_INPUTS = (PeripheralKind.BUMPER, PeripheralKind.CLIFF, PeripheralKind.STAGE_FAULT)
+INPUTS = (*DIGITAL_INPUTS, PeripheralKind.ANALOG)
+"""What is sampled together."""
 
 
-def channel_name(kind: PeripheralKind, place: Place) -> str:
-    """What users call a channel: `imu`, `bumper.front_left`."""
+def channel_name(kind: PeripheralKind, place: Place, number: int = 0) -> str:
+    """What users call a channel: `imu`, `bumper.front_left`, `range.front`, `analog_1`.
+
+    Args:
+        kind: What is connected.
+        place: Where it is on the robot.
+        number: Of an analogue input.
+    """
     name = kind.name.lower()
+    if kind is PeripheralKind.ANALOG:
+        return f"{name}_{number}"
     return name if place is Place.NONE else f"{name}.{place.name.lower()}"
+
+
+def most_bias_radps(chip: SensorChip) -> float:
+    """The largest bias that an entry can hold, in rad/s."""
+    return (_HALF - 1) * IMUS[chip].gyro_radps
 
 
 def key_of(entry: Peripheral) -> str:
     """The section of a board's file in which it is."""
     if isinstance(entry, DigitalInput):
         return f"inputs.{channel_name(entry.kind, entry.place).replace('.', '_')}"
+    if isinstance(entry, AnalogInput):
+        return f"inputs.{channel_name(entry.kind, entry.place, entry.number)}"
+    if isinstance(entry, RangeSensor):
+        return f"ranges.{entry.place.name.lower()}"
     return "imu" if isinstance(entry, ImuSensor) else "power"
 
 
@@ -171,15 +242,22 @@ def packed_entry(entry: Peripheral) -> bytes:
     pins: tuple[int | None, ...] = ()
     if isinstance(entry, (ImuSensor, PowerSensor)):
         values |= {"chip": entry.chip, "address": entry.address or 0}
-        pins = entry.sda, entry.scl
+        pins = (entry.sda, entry.scl) if entry.bus is None else (entry.bus, None)
     if isinstance(entry, ImuSensor):
         values |= {"forward": entry.forward, "up": entry.up}
+        values |= zip(_VALUES, _counts_of(entry), strict=True)
         pins = *pins, entry.interrupt
     elif isinstance(entry, PowerSensor):
         values["value_a"] = round(entry.shunt_mohm * 10)
     elif isinstance(entry, BatteryLevels):
         levels = entry.warn_v, entry.limit_v, entry.stop_v
-        values |= zip(("value_a", "value_b", "value_c"), map(_millivolts, levels), strict=True)
+        values |= zip(_VALUES, map(_thousandths, levels), strict=True)
+    elif isinstance(entry, RangeSensor):
+        values["chip"] = entry.chip
+        pins = entry.trigger, entry.echo
+    elif isinstance(entry, AnalogInput):
+        values |= {"value_a": _thousandths(entry.divider), "value_b": entry.number}
+        pins = (entry.pin,)
     else:
         values["flags"] = _flags(entry)
         pins = (entry.pin,)
@@ -199,8 +277,12 @@ def unpacked_entry(data: bytes) -> Peripheral:
         ConfigurationError: It has codes that are unknown here.
     """
     values = dict(zip(_NAMES, _ENTRY.unpack(data), strict=True))
-    sda, scl, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
+    first, second, third = (None if values[name] == NO_PIN else values[name] for name in _PINS)
+    numbers = [values[name] for name in _VALUES]
     address = values["address"] or None
+    # Of a bus by two pins none is missing, or its list would have been refused.
+    bus = first if second is None else None
+    sda, scl = (first, second) if bus is None else (None, None)
     try:
         kind, chip = PeripheralKind(values["kind"]), SensorChip(values["chip"])
         forward, up = Axis(values["forward"]), Axis(values["up"])
@@ -211,13 +293,18 @@ def unpacked_entry(data: bytes) -> Peripheral:
             f"a code of a peripheral is unknown: {error}; update wheelwire"
         ) from None
     if kind is PeripheralKind.IMU:
-        return ImuSensor(chip, sda, scl, third, forward, up, address)
+        bias = _bias_of(chip, numbers)
+        return ImuSensor(chip, sda, scl, third, forward, up, address, bias, bus)
     if kind is PeripheralKind.POWER:
-        return PowerSensor(chip, sda, scl, values["value_a"] / 10, address)
+        return PowerSensor(chip, sda, scl, numbers[0] / 10, address, bus)
     if kind is PeripheralKind.BATTERY:
-        return BatteryLevels(*(values[f"value_{letter}"] / 1000 for letter in "abc"))
+        return BatteryLevels(*(millivolts / 1000 for millivolts in numbers))
+    if kind is PeripheralKind.RANGE:
+        return RangeSensor(chip, place, first, second)
+    if kind is PeripheralKind.ANALOG:
+        return AnalogInput(numbers[1], first, numbers[0] / 1000)
     is_low = PeripheralFlag.TRIGGERED_LOW in flags
-    return DigitalInput(kind, place, sda, is_low, _pull(flags))
+    return DigitalInput(kind, place, first, is_low, _pull(flags))
 
 
 def packed_list(entries: Sequence[Peripheral], board: int) -> bytes:
@@ -295,8 +382,27 @@ def _chunks(data: bytes) -> list[bytes]:
     return [data[at : at + ENTRY_SIZE] for at in range(0, len(data), ENTRY_SIZE)]
 
 
-def _millivolts(volts: float) -> int:
-    return round(volts * 1000)
+def _thousandths(value: float) -> int:
+    return round(value * 1000)
+
+
+def _counts_of(imu: ImuSensor) -> list[int]:
+    if not any(imu.bias):
+        return [0, 0, 0]
+    counts = [round(radps / IMUS[imu.chip].gyro_radps) for radps in imu.bias]
+    if not all(-_HALF <= count < _HALF for count in counts):
+        most = most_bias_radps(imu.chip)
+        raise ConfigurationError(f"imu.bias = {imu.bias}: choose {-most:.2f} to {most:.2f} rad/s")
+    return [count % _COUNTS for count in counts]
+
+
+def _bias_of(chip: SensorChip, numbers: Sequence[int]) -> tuple[float, float, float]:
+    table = IMUS.get(chip)
+    if table is None:
+        return (0.0, 0.0, 0.0)
+    signed = [n - _COUNTS if n >= _HALF else n for n in numbers]
+    x, y, z = (round(count * table.gyro_radps, _BIAS_DIGITS) for count in signed)
+    return (x, y, z)
 
 
 def _flags(entry: DigitalInput) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from wheelwire_protocol.sensors import (
@@ -25,7 +26,7 @@ class ImuSample(NamedTuple):
     Attributes:
         t_us: The device's clock when it was measured, 64 bits. [us]
         sample: Counts the samples that the chip gave. Wraps at 2^16.
-        gyro: Turning about each axis. [rad/s]
+        gyro: Turning about each axis, without the bias that the board's file names. [rad/s]
         acceleration: Along each axis; at rest 9.8 upwards. [m/s^2]
         temperature_c: Of the chip. [degC]
         stamp: Time of the measurement on this host's `time.monotonic()`. [s]
@@ -63,6 +64,33 @@ class PowerSample(NamedTuple):
     stamp_error_s: float
 
 
+class RangeSample(NamedTuple):
+    """One measurement of a range sensor.
+
+    Attributes:
+        t_us: The device's clock at the middle of the echo, 64 bits. [us]
+        sample: Counts the sensor's measurements. Wraps at 2^16.
+        name: Where it is on the robot, as in the board's file: `front`.
+        distance_m: To the nearest thing in its cone. As in REP-117: infinite if nothing is within
+            reach, minus infinite if something is nearer than it can measure. [m]
+        min_m: What is nearer is not measured. [m]
+        max_m: What is farther is not measured. [m]
+        field_of_view_rad: Full width of the cone in which it sees something. [rad]
+        stamp: Time of the measurement on this host's `time.monotonic()`. [s]
+        stamp_error_s: Error bound of the stamp. [s]
+    """
+
+    t_us: int
+    sample: int
+    name: str
+    distance_m: float
+    min_m: float
+    max_m: float
+    field_of_view_rad: float
+    stamp: float
+    stamp_error_s: float
+
+
 class InputReading(NamedTuple):
     """One digital input.
 
@@ -80,15 +108,17 @@ class InputReading(NamedTuple):
 
 
 class InputsSample(NamedTuple):
-    """All digital inputs at one moment, and what the sensors forbid.
+    """All inputs at one moment, and what the sensors forbid.
 
     Attributes:
         t_us: The device's clock when they were read, 64 bits. [us]
-        channels: Each input by its name, as in `bumper.front_left`.
+        channels: Each digital input by its name, as in `bumper.front_left`.
         reflexes: What is forbidden now, whatever is commanded.
         level: Of the battery.
         stamp: Time of the reading on this host's `time.monotonic()`. [s]
         stamp_error_s: Error bound of the stamp. [s]
+        analog: Each analogue input that can be used by its name, as in `analog_1`: the voltage
+            before its divider. [V]
     """
 
     t_us: int
@@ -97,6 +127,7 @@ class InputsSample(NamedTuple):
     level: BatteryLevel
     stamp: float
     stamp_error_s: float
+    analog: Mapping[str, float] = MappingProxyType({})
 
     @property
     def triggered(self) -> tuple[str, ...]:
@@ -109,7 +140,7 @@ class SensorInfo(NamedTuple):
 
     Attributes:
         channel: Its number: the place in the board's list of peripherals.
-        name: As in `imu`, `battery`, `bumper.front_left`.
+        name: As in `imu`, `battery`, `bumper.front_left`, `range.front`, `analog_1`.
         kind: What is connected.
         chip: Which chip; NONE if it is none.
         place: Where it is on the robot.

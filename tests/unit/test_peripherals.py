@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pytest
 import yaml
@@ -14,16 +15,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wheelwire.board import unpacked
+from wheelwire.config import parse_config
 from wheelwire.errors import ConfigurationError
 from wheelwire.files.board import load_board, parse_board, to_yaml
 from wheelwire.peripherals import (
     DIGITAL_INPUTS,
+    AnalogInput,
     BatteryLevels,
     DigitalInput,
     ImuSensor,
     Peripheral,
     PowerSensor,
     Pull,
+    RangeSensor,
     channel_name,
     fingerprint,
     packed_entry,
@@ -33,10 +37,12 @@ from wheelwire.peripherals import (
     unpacked_list,
 )
 from wheelwire_protocol.messages import PERIPHERAL_SIZE, peripheral_fields
+from wheelwire_protocol.native import check_peripherals
 from wheelwire_protocol.sensors import (
     IMUS,
     MOST_PERIPHERALS,
     POWERS,
+    RANGES,
     Axis,
     PeripheralFault,
     PeripheralKind,
@@ -62,27 +68,47 @@ inputs:
   cliff_front: {pin: 39, triggered: low, pull: external}
   stage_fault: {pin: 36, pull: external}
 """
+ANALOG = "  analog_2: {pin: 33, divider: 2.0}\n"
+RANGE = "ranges: {left: {chip: hc-sr04, trigger: 16, echo: 35}}\n"
 ALL = BOARD + IMU + POWER + INPUTS
 
 PINS = st.none() | st.integers(0, 127)
+BUSES = st.one_of(
+    st.tuples(PINS, st.integers(0, 127), st.none()),
+    st.tuples(st.none(), st.none(), st.none() | st.integers(0, 127)),
+)
+"""Data, clock, number."""
 ADDRESSES = st.none() | st.integers(1, 0x77)
+COUNTS = st.integers(-32_768, 32_767)
 LEVELS_V = st.integers(1, 65_000).map(lambda millivolts: millivolts / 1000)
+
+
+@st.composite
+def imus(draw: st.DrawFn) -> ImuSensor:
+    chip = draw(st.sampled_from(list(IMUS)))
+    x, y, z = (draw(COUNTS) * IMUS[chip].gyro_radps for _ in "xyz")
+    sda, scl, bus = draw(BUSES)
+    return ImuSensor(
+        chip,
+        sda=sda,
+        scl=scl,
+        interrupt=draw(PINS),
+        forward=draw(st.sampled_from(Axis)),
+        up=draw(st.sampled_from(Axis)),
+        address=draw(ADDRESSES),
+        bias=(round(x, 5), round(y, 5), round(z, 5)),
+        bus=bus,
+    )
+
+
 PERIPHERALS: st.SearchStrategy[Peripheral] = st.one_of(
+    imus(),
     st.builds(
-        ImuSensor,
-        st.sampled_from(list(IMUS)),
-        PINS,
-        PINS,
-        PINS,
-        st.sampled_from(Axis),
-        st.sampled_from(Axis),
-        ADDRESSES,
-    ),
-    st.builds(
-        PowerSensor,
+        lambda on, chip, shunt_mohm, address: PowerSensor(
+            chip, on[0], on[1], shunt_mohm, address, bus=on[2]
+        ),
+        BUSES,
         st.sampled_from(list(POWERS)),
-        PINS,
-        PINS,
         st.integers(1, 65_535).map(lambda steps: steps / 10),
         ADDRESSES,
     ),
@@ -94,6 +120,13 @@ PERIPHERALS: st.SearchStrategy[Peripheral] = st.one_of(
         PINS,
         st.booleans(),
         st.sampled_from(Pull),
+    ),
+    st.builds(RangeSensor, st.sampled_from(list(RANGES)), st.sampled_from(Place), PINS, PINS),
+    st.builds(
+        AnalogInput,
+        st.integers(0, 65_535),
+        PINS,
+        st.integers(0, 65_535).map(lambda thousandths: thousandths / 1000),
     ),
 )
 LISTS = st.lists(PERIPHERALS, max_size=MOST_PERIPHERALS).map(tuple)
@@ -132,6 +165,61 @@ def test_a_file_survives_the_way_to_data_and_back() -> None:
     board = board_of(ALL)
     assert board_of(to_yaml(board)) == board
     assert "forward: y, up: z" in to_yaml(board)
+
+
+def yaml_of(page: str) -> list[str]:
+    text = (Path(__file__).parents[2] / "docs" / page).read_text("utf-8")
+    return re.findall(r"^```yaml\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def test_what_the_page_of_a_pi_s_sensors_shows_can_be_used() -> None:
+    (piece,) = yaml_of("pi-sensors.md")
+    board = parse_config(yaml.safe_load(piece)).pins
+    assert len(board.peripherals) == 5
+    assert board.problems() == []
+
+
+def test_what_the_page_shows_can_be_used() -> None:
+    # Others are robots' files.
+    pieces = [piece for piece in yaml_of("sensors.md") if piece.startswith("module:")]
+    assert len(pieces) == 2
+    for piece in pieces:
+        board = board_of(BOARD.replace("module: wroom-32\n", "") + piece)
+        assert board.problems() == []
+        assert board_of(to_yaml(board)) == board
+
+
+def test_ranges_and_analogue_inputs_are_read_and_written() -> None:
+    board = board_of(BOARD + INPUTS + ANALOG + RANGE)
+    assert board.peripherals[-2:] == (
+        AnalogInput(2, 33, 2.0),
+        RangeSensor(SensorChip.HC_SR04, Place.LEFT, 16, 35),
+    )
+    assert board_of(to_yaml(board)) == board
+
+
+def test_a_voltage_needs_no_divider() -> None:
+    (entry,) = board_of(BOARD + "inputs: {analog_1: {pin: 32}}").peripherals
+    assert entry == AnalogInput(1, 32, 1.0)
+
+
+def test_a_bias_is_kept_in_counts_of_its_chip() -> None:
+    text = IMU.replace("up: z", "up: z, bias: [0.01, -0.02, 0]")
+    board = board_of(BOARD + text)
+    (imu,) = board.peripherals
+    assert imu.bias == (0.01, -0.02, 0.0)
+    assert board_of(to_yaml(board)) == board
+    stored = unpacked_entry(packed_entry(imu))
+    assert isinstance(stored, ImuSensor)
+    half_a_count = IMUS[imu.chip].gyro_radps / 2
+    assert stored.bias == pytest.approx(imu.bias, abs=half_a_count)
+    # What a device says is written to it again as it is.
+    assert packed_entry(stored) == packed_entry(imu)
+    assert b"\x26\x00\xb5\xff\x00\x00" in packed_entry(imu)  # 38, -75 and 0 counts
+
+
+def test_without_a_bias_a_file_names_none() -> None:
+    assert "bias" not in to_yaml(board_of(ALL))
 
 
 def test_levels_stand_behind_the_chip_whatever_their_channel() -> None:
@@ -178,14 +266,12 @@ def test_the_core_checks_any_list(entries: tuple[Peripheral, ...]) -> None:
 def test_a_damaged_list_is_not_read() -> None:
     data = packed_list(board_of(ALL).peripherals, 1)
     for wrong in (b"", data[:-1], bytes([data[0] ^ 2]) + data[1:]):
-        with pytest.raises(ConfigurationError, match="checksum is wrong: write it again"):
+        with pytest.raises(ConfigurationError, match="checksum is wrong: write the list again"):
             unpacked_list(wrong)
 
 
 @pytest.mark.parametrize(("at", "value"), [(0, 2), (1, MOST_PERIPHERALS + 1)])
 def test_a_list_of_another_format_is_not_read(at: int, value: int) -> None:
-    from zlib import crc32
-
     body = bytearray(packed_list((), 1)[:-4])
     body[at] = value
     with pytest.raises(ConfigurationError, match="update the older one"):
@@ -203,6 +289,12 @@ def test_an_entry_with_an_unknown_code_is_not_read(at: int) -> None:
 def test_what_does_not_fit_is_not_packed() -> None:
     with pytest.raises(ConfigurationError, match="imu cannot be packed"):
         packed_entry(ImuSensor(SensorChip.MPU6050, 200, 17))
+    with pytest.raises(ConfigurationError, match=r"imu.bias = \(0, 9, 0\): choose -8.73 to 8.73"):
+        packed_entry(ImuSensor(SensorChip.MPU6050, 16, 17, bias=(0, 9, 0)))
+    with pytest.raises(ConfigurationError, match=r"inputs.analog_1 cannot be packed"):
+        packed_entry(AnalogInput(1, 32, 66.0))
+    with pytest.raises(ConfigurationError, match=r"ranges.front cannot be packed"):
+        packed_entry(RangeSensor(SensorChip.HC_SR04, Place.FRONT, 200, 35))
     with pytest.raises(ConfigurationError, match="11 entries: a board takes 10"):
         packed_list([BatteryLevels(3, 2, 1)] * 11, 0)
 
@@ -212,6 +304,7 @@ WRONG: list[tuple[str, str]] = [
     ("imu: {chip: mpu6050, sda: 25, scl: 17, forward: x, up: z}", "imu: 25: GPIO 25 is in use"),
     ("imu: {chip: mpu6050, sda: 16, scl: 16, forward: x, up: z}", "imu: 16: GPIO 16 is in use"),
     ("imu: {chip: mpu6050, scl: 17, forward: x, up: z}", "imu: a pin is missing"),
+    ("imu: {chip: mpu6050, bus: 1, forward: x, up: z}", "imu: an ESP32's bus has two pins, sda"),
     ("imu: {chip: mpu6050, sda: 24, scl: 17, forward: x, up: z}", "imu: 24: the chip has no GPIO"),
     ("imu: {chip: mpu6050, sda: 34, scl: 17, forward: x, up: z}", "imu: 34: GPIO 34 is an input"),
     ("imu: {chip: mpu6050, sda: 6, scl: 17, forward: x, up: z}", "imu: 6: GPIO 6 leads to flash"),
@@ -220,7 +313,7 @@ WRONG: list[tuple[str, str]] = [
     ("imu: {chip: mpu6050, sda: 16, scl: 17, forward: x, up: -x}", "choose two different axes"),
     (
         "imu: {chip: mpu6050, sda: 16, scl: 17, forward: x, up: z, address: 0x78}",
-        "imu: a code is unknown",
+        "imu: the firmware does not know one of its codes",
     ),
     (
         IMU + "power: {chip: ina226, sda: 16, scl: 17, shunt_mohm: 2, address: 0x68}",
@@ -232,9 +325,37 @@ WRONG: list[tuple[str, str]] = [
     ("inputs: {bumper: {pin: 34, pull: external}}", "inputs.bumper: place: a bumper is at the"),
     (
         "inputs: {bumper_rear: {pin: 34, pull: external, triggered: low}}",
-        "inputs.bumper_rear: a bumper must be normally closed",
+        "inputs.bumper_rear: use a normally closed switch",
     ),
     ("inputs: {cliff_front: {pin: 34}}", "inputs.cliff_front: 34: GPIO 34 has no pull-up"),
+    ("inputs: {bumper_left: {pin: 34, pull: external}}", "inputs.bumper_left: place: a bumper"),
+    ("inputs: {analog_1: {pin: 16}}", "inputs.analog_1: 16: GPIO 16 cannot measure a voltage"),
+    ("inputs: {analog_1: {divider: 2}}", "inputs.analog_1: a pin is missing"),
+    (
+        "inputs: {analog_1: {pin: 34, divider: 0.5}}",
+        "inputs.analog_1: divider = 500 thousandths: choose 1000 to 20000",
+    ),
+    (
+        "inputs: {analog_1: {pin: 34}, cliff: {pin: 34, pull: external}}",
+        "inputs.cliff: 34: GPIO 34 is in use",
+    ),
+    ("ranges: {front: {chip: hc-sr04, trigger: 16}}", "ranges.front: a pin is missing"),
+    (
+        "ranges: {front: {chip: hc-sr04, trigger: 34, echo: 35}}",
+        "ranges.front: 34: GPIO 34 is an input only",
+    ),
+    (
+        "ranges: {front: {chip: hc-sr04, trigger: 16, echo: 16}}",
+        "ranges.front: 16: GPIO 16 is in use",
+    ),
+    (
+        "ranges:\n"
+        "  front: {chip: hc-sr04, trigger: 16, echo: 34}\n"
+        "  left: {chip: hc-sr04, trigger: 17, echo: 35}\n"
+        "  right: {chip: hc-sr04, trigger: 21, echo: 36}\n"
+        "  rear: {chip: hc-sr04, trigger: 22, echo: 39}",
+        "ranges.rear: this chip times 3 echoes at most",
+    ),
 ]
 
 
@@ -244,9 +365,58 @@ def test_a_wrong_list_is_refused_by_its_own_sentence(sections: str, words: str) 
     assert words in problem
 
 
-def test_a_pi_has_no_peripherals() -> None:
-    board = replace(load_board("pi4b"), peripherals=board_of(ALL).peripherals)
-    assert board.problems() == [PeripheralFault.NOT_ON_THIS_CHIP.doc]
+PI_SECTIONS = """
+imu: {chip: mpu6050, bus: 1, forward: y, up: z}
+power: {chip: ina219, bus: 1, shunt_mohm: 100, cells: 3}
+inputs:
+  bumper_front_left: {pin: 8}
+  cliff_front: {pin: 7, pull: down}
+"""
+
+
+def pi_with(sections: str) -> Any:
+    return replace(load_board("pi4b"), peripherals=board_of(BOARD + sections).peripherals)
+
+
+def test_a_pi_has_its_buses_by_number() -> None:
+    board = pi_with(PI_SECTIONS)
+    assert board.problems() == []
+    assert board.peripherals[0] == ImuSensor(
+        SensorChip.MPU6050, None, None, None, Axis.Y, Axis.Z, bus=1
+    )
+    assert board_of(to_yaml(board)) == board
+    assert unpacked_list(packed_list(board.peripherals, 1)) == (board.peripherals, 1)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        (IMU, "imu: an ESP32's bus has two pins, sda and scl; a computer's has a number"),
+        ("imu: {chip: mpu6050, forward: x, up: z}", "imu: a pin is missing"),
+        (
+            "imu: {chip: mpu6050, bus: 1, forward: x, up: z}\ninputs: {bumper_rear: {pin: 2}}",
+            "inputs.bumper_rear: 2: GPIO 2 is in use already",
+        ),
+        ("inputs: {bumper_rear: {pin: 18}}", "inputs.bumper_rear: 18: GPIO 18 is in use already"),
+        ("inputs: {bumper_rear: {pin: 28}}", "inputs.bumper_rear: 28: the chip has no GPIO 28"),
+        ("power: {cells: 3}", "power: the board has no battery divider, and the list no power"),
+    ],
+)
+def test_what_a_pi_cannot_have(sections: str, words: str) -> None:
+    (problem,) = pi_with(sections).problems()
+    assert words in problem
+
+
+def test_a_computer_has_neither_a_timer_nor_an_adc_for_sensors() -> None:
+    board = pi_with("inputs: {cliff: {pin: 7}}")
+    data = bytearray(packed_list(board.peripherals, board.fingerprint()))
+    data[8] = PeripheralKind.ANALOG
+    data[-4:] = crc32(data[:-4]).to_bytes(4, "little")
+    (issue,) = check_peripherals(bytes(data), board.packed())
+    assert issue.fault is PeripheralFault.NOT_ON_THIS_CHIP
+    assert issue.fault.doc.format(entry="power") == (
+        "power: the chip of this board cannot read it, an ESP32 can"
+    )
 
 
 def test_every_rule_that_a_file_can_break_is_broken_by_one() -> None:
@@ -287,6 +457,18 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
         "imu: {chip: mpu6050, forward: x, up: z, address: 0}",
         "imu.address = 0: leave it out for the chip's usual one",
     ),
+    (
+        "imu: {chip: mpu6050, bus: 1, sda: 2, forward: x, up: z}",
+        "imu.bus = 1: a bus has a number, or pins: leave sda and scl out",
+    ),
+    (
+        "imu: {chip: mpu6050, bus: 1, interrupt: 5, forward: x, up: z}",
+        "imu.interrupt = 5: leave it out: a computer takes the time from the reading",
+    ),
+    (
+        "power: {chip: ina219, bus: /dev/i2c-1, shunt_mohm: 100}",
+        "power.bus = '/dev/i2c-1': it must be a whole number, 0 to 127",
+    ),
     ("power: {sda: 16}", "power.chip is missing: add it"),
     ("power: {chip: ina219, sda: 16, scl: 17}", "power.shunt_mohm is missing: add it"),
     (
@@ -296,7 +478,40 @@ NOT_PERIPHERALS: list[tuple[str, str]] = [
     ("power: {cells: 0}", "power.cells = 0: it must be a whole number, 1 to 15"),
     ("power: {warn_v: 10.5}", "power.limit_v is missing: add it"),
     ("power: {warn_v: 70, limit_v: 9, stop_v: 8}", "power.warn_v = 70: it must be a number, 0"),
-    ("inputs: {bumper_left: {pin: 34}}", "inputs.bumper_left = {'pin': 34}: unknown key; did you"),
+    *(
+        (f"imu: {{chip: mpu6050, forward: x, up: z, bias: {bias}}}", "imu.bias = ")
+        for bias in ("0.1", "[1, 2]", "[1, 2, a]", "[1, 2, true]", "{x: 1}")
+    ),
+    (
+        "imu: {chip: mpu6050, forward: x, up: z, bias: [0, 0, -9]}",
+        "imu.bias = [0, 0, -9]: it must be three numbers [x, y, z], each -8.73 to 8.73 rad/s",
+    ),
+    ("inputs: {bumper_lft: {pin: 34}}", "did you mean inputs.bumper_left?"),
+    (
+        "inputs: {analog_5: {pin: 34}}",
+        "inputs.analog_5 = {'pin': 34}: unknown key; did you mean inputs.analog_",
+    ),
+    (
+        "inputs: {analog_1: {pin: 34, triggered: low}}",
+        "inputs.analog_1.triggered = 'low': unknown key; the keys are pin, divider",
+    ),
+    (
+        "inputs: {analog_1: {pin: 34, divider: 0}}",
+        "inputs.analog_1.divider = 0: it must be a number above 0",
+    ),
+    (
+        "inputs: {analog_1: {pin: 34, divider: 66}}",
+        "inputs.analog_1.divider = 66: it must be 65.535 at most",
+    ),
+    ("ranges: [front]", "ranges = ['front']: it must be names with values"),
+    ("ranges: {frnt: {chip: hc-sr04}}", "did you mean ranges.front?"),
+    ("ranges: {front: {trigger: 16, echo: 35}}", "ranges.front.chip is missing: add it"),
+    ("ranges: {front: {chip: hcsr04}}", "ranges.front.chip = 'hcsr04': choose one of hc-sr04"),
+    ("ranges: {front: {chip: hc-sr04, ech: 3}}", "did you mean ranges.front.echo?"),
+    (
+        "ranges: {front: {chip: hc-sr04, echo: a}}",
+        "ranges.front.echo = 'a': it must be the number of a GPIO",
+    ),
     ("inputs: {cliff_front: 34}", "inputs.cliff_front = 34: it must be names with values"),
     ("inputs: {cliff: {pin: 34, pull: up}}", "inputs.cliff.pull = 'up': choose one of internal"),
     (
@@ -318,7 +533,7 @@ def test_what_is_no_peripheral_is_refused_by_file_line_key_and_value(
     assert words in str(raised.value)
 
 
-@pytest.mark.parametrize("section", ["imu", "power", "inputs"])
+@pytest.mark.parametrize("section", ["imu", "power", "inputs", "ranges"])
 def test_a_section_may_be_empty(section: str) -> None:
     assert board_of(BOARD + f"{section}:\n").peripherals == ()
 
@@ -326,3 +541,5 @@ def test_a_section_may_be_empty(section: str) -> None:
 def test_each_kind_of_input_is_named_as_its_section() -> None:
     assert channel_name(PeripheralKind.CLIFF, Place.NONE) == "cliff"
     assert channel_name(PeripheralKind.BUMPER, Place.REAR_RIGHT) == "bumper.rear_right"
+    assert channel_name(PeripheralKind.RANGE, Place.LEFT) == "range.left"
+    assert channel_name(PeripheralKind.ANALOG, Place.NONE, 4) == "analog_4"

@@ -177,9 +177,9 @@ def _show(found: BoardDescription, *, as_json: bool) -> None:
 
 
 def _show_peripherals(found: BoardDescription) -> None:
-    sections = peripheral_sections(found.peripherals)
-    inputs = sections.pop("inputs", {})
-    rows = sections | {f"inputs.{name}": content for name, content in inputs.items()}
+    rows = peripheral_sections(found.peripherals)
+    for group in ("inputs", "ranges"):
+        rows |= {f"{group}.{name}": each for name, each in rows.pop(group, {}).items()}
     print_table(
         "peripherals",
         ("section", "connected to"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Annotated, Any
 
@@ -10,8 +11,15 @@ import typer
 from wheelwire.drivers.base import BaseDriver
 from wheelwire.drivers.device_sensors import SensorStatus
 from wheelwire.link.sample_iterator import SampleIterator
-from wheelwire.sensors import ImuSample, InputsSample, PowerSample, SensorEvent
-from wheelwire_protocol.sensors import BatteryLevel, SensorState
+from wheelwire.sensors import (
+    ImuSample,
+    InputReading,
+    InputsSample,
+    PowerSample,
+    RangeSample,
+    SensorEvent,
+)
+from wheelwire_protocol.sensors import BatteryLevel, RangeQuality, SensorState
 
 from .address import BaudRateOption, RobotArgument, resolve
 from .output import JsonFlag, console, print_json, print_note, print_table
@@ -109,14 +117,30 @@ def _value(one: SensorStatus) -> dict[str, Any] | None:
     if sample is None:
         return None
     if isinstance(sample, InputsSample):
-        reading = sample.channels[one.info.name]
+        reading = _of_input(sample, one)
+        if not isinstance(reading, InputReading):
+            return {"voltage_v": reading}
         return {
             "triggered": reading.triggered,
             "level": int(reading.level),
             "edges": reading.edges,
         }
-    times = ("t_us", "sample", "stamp", "stamp_error_s")
-    return {name: value for name, value in sample._asdict().items() if name not in times}
+    times = ("t_us", "sample", "name", "stamp", "stamp_error_s")
+    value = {name: value for name, value in sample._asdict().items() if name not in times}
+    # JSON has no infinite number: the distance is null then.
+    return value | ({"quality": _quality(sample)} if isinstance(sample, RangeSample) else {})
+
+
+def _of_input(sample: InputsSample, one: SensorStatus) -> InputReading | float:
+    """What a digital input reads, or the voltage of an analogue one."""
+    name = one.info.name
+    return sample.channels[name] if name in sample.channels else sample.analog[name]
+
+
+def _quality(sample: RangeSample) -> RangeQuality:
+    if math.isfinite(sample.distance_m):
+        return RangeQuality.GOOD
+    return RangeQuality.FAR if sample.distance_m > 0 else RangeQuality.NEAR
 
 
 def _text(one: SensorStatus) -> str:
@@ -133,6 +157,15 @@ def _text(one: SensorStatus) -> str:
         is_judged = sample.level is not BatteryLevel.UNKNOWN
         level = f", {sample.level.name.lower()}" if is_judged else ""
         return f"{sample.voltage_v:.2f} V{current}{used}{level}"
+    if isinstance(sample, RangeSample):
+        return {
+            RangeQuality.GOOD: f"{sample.distance_m:.2f} m",
+            RangeQuality.FAR: f"nothing within {sample.max_m:g} m",
+            RangeQuality.NEAR: f"nearer than {sample.min_m:g} m",
+        }[_quality(sample)]
     if isinstance(sample, InputsSample):
-        return "triggered" if sample.channels[one.info.name].triggered else "free"
+        reading = _of_input(sample, one)
+        if not isinstance(reading, InputReading):
+            return f"{reading:.2f} V"
+        return "triggered" if reading.triggered else "free"
     return ""

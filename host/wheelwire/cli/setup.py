@@ -106,8 +106,9 @@ def setup(
 ) -> None:
     """Set up a new robot: find its wiring, count its encoders, tune its velocity loop.
 
-    Raise the robot so that its wheels hang free. It takes some minutes and about eleven questions;
-    most have an answer that Enter takes.
+    Raise the robot so that its wheels hang free; one with an IMU stands on the floor first, until
+    setup knows how that is mounted. It takes some minutes and about eleven questions, six more with
+    an IMU; most have an answer that Enter takes.
     However the motors and encoders are wired, parameters correct it; setup names what they cannot
     correct. A test drive before and after shows what the new gains are worth. Until you save, the
     robot keeps its previous parameters.
@@ -182,6 +183,7 @@ def _run(robot: BaseDriver, person: Person, options: Options, *, as_json: bool) 
 
 def _as_json(findings: Findings) -> Mapping[str, object]:
     return {
+        "imu": None if findings.imu is None else asdict(findings.imu),
         "wiring": None if findings.wiring is None else asdict(findings.wiring),
         "counts_per_revolution": findings.counts_per_revolution,
         "velocity_feedforward": findings.velocity_feedforward,

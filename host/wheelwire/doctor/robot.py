@@ -6,6 +6,7 @@ import time
 from collections.abc import Collection, Iterator
 
 from wheelwire_protocol.codes import Capability, Contradiction, SupervisorEvent
+from wheelwire_protocol.sensors import PeripheralsState
 
 from ..diagnosis.device import FAILURES, counts_text
 from ..diagnosis.standing import standing_stops
@@ -36,7 +37,16 @@ def examine_robot(
         LinkLost: It went away meanwhile.
         RequestTimeout: It does not answer.
     """
-    for check in (_firmware, _groups, _core_dump, _contradictions, _contact, _stops, _ledger):
+    for check in (
+        _firmware,
+        _groups,
+        _peripherals,
+        _core_dump,
+        _contradictions,
+        _contact,
+        _stops,
+        _ledger,
+    ):
         yield from check(driver, address)
     yield from _unsaved(driver, address, given)
     time.sleep(WATCH_S)
@@ -71,6 +81,20 @@ def _groups(driver: DeviceDriver, address: str) -> Iterator[Finding]:
             f"{error.group} messages do not work: firmware and library have different ones.",
             f"wheelwire flash {address} with the image of this library's release",
         )
+
+
+def _peripherals(driver: DeviceDriver, address: str) -> Iterator[Finding]:
+    active, board = driver.info.peripherals, driver.info.board
+    if active is None or active.state is not PeripheralsState.UNUSABLE:
+        return
+    name = "its board" if board is None else board.name
+    yield Finding(
+        "peripherals",
+        f"the list of sensors and bumpers that is stored is damaged, or not for {name}: nothing "
+        "drives.",
+        f"wheelwire board write {address} with the file of the board that the robot is on, which "
+        "names its sensors",
+    )
 
 
 def _core_dump(driver: DeviceDriver, _address: str) -> Iterator[Finding]:

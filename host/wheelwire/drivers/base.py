@@ -17,7 +17,7 @@ from .driving import Driving
 
 if TYPE_CHECKING:
     from ..sensors import ImuSample, InputsSample, PowerSample
-    from .device_sensors import Sensor, Sensors
+    from .device_sensors import Ranges, Sensor, Sensors
 
 FIRST_SAMPLE_S = 1.0
 
@@ -141,8 +141,13 @@ class BaseDriver(Driving):
 
     @property
     def inputs(self) -> Sensor[InputsSample]:
-        """The robot's digital inputs: bumpers, cliff sensors, fault outputs of power stages."""
+        """The robot's inputs: bumpers, cliff sensors, fault outputs of power stages, voltages."""
         return self.sensors.inputs
+
+    @property
+    def ranges(self) -> Ranges:
+        """The robot's range sensors, by name."""
+        return self.sensors.ranges
 
     @property
     def sessions(self) -> int:

@@ -5,13 +5,13 @@ Each operation is written once, for asyncio and for threads.
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codec import BY_TYPE, CRC_SIZE, HEADER_SIZE
 from wheelwire_protocol.codes import Group
+from wheelwire_protocol.native import NativeMissingError
 from wheelwire_protocol.sensors import PeripheralsState
 from wheelwire_protocol.types import (
     BOARD_LAYOUT,
@@ -37,7 +37,14 @@ from ..errors import (
     LinkLost,
     WheelwireError,
 )
-from ..peripherals import ENTRY_SIZE, Peripheral, fingerprint, packed_entry, unpacked_entry
+from ..peripherals import (
+    ENTRY_SIZE,
+    Peripheral,
+    fingerprint,
+    packed_entry,
+    peripheral_problems,
+    unpacked_entry,
+)
 from .requests import Requests, blocking
 
 RESTART_TIMEOUT_S = 8.0
@@ -118,6 +125,7 @@ class AwaitableBoard:
         A board that the device is on already is not written again with other peripherals.
 
         Raises:
+            ConfigurationError: The peripherals break a rule, which is named. Nothing was written.
             DeviceRefused: The robot drives, the board breaks a rule of this device, or another
                 one is on trial.
             GroupUnavailable: As `read`; or the board has peripherals, and the firmware has no
@@ -186,7 +194,8 @@ class AwaitableBoard:
 
         Raises:
             BoardNotKept: The device is back with the previous board, or the previous peripherals.
-            DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As `write` and `restart`.
+            ConfigurationError, DeviceRefused, GroupUnavailable, LinkLost, RequestTimeout: As
+                `write` and `restart`.
         """
         written = await self._write(board)
         await self.restart()
@@ -207,7 +216,9 @@ class AwaitableBoard:
                 wanted,
             ):
                 raise BoardNotKept(
-                    "the new peripherals were not kept, and nothing was confirmed: try again"
+                    "the new peripherals were not kept, and nothing was confirmed: try again; if "
+                    "that does not help, the firmware is of another release, and has other rules "
+                    "for them"
                 )
         await self.confirm(board)
 
@@ -231,6 +242,7 @@ class AwaitableBoard:
                 await self._requests.check_group(Group.SENSOR, needed_by)
             has_list = False
         else:
+            _check_peripherals(board)
             # Where none was ever stored, one that is left out means the same as an empty one.
             has_list = bool(board.peripherals) or stored.state is not PeripheralsState.EMPTY
         is_on_it = state is BoardState.STORED and found is not None and _is_same(found, board)
@@ -273,13 +285,14 @@ class AwaitableBoard:
 
         A new session alone proves no restart: a computer that stalls opens one with the same boot.
         """
-        end = time.monotonic() + RESTART_TIMEOUT_S
+        link = self._requests.link
+        end_us = link.clock_us() + round(RESTART_TIMEOUT_S * 1e6)
         error: WheelwireError | None = None
-        while time.monotonic() < end:
+        while link.clock_us() < end_us:
             await self._requests.pause(_POLL_S)
             try:
-                self._requests.link.check()
-                if self._requests.link.info.device.boot_id != before:
+                link.check()
+                if link.info.device.boot_id != before:
                     return
             except LinkLost as lost:
                 error = lost
@@ -307,6 +320,19 @@ class DeviceBoard:
     accept = blocking(AwaitableBoard.accept)
     take_up = blocking(AwaitableBoard.take_up)
     restart = blocking(AwaitableBoard.restart)
+
+
+def _check_peripherals(board: BoardDescription) -> None:
+    """Raise what is wrong with them: the device says of a list only that it cannot use it."""
+    try:
+        problems = peripheral_problems(board.peripherals, board.packed())
+    except NativeMissingError:
+        return  # the device has the same rules
+    if problems:
+        raise ConfigurationError(
+            f"{board.name}: these peripherals cannot be used, and nothing was written: "
+            + "; ".join(problems)
+        )
 
 
 def _is_same(found: BoardDescription, board: BoardDescription) -> bool:

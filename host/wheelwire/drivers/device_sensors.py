@@ -6,23 +6,24 @@ asks the device for samples; after that the link asks for them in each session.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Generic, NamedTuple, TypeAlias, TypeVar, cast
 
 from wheelwire_protocol.codes import Group
 from wheelwire_protocol.sensors import PeripheralKind, SensorState
-from wheelwire_protocol.types import SensorStream
+from wheelwire_protocol.types import PeripheralGet, SensorStream
 
 from ..arguments import timeout_s, whole
-from ..errors import InvalidCommand, RequestTimeout, SensorMissing, SensorStale
+from ..errors import InvalidCommand, RequestTimeout, SensorMissing, SensorStale, shown
 from ..link.latest_sample import LatestSample
 from ..link.sample_iterator import SampleIterator
-from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER
-from ..peripherals import DIGITAL_INPUTS
+from ..link.sensor_stream import EVENTS, IMU, INPUTS, POWER, RANGE
+from ..peripherals import INPUTS as INPUT_KINDS
 from ..sensors import (
     ImuSample,
     InputsSample,
     PowerSample,
+    RangeSample,
     SensorEvent,
     SensorInfo,
     sentence_of_state,
@@ -37,9 +38,17 @@ FRESH_S = 0.1
 _PERIODS = 3
 _INPUTS_HZ = 1
 MAX_RATE_HZ = 1000
+_IN_FILE = (
+    "in its board's file, and write that with `wheelwire board write`; of a computer's own pins "
+    "in the robot's file"
+)
 
 Sample = TypeVar("Sample", ImuSample, PowerSample, InputsSample)
-AnySample: TypeAlias = ImuSample | PowerSample | InputsSample
+AnySample: TypeAlias = ImuSample | PowerSample | RangeSample | InputsSample
+
+
+Find: TypeAlias = Callable[[tuple[SensorInfo, ...]], SensorInfo | None]
+"""Finds a sensor's channel among those of a robot."""
 
 
 class SensorStatus(NamedTuple):
@@ -96,32 +105,50 @@ class Streams:
         link = self.requests.link
         await self.requests.check_group(Group.SENSOR)
         try:
+            if not link.knows_list:
+                await self.requests.ask(PeripheralGet(0, 0, 0))
             await self.requests.ask(SensorStream(0, 0, rate_hz))
         except InvalidCommand:
             from ..link.attached import AttachedLink  # here, for few programs attach
 
             if not isinstance(link, AttachedLink):
                 raise
+            has = link.sensors.rate_hz
+            asked = f"has asked for its sensors at {has} Hz" if has else "has not asked for them"
             raise InvalidCommand(
-                f"{link.holder.name}, which holds {link.name}, has not asked for its sensors at "
-                f"{rate_hz} Hz, and a program that is attached cannot: use them in that program, "
-                "or end it"
+                f"only the program that holds {link.name} can ask for its sensors at {rate_hz} Hz, "
+                f"and {link.holder.name}, {asked}: call `robot.sensors.start({rate_hz})` in it, "
+                "and this one sees the samples, too; or end it, and run this again"
             ) from None
 
     def known(self, info: SensorInfo | None) -> tuple[SensorState, AnySample | None]:
         """The state of a channel at this moment, and its newest sample while that is OK.
 
-        The sample of a digital input is that of all.
+        The sample of an input is that of all.
         """
         if info is None:
             return SensorState.UNREAD, None
-        sensors = self.requests.link.sensors
-        is_input = info.kind in DIGITAL_INPUTS
-        state = sensors.states.get(info.channel, SensorState.UNREAD)
-        rate_hz = _INPUTS_HZ if is_input else info.rate_hz
-        newest = sensors.newest.get(INPUTS if is_input else info.name)
-        if state is not SensorState.OK or not rate_hz:
+        state = self.requests.link.sensors.states.get(info.channel, SensorState.UNREAD)
+        if state is not SensorState.OK:
             return state, None
+        if info.kind not in INPUT_KINDS:
+            return self._newest(info.name, info.rate_hz)
+        state, sample = self._newest(INPUTS, _INPUTS_HZ)
+        if info.kind is PeripheralKind.ANALOG and info.name not in _voltages(sample):
+            # It can be used again by an event that came before the voltage.
+            return (SensorState.UNREAD if state is SensorState.OK else state), None
+        return state, sample
+
+    def known_by(self, name: str, find: Find) -> tuple[SensorState, AnySample | None]:
+        """As `known`; INPUTS are all inputs together, whatever the state of one of them is."""
+        info = find(self.infos)
+        return self._newest(name, _INPUTS_HZ) if info and name == INPUTS else self.known(info)
+
+    def _newest(self, name: str, rate_hz: int) -> tuple[SensorState, AnySample | None]:
+        """The newest sample of this name, unless it is too old."""
+        newest = self.requests.link.sensors.newest.get(name)
+        if not rate_hz:  # nothing of it is sent
+            return SensorState.OK, None
         if newest is None:
             return SensorState.UNREAD, None
         sample = newest.sample()
@@ -134,17 +161,32 @@ class Streams:
         state, sample = self.known(info)
         return SensorStatus(info, state, None if sample is None else self.age_s(sample), sample)
 
+    async def read(self, name: str, find: Find, limit_s: float) -> AnySample:
+        """The newest sample of a channel; waits for the first one.
+
+        Raises:
+            SensorStale: It cannot be used.
+        """
+        waits = (SensorState.UNREAD, SensorState.MISSED)
+        link = self.requests.link
+        await self.requests.wait_for_sample(
+            self.latest,
+            lambda: link.has_ended or self.known_by(name, find)[0] not in waits,
+            limit_s,
+        )
+        state, sample = self.known_by(name, find)
+        if sample is None:
+            link.check()
+            raise SensorStale(name, state, sentence_of_state(state))
+        return sample
+
     def age_s(self, sample: AnySample) -> float:
         """How long ago it was measured, in seconds."""
         return max(0.0, self.latest.now_us() / 1e6 - sample.stamp)
 
 
-Find: TypeAlias = Callable[[tuple[SensorInfo, ...]], SensorInfo | None]
-"""Finds a sensor's channel among those of a robot."""
-
-
 class SensorView(Generic[Sample]):
-    """What is known of one sensor without waiting, or of all digital inputs together.
+    """What is known of one sensor without waiting, or of all inputs together.
 
     Args:
         streams: Of the robot.
@@ -177,38 +219,24 @@ class SensorView(Generic[Sample]):
         return cast("Sample | None", self._known()[1])
 
     def _known(self) -> tuple[SensorState, AnySample | None]:
-        return self._streams.known(self.info)
+        return self._streams.known_by(self._name, self._find)
 
     async def _begin(self) -> SensorInfo:
         """Ask for samples, unless somebody did; what the sensor is."""
         await self._streams.begin()
         info = self.info
         if info is None:
-            raise SensorMissing(
-                f"the robot has no {self._name}: name it in its board's file, and write that with "
-                "`wheelwire board write`"
-            )
+            raise SensorMissing(f"the robot has no {self._name}: name it {_IN_FILE}")
         return info
 
     async def _read(self, timeout: float) -> Sample:
         limit_s = timeout_s("timeout", timeout)
         await self._begin()
-        requests = self._streams.requests
-        waits = (SensorState.UNREAD, SensorState.MISSED)
-        await requests.wait_for_sample(
-            self._streams.latest,
-            lambda: requests.link.has_ended or self.state not in waits,
-            limit_s,
-        )
-        state, sample = self._known()
-        if sample is None:
-            requests.link.check()
-            raise SensorStale(self._name, state, sentence_of_state(state))
-        return cast("Sample", sample)
+        return cast("Sample", await self._streams.read(self._name, self._find, limit_s))
 
 
 class Sensor(SensorView[Sample]):
-    """One sensor of a robot, or all its digital inputs together."""
+    """One sensor of a robot, or all its inputs together."""
 
     def read(self, timeout: float = 1.0) -> Sample:
         """Return the newest sample, as `latest`; waits for the first one.
@@ -236,6 +264,69 @@ class Sensor(SensorView[Sample]):
         return self._streams.latest.iterate_sensor(self._name)
 
 
+def _voltages(sample: AnySample | None) -> Mapping[str, float]:
+    return sample.analog if isinstance(sample, InputsSample) else {}
+
+
+class RangesView:
+    """What is known of a robot's range sensors without waiting, each by its name: `front`."""
+
+    def __init__(self, streams: Streams) -> None:
+        self._streams = streams
+
+    @property
+    def infos(self) -> dict[str, SensorInfo]:
+        """What each one is; none before the first use, and while out of reach."""
+        return ranges_in(self._streams.infos)
+
+    @property
+    def latest(self) -> dict[str, RangeSample]:
+        """The newest sample of each one that can be used, as `Sensor.latest`. Never waits."""
+        samples = {name: self._streams.known(info)[1] for name, info in self.infos.items()}
+        return {name: one for name, one in samples.items() if isinstance(one, RangeSample)}
+
+    async def _begin(self) -> None:
+        """Ask for samples, unless somebody did."""
+        await self._streams.begin()
+        if not self.infos:
+            raise SensorMissing(f"the robot has no range sensors: name them {_IN_FILE}")
+
+    async def _read(self, name: str, timeout: float) -> RangeSample:
+        limit_s = timeout_s("timeout", timeout)
+        await self._begin()
+        known = self.infos
+        if name not in known:
+            raise SensorMissing(
+                f"the robot has no range sensor {shown(name)}: choose one of {', '.join(known)}, "
+                f"or name it {_IN_FILE}"
+            )
+        read = self._streams.read(known[name].name, range_named(name), limit_s)
+        return cast("RangeSample", await read)
+
+
+class Ranges(RangesView):
+    """The range sensors of a robot, each by its name: where it is, as in `front`."""
+
+    def read(self, name: str, timeout: float = 1.0) -> RangeSample:
+        """Return the newest sample of one, as `latest`; waits for the first one.
+
+        Args:
+            name: Of the sensor, as in its board's file.
+            timeout: How long to wait for the first sample. [s]
+
+        Raises:
+            SensorMissing: The robot has no such sensor.
+            SensorStale, GroupUnavailable, InvalidCommand, InvalidArgument, LinkLost,
+                RequestTimeout: As `Sensor.read`.
+        """
+        return run(self._read, name, timeout)
+
+    def samples(self) -> SampleIterator[RangeSample]:
+        """All samples of all of them from now on, as `Sensor.samples`."""
+        run(self._begin)
+        return self._streams.latest.iterate_sensor(RANGE)
+
+
 class SensorsView:
     """What is known of all sensors without waiting."""
 
@@ -257,7 +348,8 @@ class Sensors(SensorsView):
     Attributes:
         imu: Gyroscope and accelerometer.
         power: The supply, by a power sensor or by the battery's divider.
-        inputs: All digital inputs together.
+        inputs: All digital and analogue inputs together.
+        ranges: The range sensors, by name.
     """
 
     def __init__(self, requests: Requests, latest: LatestSample) -> None:
@@ -266,6 +358,7 @@ class Sensors(SensorsView):
         self.imu: Sensor[ImuSample] = Sensor(streams, *OF_IMU)
         self.power: Sensor[PowerSample] = Sensor(streams, *OF_POWER)
         self.inputs: Sensor[InputsSample] = Sensor(streams, *OF_INPUTS)
+        self.ranges = Ranges(streams)
 
     def start(self, rate_hz: int = DEFAULT_RATE_HZ) -> None:
         """Ask for samples from now on, in this session and in all that follow.
@@ -274,7 +367,8 @@ class Sensors(SensorsView):
 
         Args:
             rate_hz: Of the IMU at most: it gets what the samples of the wheels leave of the line.
-                The supply comes twice a second, inputs on a change and each second.
+                Each measurement of a range sensor comes, the supply twice a second, inputs on a
+                change and each second.
 
         Raises:
             InvalidArgument: The rate is no whole number from 1 to 1000.
@@ -300,6 +394,20 @@ def of_kind(*kinds: PeripheralKind) -> Find:
     return find
 
 
+def range_named(name: str) -> Find:
+    """The range sensor of this name."""
+
+    def find(infos: tuple[SensorInfo, ...]) -> SensorInfo | None:
+        return ranges_in(infos).get(name)
+
+    return find
+
+
+def ranges_in(infos: tuple[SensorInfo, ...]) -> dict[str, SensorInfo]:
+    """The range sensors among these channels, by name."""
+    return {info.place.name.lower(): info for info in infos if info.kind is PeripheralKind.RANGE}
+
+
 OF_IMU = IMU, of_kind(PeripheralKind.IMU)
 OF_POWER = POWER, of_kind(PeripheralKind.POWER, PeripheralKind.BATTERY)
-OF_INPUTS = INPUTS, of_kind(*DIGITAL_INPUTS)
+OF_INPUTS = INPUTS, of_kind(*INPUT_KINDS)

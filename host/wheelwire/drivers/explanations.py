@@ -20,7 +20,7 @@ class Explanations:
         link: To the robot, whose sensors may say what stopped it.
     """
 
-    def __init__(self, link: DeviceLink | None = None) -> None:
+    def __init__(self, link: DeviceLink) -> None:
         self.watch: StopWatch | None = None
         self.link = link
 
@@ -28,8 +28,7 @@ class Explanations:
         """Add to the error the sentence of its stop, the evidence and what to look at."""
         from ..diagnosis.explanation import explain  # here, for most programs meet no such error
 
-        link = self.link
-        explain(error, self.watch, None if link is None else lambda: link.sensors)
+        explain(error, self.watch, lambda: self.link.sensors)
 
     def __enter__(self) -> None:
         pass

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
 
 from wheelwire_protocol.board import BoardState
 from wheelwire_protocol.codes import RefusalCode
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from wheelwire_protocol.sensors import PeripheralsState
+from wheelwire_protocol.types import ControlCounters, ControlCountersGet
 
-from ..errors import WheelwireError
+from ..errors import LinkClosed, LinkLost, WheelwireError
 from ..link.device_link import DeviceLink
 from ..link.info import LinkInfo, LinkStatistics
 from ..link.news import Happening, News
+from ..link.requests import Answer
 from ..motion.kinematics import GEOMETRY, DifferentialDrive, WheelVelocities
 from ..parameters import decimal_of_float32
 from ..samples import Setpoint
 from .driving import Driving
-from .explanations import Explanations
+from .requests import Requests
 
 TTL_MAX = PARAMETER_BY_NAME["ttl_max_s"].id
 
@@ -50,12 +55,22 @@ _LIST_DOES_NOT_DRIVE = {
 
 
 class LinkedRobot(Driving):
-    """A robot behind `_link`, which watches at least the parameters of `WATCHED`."""
+    """All of a robot behind a link that waits for nothing, for threads and for asyncio.
+
+    Args:
+        requests: To its device. The link watches at least the parameters of `WATCHED`.
+    """
 
     _link: DeviceLink
-    _geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
-    _ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
-    _explanations: Explanations
+
+    def __init__(self, requests: Requests) -> None:
+        self._requests = requests
+        self._link = requests.link
+        self._explanations = requests.explanations
+        self._geometry: tuple[Mapping[int, float], DifferentialDrive | None] = {}, None
+        self._ttl_max_s: tuple[Mapping[int, float], float | None] = {}, None
+        # The link's thread appends to it: a deque needs no lock.
+        self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
 
     @property
     def info(self) -> LinkInfo:
@@ -139,7 +154,30 @@ class LinkedRobot(Driving):
             found.append(CONTACT_IGNORED)
         return tuple(found)
 
+    def note(self, name: str, value: Any) -> None:
+        """Add a note of the program that uses the robot to its recording.
+
+        Args:
+            name: A name; a replay has the newest value of each name.
+            value: What JSON can hold.
+        """
+        self._link.note({name: value})
+
+    def latest_control_counters(self) -> ControlCounters | None:
+        """As `control_counters`, without waiting: the newest answer to an earlier call."""
+        newest = self._newest_counters
+        known = newest[0] if newest else None  # first: this call's answer may come while it asks
+
+        def keep(answer: Answer | WheelwireError) -> None:
+            if isinstance(answer, ControlCounters):
+                newest.append(answer)
+
+        with suppress(LinkLost, LinkClosed):
+            self._link.post(ControlCountersGet(0, 0), keep)
+        return known
+
     def _listen(self, happening: Happening) -> None:
+        self._requests.check_thread()
         listener, explanations = self._callbacks.listener, self._explanations
 
         def tell(news: News) -> None:
@@ -150,10 +188,12 @@ class LinkedRobot(Driving):
         self._link.listen(tell, happening)
 
     def _drive_velocity(self, wheels: WheelVelocities, expiry_us: int) -> None:
+        self._requests.check_thread()
         with self._explanations:
             self._link.drive_velocity(wheels.left_mps, wheels.right_mps, expiry_us)
 
     def _drive_duty(self, left: float, right: float, expiry_us: int) -> None:
+        self._requests.check_thread()
         with self._explanations:
             self._link.drive_duty(left, right, expiry_us)
 

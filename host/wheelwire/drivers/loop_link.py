@@ -33,7 +33,8 @@ class LoopLink(Requests):
     """
 
     def __init__(self, robot: DeviceDriver) -> None:
-        super().__init__(robot._link, robot._explanations)
+        super().__init__(robot._link)
+        self.explanations = robot._explanations
         self.latest_sample: LatestSample = robot._latest_sample
         self._virtual = cast("InlineLink", self.link) if self.link.in_virtual_time else None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -170,6 +171,9 @@ class LoopLink(Requests):
 
     async def pause(self, seconds: float) -> None:
         """Wait."""
+        if self._virtual is not None:
+            self._virtual.advance(seconds)
+            seconds = 0
         await asyncio.sleep(seconds)
 
     async def wait_for_sample(

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..arguments import path, text, whole
 from ..board import BoardDescription
-from ..errors import InvalidArgument, shown
+from ..errors import ConfigurationError, InvalidArgument, shown
 from ..files.pins import Pins
 from ..linux_mcu.settings import CORE_TIMEOUT_MS, PIGPIO_CORE_TIMEOUT_MS, McuSettings
 from ..linux_mcu.store import converted_store
@@ -17,6 +17,7 @@ from ..parameters import checked_values
 
 MAX_CORE_TIMEOUT_MS = 60_000
 MAX_CHIP = 255
+LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 PWM_DIRECTORY = Path("/sys/class/pwm")
 
 
@@ -90,9 +91,15 @@ class PigpioDriverOptions(PinOptions, PigpioOptions):
 
     def checked(self) -> McuSettings:
         """The process that moves the pins, with these options, checked."""
-        return McuSettings(
+        settings = McuSettings(
             "pigpio",
             **self._common(),
             host=text("host", self.host, "localhost"),
             port=whole("port", self.port, 1, 65_535),
         )
+        if settings.buses and settings.host not in LOCAL_HOSTS:
+            raise ConfigurationError(
+                f"pigpio.host = {settings.host!r}: an I2C bus is read on this computer, and that "
+                "one has the pins: run the program there, or leave imu and power out"
+            )
+        return settings

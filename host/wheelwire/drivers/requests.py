@@ -43,12 +43,18 @@ class Requests:
 
     Args:
         link: To the device.
+
+    Attributes:
         explanations: What the errors say of the stop that is behind them.
     """
 
-    def __init__(self, link: DeviceLink, explanations: Explanations | None = None) -> None:
+    def __init__(self, link: DeviceLink) -> None:
         self.link = link
-        self.explanations = explanations or Explanations()
+        # An object of its own: a method of the driver would keep the driver alive.
+        self.explanations = Explanations(link)
+
+    def check_thread(self) -> None:
+        """Raise `InvalidCommand` in a thread that may not use the link; here each one may."""
 
     def answer_to(self, message: RequestMessage) -> Answer:
         """As `Link.request`, for what cannot be awaited."""
@@ -85,7 +91,10 @@ class Requests:
 
     async def pause(self, seconds: float) -> None:
         """Wait."""
-        time.sleep(seconds)
+        if self.link.in_virtual_time:
+            self.link.advance(seconds)
+        else:
+            time.sleep(seconds)
 
     async def wait_for_sample(
         self, latest: LatestSample, ready: Callable[[], bool], timeout_s: float

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import weakref
-from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from wheelwire_protocol.types import ControlCounters, ControlCountersGet
-
-from ..errors import InvalidCommand, LinkClosed, LinkLost, WheelwireError
+from ..errors import InvalidCommand
 from ..link.connection import Link
 from ..link.device_link import DeviceLink
 from ..link.latest_sample import LatestSample
-from ..link.requests import Answer
 from ..parameters import Parameters
 from .base import BaseDriver
 from .callbacks import Inbox, InlineCallbacks, ThreadCallbacks
@@ -24,7 +20,6 @@ from .device_board import DeviceBoard
 from .device_parameters import DeviceParameters
 from .device_recorder import DeviceRecorder
 from .device_sensors import Sensors
-from .explanations import Explanations
 from .linked import LinkedRobot
 from .options import TransportOptions, takes
 from .requests import AwaitableDevice, Requests, blocking
@@ -58,24 +53,20 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     """
 
     def __init__(self, make_link: Callable[[LatestSample], DeviceLink]) -> None:
-        super().__init__()
-        self._link = link = make_link(self._latest_sample)
+        BaseDriver.__init__(self)
+        link = make_link(self._latest_sample)
+        LinkedRobot.__init__(self, Requests(link))
         if link.in_virtual_time:
             self._callbacks = InlineCallbacks()
-        # An object of its own: a method of the driver would keep the driver alive.
-        self._explanations = Explanations(link)
         if not _opened_later.get():
             with self._explanations:
                 link.open()
         inbox = self._callbacks.inbox if isinstance(self._callbacks, ThreadCallbacks) else None
         # Also runs when the driver is garbage-collected, and at the interpreter's exit.
         self._finalizer = weakref.finalize(self, _close, inbox, link)
-        self._requests = Requests(link, self._explanations)
         self._awaited = AwaitableDevice(self._requests)
         self._parameters = DeviceParameters(self._requests)
         self._sensors = Sensors(self._requests, self._latest_sample)
-        # The link's thread appends to it: a deque needs no lock.
-        self._newest_counters: deque[ControlCounters] = deque(maxlen=1)
         self._recorders: list[Recorder] = []
 
     @property
@@ -97,15 +88,6 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     def sensors(self) -> Sensors:
         """All sensors of the robot."""
         return self._sensors
-
-    def note(self, name: str, value: Any) -> None:
-        """Add a note of the program that uses the robot to its recording.
-
-        Args:
-            name: A name; a replay has the newest value of each name.
-            value: What JSON can hold.
-        """
-        self._link.note({name: value})
 
     def record(self, path: str | Path, driver: str | None = None) -> Recorder:
         """Record all that crosses the link from now on, until the robot is closed.
@@ -149,19 +131,6 @@ class DeviceDriver(LinkedRobot, BaseDriver):
     contradictions = blocking(AwaitableDevice.contradictions)
     unsaved_parameters = blocking(AwaitableDevice.unsaved_parameters)
     control_counters = blocking(AwaitableDevice.control_counters)
-
-    def latest_control_counters(self) -> ControlCounters | None:
-        """As `control_counters`, without waiting: the newest answer to an earlier call."""
-        newest = self._newest_counters
-        known = newest[0] if newest else None  # first: this call's answer may come while it asks
-
-        def keep(answer: Answer | WheelwireError) -> None:
-            if isinstance(answer, ControlCounters):
-                newest.append(answer)
-
-        with suppress(LinkLost, LinkClosed):
-            self._link.post(ControlCountersGet(0, 0), keep)
-        return known
 
     def stop(self) -> None:
         """Stop both wheels and wait for the acknowledgement.

@@ -1,4 +1,4 @@
-"""The sections of a board's file that name its peripherals: `imu`, `power` and `inputs`."""
+"""The sections of a board's file that name its peripherals: `imu`, `power`, `inputs`, `ranges`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any
 from wheelwire_protocol.sensors import (
     IMUS,
     MAX_SHUNT_UOHM,
+    MOST_ANALOG,
     POWERS,
+    RANGES,
     Axis,
     PeripheralKind,
     Place,
@@ -19,21 +21,25 @@ from wheelwire_protocol.sensors import (
 from ..arguments import is_number
 from ..peripherals import (
     DIGITAL_INPUTS,
+    AnalogInput,
     BatteryLevels,
     DigitalInput,
     ImuSensor,
     Peripheral,
     PowerSensor,
     Pull,
+    RangeSensor,
     channel_name,
+    most_bias_radps,
 )
 from .reading import Section
 
-SECTIONS = ("imu", "power", "inputs")
+SECTIONS = ("imu", "power", "inputs", "ranges")
 
 _CHIP_NAMES = {chip: chip.name.lower().replace("_", "-") for chip in SensorChip}
 _IMU_CHIPS = {_CHIP_NAMES[chip]: chip for chip in IMUS}
 _POWER_CHIPS = {_CHIP_NAMES[chip]: chip for chip in POWERS}
+_RANGE_CHIPS = {_CHIP_NAMES[chip]: chip for chip in RANGES}
 _AXES = {axis.name.lower().replace("minus_", "-"): axis for axis in Axis}
 _PULLS = {pull.value: pull for pull in Pull}
 _LEVELS = {"low": True, "high": False}
@@ -48,11 +54,20 @@ _INPUTS = {
     for kind in DIGITAL_INPUTS
     for place in Place
 }
+_ANALOG = {
+    channel_name(PeripheralKind.ANALOG, Place.NONE, number): number
+    for number in range(1, MOST_ANALOG + 1)
+}
+_PLACES = {place.name.lower(): place for place in Place if place is not Place.NONE}
 _MAX_SHUNT_MOHM = MAX_SHUNT_UOHM / 1000
 _MAX_V = 65.0
 """A level travels as millivolts in 16 bits."""
+_MAX_DIVIDER = 65.535
+"""As a level, in thousandths."""
 _MAX_ADDRESS = 0x7F
 _MAX_CELLS = 15
+_LAST_BUS = 127
+"""It travels as a signed byte."""
 _CELL_V = {"warn_v": 3.5, "limit_v": 3.4, "stop_v": 3.3}
 """Of one cell of lithium ions, for a file that gives only their number."""
 
@@ -63,7 +78,7 @@ def parse_peripherals(board: Section) -> tuple[Peripheral, ...]:
     Raises:
         ConfigurationError: A key is unknown or missing, or a value is not of its kind.
     """
-    return (*_imu(board), *_power(board), *_inputs(board))
+    return (*_imu(board), *_power(board), *_inputs(board), *_ranges(board))
 
 
 def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
@@ -76,6 +91,14 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
             level = "low" if entry.triggered_low else "high"
             content = {"pin": entry.pin, "triggered": level, "pull": entry.pull.value}
             sections.setdefault("inputs", {})[name] = _without_none(content)
+        elif isinstance(entry, AnalogInput):
+            name = channel_name(entry.kind, entry.place, entry.number)
+            voltage = {"pin": entry.pin, "divider": entry.divider}
+            sections.setdefault("inputs", {})[name] = _without_none(voltage)
+        elif isinstance(entry, RangeSensor):
+            pins = {"trigger": entry.trigger, "echo": entry.echo}
+            named = _without_none({"chip": _CHIP_NAMES[entry.chip], **pins})
+            sections.setdefault("ranges", {})[entry.place.name.lower()] = named
         elif isinstance(entry, BatteryLevels):
             power = sections.setdefault("power", {})
             if entry.is_guarded or power:
@@ -85,7 +108,8 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
             sections["power"] = _without_none(bus)
         else:
             axes = {name: _name_of(getattr(entry, name)) for name in ("forward", "up")}
-            other = {"interrupt": entry.interrupt, **axes, "address": entry.address}
+            bias = list(entry.bias) if any(entry.bias) else None
+            other = {"interrupt": entry.interrupt, **axes, "address": entry.address, "bias": bias}
             sections["imu"] = _without_none(_bus_of(entry) | other)
     return {name: sections[name] for name in SECTIONS if name in sections}
 
@@ -93,23 +117,29 @@ def peripheral_sections(peripherals: Sequence[Peripheral]) -> dict[str, Any]:
 def _imu(board: Section) -> Iterator[ImuSensor]:
     if board.get("imu", None) is None:
         return
-    keys = ("chip", "sda", "scl", "interrupt", "forward", "up", "address")
+    keys = ("chip", "sda", "scl", "bus", "interrupt", "forward", "up", "address", "bias")
     imu = Section(board.get("imu"), keys, "imu")
+    if imu.pin("interrupt") is not None and _bus(imu) is not None:
+        raise imu.refusal("interrupt", "leave it out: a computer takes the time from the reading")
+    chip = imu.code("chip", _IMU_CHIPS)
     yield ImuSensor(
-        chip=imu.code("chip", _IMU_CHIPS),
+        chip=chip,
         sda=imu.pin("sda"),
         scl=imu.pin("scl"),
         interrupt=imu.pin("interrupt"),
         forward=imu.code("forward", _AXES),
         up=imu.code("up", _AXES),
         address=_address(imu),
+        bias=_bias(imu, chip),
+        bus=_bus(imu),
     )
 
 
 def _power(board: Section) -> Iterator[PowerSensor | BatteryLevels]:
     if board.get("power", None) is None:
         return
-    bus, levels = ("chip", "sda", "scl", "shunt_mohm", "address"), ("cells", *_CELL_V)
+    bus = ("chip", "sda", "scl", "bus", "shunt_mohm", "address")
+    levels = ("cells", *_CELL_V)
     power = Section(board.get("power"), (*bus, *levels), "power")
     has_chip, has_levels = (any(key in power.values for key in keys) for keys in (bus, levels))
     if has_chip:
@@ -119,6 +149,7 @@ def _power(board: Section) -> Iterator[PowerSensor | BatteryLevels]:
             scl=power.pin("scl"),
             shunt_mohm=_shunt_mohm(power),
             address=_address(power),
+            bus=_bus(power),
         )
     if has_levels:
         yield _levels(power)
@@ -136,11 +167,27 @@ def _levels(power: Section) -> BatteryLevels:
     return BatteryLevels(**{name: _level(power, name, defaults) for name in _CELL_V})
 
 
-def _inputs(board: Section) -> Iterator[DigitalInput]:
+def _bias(imu: Section, chip: SensorChip) -> tuple[float, float, float]:
+    value, most = imu.get("bias", None), most_bias_radps(chip)
+    if value is None:
+        return (0.0, 0.0, 0.0)
+    is_list = isinstance(value, list) and len(value) == len("xyz")
+    if not is_list or not all(is_number(each) and abs(each) <= most for each in value):
+        raise imu.refusal(
+            "bias", f"it must be three numbers [x, y, z], each {-most:.2f} to {most:.2f} rad/s"
+        )
+    x, y, z = map(float, value)
+    return (x, y, z)
+
+
+def _inputs(board: Section) -> Iterator[DigitalInput | AnalogInput]:
     if board.get("inputs", None) is None:
         return
-    inputs = Section(board.get("inputs"), _INPUTS, "inputs")
+    inputs = Section(board.get("inputs"), (*_INPUTS, *_ANALOG), "inputs")
     for name in inputs.values:
+        if name in _ANALOG:
+            yield _analog(inputs, name)
+            continue
         kind, place = _INPUTS[name]
         entry = Section(inputs.get(name), ("pin", "triggered", "pull"), f"inputs.{name}")
         is_low = entry.code("triggered", _LEVELS, _TRIGGERED[kind])
@@ -150,6 +197,24 @@ def _inputs(board: Section) -> Iterator[DigitalInput]:
             )
         pull = entry.code("pull", _PULLS, Pull.INTERNAL.value)
         yield DigitalInput(kind, place, entry.pin("pin"), is_low, pull)
+
+
+def _analog(inputs: Section, name: str) -> AnalogInput:
+    entry = Section(inputs.get(name), ("pin", "divider"), f"inputs.{name}")
+    divider = entry.above_zero("divider", 1.0)
+    if divider > _MAX_DIVIDER:
+        raise entry.refusal("divider", f"it must be {_MAX_DIVIDER:g} at most")
+    return AnalogInput(_ANALOG[name], entry.pin("pin"), divider)
+
+
+def _ranges(board: Section) -> Iterator[RangeSensor]:
+    if board.get("ranges", None) is None:
+        return
+    ranges = Section(board.get("ranges"), _PLACES, "ranges")
+    for name in ranges.values:
+        entry = Section(ranges.get(name), ("chip", "trigger", "echo"), f"ranges.{name}")
+        chip = entry.code("chip", _RANGE_CHIPS)
+        yield RangeSensor(chip, _PLACES[name], entry.pin("trigger"), entry.pin("echo"))
 
 
 def _level(power: Section, name: str, defaults: Mapping[str, float]) -> float:
@@ -175,8 +240,19 @@ def _address(section: Section) -> int | None:
     return address
 
 
+def _bus(section: Section) -> int | None:
+    """The number of a computer's bus."""
+    if section.get("bus", None) is None:
+        return None
+    for pin in ("sda", "scl"):
+        if section.get(pin, None) is not None:
+            raise section.refusal("bus", "a bus has a number, or pins: leave sda and scl out")
+    return section.whole("bus", _LAST_BUS)
+
+
 def _bus_of(entry: ImuSensor | PowerSensor) -> dict[str, Any]:
-    return {"chip": _CHIP_NAMES[entry.chip], "sda": entry.sda, "scl": entry.scl}
+    bus = {"chip": _CHIP_NAMES[entry.chip], "sda": entry.sda, "scl": entry.scl}
+    return bus if entry.bus is None else {**bus, "bus": entry.bus}
 
 
 def _name_of(axis: Axis) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from wheelwire_protocol.parameters import PARAMETER_BY_NAME
@@ -13,6 +13,7 @@ from wheelwire_protocol.parameters import PARAMETER_BY_NAME
 from ..arguments import is_number
 from ..errors import ConfigurationError, shown
 from .parameters import parameter_value, parameter_values
+from .peripherals import SECTIONS, parse_peripherals
 from .pins import PIN_NAMES, Pins, check_hardware_pwm
 from .reading import Section
 
@@ -33,6 +34,8 @@ ALIASES = {
 MAX_RPM = "max_rpm"
 """The motor's no-load speed; with the wheel's radius it is the velocity feed-forward."""
 BUILT_IN = ("mock", "l298n", "pigpio", "serial")
+OWN_PINS = ("l298n", "pigpio")
+"""The drivers that move this computer's pins."""
 TOP = ("driver", "store", "board")
 _STATIC = "static_feedforward"
 _CHOOSE_A_DRIVER = "choose one, such as `driver: serial`; there are mock, l298n, pigpio and serial"
@@ -59,7 +62,7 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
         )
     names = {section: [field.name for field in fields(shape)] for section, shape in shapes.items()}
     names["pins"] = list(PIN_NAMES)
-    known = [*TOP, *names, "parameters", *ALIASES, MAX_RPM]
+    known = [*TOP, *names, *SECTIONS, "parameters", *ALIASES, MAX_RPM]
     # A driver of another package has a section of its own name.
     own = content.get("driver", content.get("driver_type")) if isinstance(content, Mapping) else ""
     plug_in = [own] if isinstance(own, str) and own not in (*BUILT_IN, *known) else []
@@ -68,7 +71,8 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
     sections = {name: Section(_section(file.values, name), names[name], name) for name in names}
     found: dict[str, Any] = {name: file.text(name) for name in TOP}
     found |= {name: sections[name].fill(shape) for name, shape in shapes.items()}
-    found["pins"] = Pins(**sections["pins"].values)
+    peripherals = parse_peripherals(file)
+    found["pins"] = replace(Pins(**sections["pins"].values), peripherals=peripherals)
     found["parameters"] = parameter_values(file.get("parameters", None))
     for name in plug_in:
         found["options"] = _section(file.values, name)
@@ -79,6 +83,12 @@ def parse_robot(content: object, shapes: Mapping[str, type]) -> dict[str, Any]:
         check_hardware_pwm(found["pins"])  # a board may also have its PWM timed by the daemon
     if found["driver"] is None:
         raise ConfigurationError(f"driver is missing; {_CHOOSE_A_DRIVER}")
+    for name in SECTIONS:
+        if name in file.values and (found["board"] is not None or found["driver"] not in OWN_PINS):
+            raise ConfigurationError(
+                f"{name}: this robot's is in its board's file; here it stands beside the pins of "
+                "l298n and pigpio"
+            )
     for foreign, name in aliases.items():
         log.info("%s is read as %s", foreign, name)
     return {**found, "aliases": aliases}

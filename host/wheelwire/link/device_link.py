@@ -103,6 +103,11 @@ class DeviceLink(ABC):
         return self._session.sensors
 
     @property
+    def knows_list(self) -> bool:
+        """Whether the device has said how many channels it has."""
+        return self._session.peripherals is not None
+
+    @property
     def knows_sensors(self) -> bool:
         """Whether samples were asked for, and each channel has said what it is."""
         peripherals = self._session.peripherals
@@ -254,7 +259,7 @@ class DeviceLink(ABC):
 
     def note(self, what: Mapping[str, Any]) -> None:
         """Pass on something that the program says to all that listen to the tap."""
-        self.tap.note(what, self._clock_us())
+        self.tap.note(what, self.clock_us())
 
     # --- time ------------------------------------------------------------------------------------
 
@@ -268,5 +273,6 @@ class DeviceLink(ABC):
             "time passes by itself: give realtime=False, or a replay speed=0, to advance it"
         )
 
-    def _clock_us(self) -> int:
+    def clock_us(self) -> int:
+        """The time of the link, which is virtual or the computer's."""
         return host_clock_us()

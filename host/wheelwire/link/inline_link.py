@@ -42,7 +42,8 @@ class InlineLink(DeviceLink):
         """Let time pass until something may have changed."""
         self.advance(STEP_S)
 
-    def _clock_us(self) -> int:
+    def clock_us(self) -> int:
+        """As `now_us`."""
         return self.now_us
 
     def _result(self, post: Callable[[Done], None], *, is_stop: bool = True) -> Answer | None:  # noqa: ARG002 - nothing can interrupt it

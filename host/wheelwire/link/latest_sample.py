@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
-from weakref import ref
 
 from wheelwire_protocol.types import WheelState
 
@@ -16,7 +15,7 @@ from ..errors import RequestTimeout, WheelwireError
 from ..samples import WheelSample, tick_difference
 from .clock import host_clock_us
 from .latest_sensors import SensorQueues
-from .sample_iterator import QUEUE_US, SampleIterator
+from .sample_iterator import QUEUE_US, SampleIterator, SampleIterators
 from .state_stream import Measurement
 from .waiting import Notifier
 
@@ -73,8 +72,7 @@ class LatestSample:
         self._closed = False
         # As if long ago: the clock may be near zero just after the computer has started.
         self._asked_us = -ATTENTION_US
-        self._iterators: list[ref[SampleIterator[WheelSample]]] = []
-        """Copied before iterating: other threads add to it."""
+        self._iterators: SampleIterators[WheelSample] = SampleIterators()
 
     def put(self, measurement: Measurement) -> None:
         """Store a measurement; `notify_all` wakes those who wait for it."""
@@ -96,17 +94,8 @@ class LatestSample:
         self._unread.append(measurement)
         # After the ticks, which another thread reads as soon as it sees this.
         self._current = True
-        if self._iterators:
-            self._put_into_iterators(measurement)
-
-    def _put_into_iterators(self, measurement: Measurement) -> None:
-        for reference in tuple(self._iterators):
-            iterator = reference()
-            if iterator is None:
-                # Here alone: other threads only append.
-                self._iterators.remove(reference)
-            else:
-                iterator.put(measurement)
+        if self._iterators.is_iterated:
+            self._iterators.put(measurement.sample, measurement.arrived_us)
 
     def interrupt(self) -> None:
         """The link is interrupted: the last sample is no longer current, nor handed out."""
@@ -115,15 +104,12 @@ class LatestSample:
 
     def fail(self, error: WheelwireError) -> None:
         """No further sample will come: raise `error` to everyone who asks from now on."""
-        # First: an iterator that is made meanwhile is in the list below, or sees the failure.
         self._failure = error
         self._unread.clear()
         self._current = False
-        for reference in tuple(self._iterators):
-            iterator = reference()
-            if iterator is not None:
-                iterator.end(None if self._closed else error)
-        self.sensors.end(None if self._closed else error)
+        of_iterators = None if self._closed else error
+        self._iterators.end(of_iterators)
+        self.sensors.end(of_iterators)
         self.changed.notify_all()
 
     def close(self) -> None:
@@ -132,11 +118,9 @@ class LatestSample:
 
     def iterate(self) -> SampleIterator[WheelSample]:
         """All samples from now on."""
-        iterator: SampleIterator[WheelSample] = SampleIterator(self._wait_for, self.queue_us)
-        # Weakly: one that was abandoned in the middle of a loop is no longer filled.
-        self._iterators.append(ref(iterator))
-        if self._failure is not None:  # possibly before it was listed
-            iterator.end(None if self._closed else self._failure)
+        iterator = self._iterators.iterate(self._wait_for, self.queue_us)
+        if self._closed:  # whatever had failed before
+            iterator.end(None)
         return iterator
 
     def iterate_sensor(self, group: str) -> SampleIterator[Any]:
@@ -203,7 +187,7 @@ class LatestSample:
     @property
     def is_iterated(self) -> bool:
         """Whether anyone wants every sample, not just the newest."""
-        return bool(self._iterators)
+        return self._iterators.is_iterated
 
     @property
     def is_current(self) -> bool:
@@ -213,9 +197,7 @@ class LatestSample:
     def is_read(self, now_us: int) -> bool:
         """Whether anyone is reading: then the next sample is wanted without delay."""
         return (
-            now_us < self._asked_us + ATTENTION_US
-            or bool(self._iterators)
-            or self.sensors.is_iterated
+            now_us < self._asked_us + ATTENTION_US or self.is_iterated or self.sensors.is_iterated
         )
 
     def _take_fresh(self) -> tuple[Measurement, ...]:

@@ -5,24 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
+from weakref import ref
 
 from ..errors import WheelwireError
 
 Sample = TypeVar("Sample")
-Sample_co = TypeVar("Sample_co", covariant=True)
-
-
-class Measured(Protocol[Sample_co]):
-    """What becomes a sample when somebody asks for it."""
-
-    @property
-    def arrived_us(self) -> int:
-        """The host's clock at the arrival, in us."""
-
-    def sample(self) -> Sample_co:
-        """The sample."""
-
 
 QUEUE_US = 1_000_000
 """Samples that came longer than this before the newest are dropped."""
@@ -48,17 +36,17 @@ class SampleIterator(Generic[Sample]):
         self._queue_us = queue_us
         # Each in a list of its own: whoever takes it out of that has it, though another thread may
         # be about to do the same.
-        self._queue: deque[list[Measured[Sample]]] = deque()
+        self._queue: deque[list[tuple[Callable[[], Sample], int]]] = deque()
         self._over = False
         self._failure: WheelwireError | None = None
 
-    def put(self, measurement: Measured[Sample]) -> None:
-        """Add a measurement. Only one thread calls it."""
+    def put(self, make: Callable[[], Sample], arrived_us: int) -> None:
+        """Add a sample, which `make` makes when it is taken. Only one thread calls this."""
         queue = self._queue
-        queue.append([measurement])
+        queue.append([(make, arrived_us)])
         with suppress(IndexError):  # whoever iterates was quicker
             # By time, not by number: the stream rate is the device's.
-            while (oldest := queue[0])[0].arrived_us < measurement.arrived_us - self._queue_us:
+            while (oldest := queue[0])[0][1] < arrived_us - self._queue_us:
                 oldest.pop()
                 self.dropped += 1
                 with suppress(ValueError):  # whoever iterates has just passed over it
@@ -91,7 +79,8 @@ class SampleIterator(Generic[Sample]):
         over = self._over  # first: what came before the end is still handed out
         while self._queue:
             with suppress(IndexError):  # it was dropped meanwhile
-                return self._queue.popleft().pop().sample()
+                make, _ = self._queue.popleft().pop()
+                return make()
         if not over:
             return None
         if self._failure is not None:
@@ -101,3 +90,52 @@ class SampleIterator(Generic[Sample]):
     def is_ready(self) -> bool:
         """Whether `poll` would return a sample, or raise."""
         return bool(self._queue) or self._over
+
+
+class SampleIterators(Generic[Sample]):
+    """The iterators over one kind of samples.
+
+    One thread at a time puts and ends; any thread may iterate.
+    """
+
+    def __init__(self) -> None:
+        self._iterators: list[ref[SampleIterator[Sample]]] = []
+        """Copied before iterating: other threads add to it."""
+        self._failure: WheelwireError | None = None
+        self._is_over = False
+
+    @property
+    def is_iterated(self) -> bool:
+        """Whether anyone wants every sample without delay, not just the newest."""
+        return bool(self._iterators)
+
+    def iterate(
+        self, wait: Callable[[Callable[[], bool]], None], queue_us: int
+    ) -> SampleIterator[Sample]:
+        """All samples from now on; see `SampleIterator`."""
+        iterator: SampleIterator[Sample] = SampleIterator(wait, queue_us)
+        # Weakly: one that was abandoned in the middle of a loop is no longer filled.
+        self._iterators.append(ref(iterator))
+        if self._is_over:  # possibly before it was listed
+            iterator.end(self._failure)
+        return iterator
+
+    def put(self, make: Callable[[], Sample], arrived_us: int) -> None:
+        """Pass on a sample; see `SampleIterator.put`."""
+        for reference in tuple(self._iterators):
+            iterator = reference()
+            if iterator is None:
+                # Here alone: other threads only append.
+                self._iterators.remove(reference)
+            else:
+                iterator.put(make, arrived_us)
+
+    def end(self, failure: WheelwireError | None) -> None:
+        """As `SampleIterator.end`, of all that there are and will be."""
+        self._failure = failure
+        # Before the list is read: an iterator that is made meanwhile is in it, or sees this.
+        self._is_over = True
+        for reference in tuple(self._iterators):
+            iterator = reference()
+            if iterator is not None:
+                iterator.end(failure)

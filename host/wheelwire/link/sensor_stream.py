@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -9,10 +10,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 from wheelwire_protocol import types as wire
 from wheelwire_protocol.sensors import (
+    MOST_ANALOG,
+    RANGES,
     Axis,
     BatteryLevel,
     PeripheralKind,
     Place,
+    RangeQuality,
     Reflex,
     SensorChip,
     SensorEventCode,
@@ -26,6 +30,7 @@ from ..sensors import (
     InputReading,
     InputsSample,
     PowerSample,
+    RangeSample,
     SensorEvent,
     SensorInfo,
     Vector,
@@ -39,10 +44,11 @@ WAITING = 4096
 INFO_US = 300_000
 """Within this after the request each channel says what it is; otherwise it is asked for again."""
 INFO_ATTEMPTS = 10
-IMU, POWER, INPUTS, EVENTS = "imu", "power", "inputs", "events"
-"""What a robot's sensors pass on; INPUTS: all digital ones together."""
+IMU, POWER, INPUTS, RANGE, EVENTS = "imu", "power", "inputs", "ranges", "events"
+"""What a robot's sensors pass on; INPUTS: all of them together."""
 
 _battery_level = cache(BatteryLevel)
+_range_quality = cache(RangeQuality)
 _reflex = cache(Reflex)
 
 
@@ -50,6 +56,8 @@ class _Channel(NamedTuple):
     info: SensorInfo
     gyro_scale: float
     acceleration_scale: float
+    bias: tuple[int, int, int]
+    """Of an IMU: the gyroscope's counts at rest. Of another one: the numbers of its entry."""
     turn: Callable[[Vector], Vector]
     """From the chip's axes to the robot's, of an IMU."""
 
@@ -67,12 +75,17 @@ class ImuMeasurement(NamedTuple):
         """The sample, with the stamp by the estimate at the arrival."""
         message, channel = self.message, self.channel
         turn, of_gyro, of_other = channel.turn, channel.gyro_scale, channel.acceleration_scale
+        bias_x, bias_y, bias_z = channel.bias
         host_us, error_us = self.clock.device_to_host(self.t_us)
         return ImuSample(
             t_us=self.t_us,
             sample=message.sample,
             gyro=turn(
-                (message.gyro_x * of_gyro, message.gyro_y * of_gyro, message.gyro_z * of_gyro)
+                (
+                    (message.gyro_x - bias_x) * of_gyro,
+                    (message.gyro_y - bias_y) * of_gyro,
+                    (message.gyro_z - bias_z) * of_gyro,
+                )
             ),
             acceleration=turn(
                 (
@@ -112,8 +125,35 @@ class PowerMeasurement(NamedTuple):
         )
 
 
+class RangeMeasurement(NamedTuple):
+    """A message of a range sensor; otherwise as `ImuMeasurement`."""
+
+    message: wire.Range
+    t_us: int
+    arrived_us: int
+    channel: _Channel
+    clock: Conversion
+
+    def sample(self) -> RangeSample:
+        """As `ImuMeasurement.sample`."""
+        message, info = self.message, self.channel.info
+        table = RANGES[info.chip]
+        host_us, error_us = self.clock.device_to_host(self.t_us)
+        return RangeSample(
+            t_us=self.t_us,
+            sample=message.sample,
+            name=info.place.name.lower(),
+            distance_m=_distance_m(message),
+            min_m=table.nearest_mm / 1000,
+            max_m=table.farthest_mm / 1000,
+            field_of_view_rad=table.cone_rad,
+            stamp=host_us / 1e6,
+            stamp_error_s=(error_us + message.bound_us) / 1e6,
+        )
+
+
 class InputsMeasurement(NamedTuple):
-    """A message about all digital inputs; otherwise as `ImuMeasurement`."""
+    """A message about all inputs; otherwise as `ImuMeasurement`."""
 
     message: wire.Inputs
     t_us: int
@@ -142,17 +182,27 @@ class InputsMeasurement(NamedTuple):
             level=_battery_level(message.level),
             stamp=host_us / 1e6,
             stamp_error_s=error_us / 1e6,
+            analog={
+                info.name: getattr(message, f"{info.name}_mv") / 1000
+                for number, info in self.infos.items()
+                if info.kind is PeripheralKind.ANALOG
+                # Both: each may be the newer one.
+                and not message.stale >> number & 1
+                and self.states[number] is SensorState.OK
+            },
         )
 
 
-SensorMeasurement: TypeAlias = ImuMeasurement | PowerMeasurement | InputsMeasurement
+SensorMeasurement: TypeAlias = (
+    ImuMeasurement | PowerMeasurement | RangeMeasurement | InputsMeasurement
+)
 
 
 class Sensed(NamedTuple):
     """What is passed on to whoever iterates: a measurement, or an event."""
 
     group: str
-    """One of IMU, POWER, INPUTS and EVENTS."""
+    """One of IMU, POWER, RANGE, INPUTS and EVENTS."""
     what: SensorMeasurement | SensorEvent
     arrived_us: int
 
@@ -217,12 +267,13 @@ class SensorStream:
             ValueError: A code means nothing.
         """
         number = message.channel
-        kind, place = PeripheralKind(message.kind), Place(message.place)
+        kind, place, chip = _codes_of(message)
         info = SensorInfo(
             channel=number,
-            name=channel_name(kind, place),
+            # An analogue input's number is the second one of its entry.
+            name=channel_name(kind, place, message.bias_y),
             kind=kind,
-            chip=SensorChip(message.chip),
+            chip=chip,
             place=place,
             rate_hz=message.rate_hz,
             gyro_noise=message.gyro_noise,
@@ -230,8 +281,9 @@ class SensorStream:
         )
         state = SensorState(message.state)
         turn = _turn(Axis(message.forward), Axis(message.up))
+        bias = message.bias_x, message.bias_y, message.bias_z
         self._channels[number] = _Channel(
-            info, message.gyro_scale, message.accelerometer_scale, turn
+            info, message.gyro_scale, message.accelerometer_scale, bias, turn
         )
         self._messages[number] = message
         # In the order of the channels, in which they do not come.
@@ -262,6 +314,18 @@ class SensorStream:
         if channel is not None:
             t_us = self._unwrapped(message.t_us, clock, now_us)
             self._put(POWER, PowerMeasurement(message, t_us, now_us, channel, clock.conversion))
+
+    def take_range(self, message: wire.Range, clock: ClockEstimator, now_us: int) -> None:
+        """Take a measurement.
+
+        Raises:
+            ValueError: A code means nothing.
+        """
+        _range_quality(message.quality)
+        channel = self._channels.get(message.channel)
+        if channel is not None and channel.info.kind is PeripheralKind.RANGE:
+            t_us = self._unwrapped(message.t_us, clock, now_us)
+            self._put(RANGE, RangeMeasurement(message, t_us, now_us, channel, clock.conversion))
 
     def take_inputs(self, message: wire.Inputs, clock: ClockEstimator, now_us: int) -> None:
         """Take the levels of all inputs, and which channels are stale.
@@ -336,7 +400,9 @@ class SensorStream:
 
     # ---------------------------------------------------------------------------------------------
 
-    def _put(self, group: str, measured: ImuMeasurement | PowerMeasurement) -> None:
+    def _put(
+        self, group: str, measured: ImuMeasurement | PowerMeasurement | RangeMeasurement
+    ) -> None:
         info = measured.channel.info
         number, name = info.channel, info.name
         newest = self.newest.get(name)
@@ -355,6 +421,9 @@ class SensorStream:
         self.states = {**self.states, number: state}
         if state is not SensorState.OK:
             self.newest.pop(self.infos[number].name, None)
+        inputs = self.newest.get(INPUTS)
+        if isinstance(inputs, InputsMeasurement):
+            self.newest[INPUTS] = inputs._replace(states=self.states)
 
     def _set_rate(self, number: int, rate_hz: int) -> None:
         channel = self._channels[number]
@@ -372,6 +441,28 @@ class SensorStream:
             found_us = clock.unwrap(t_us, now_us)
         self._t_us, self._arrived_us = found_us, now_us
         return found_us
+
+
+def _codes_of(message: wire.SensorInfo) -> tuple[PeripheralKind, Place, SensorChip]:
+    """Those of a channel.
+
+    Raises:
+        ValueError: One means nothing.
+    """
+    kind, place = PeripheralKind(message.kind), Place(message.place)
+    chip = SensorChip(message.chip)
+    if kind is PeripheralKind.RANGE and chip not in RANGES:
+        raise ValueError(f"{chip!r} is no range sensor")
+    if kind is PeripheralKind.ANALOG and not 1 <= message.bias_y <= MOST_ANALOG:
+        raise ValueError(f"there is no analogue input {message.bias_y}")
+    return kind, place, chip
+
+
+def _distance_m(message: wire.Range) -> float:
+    """As REP-117 has it."""
+    if message.quality == RangeQuality.GOOD:
+        return message.distance_mm / 1000
+    return math.inf if message.quality == RangeQuality.FAR else -math.inf
 
 
 def _turn(forward: Axis, up: Axis) -> Callable[[Vector], Vector]:

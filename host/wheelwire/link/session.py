@@ -79,6 +79,7 @@ from wheelwire_protocol.types import (
     PeripheralValue,
     Pong,
     Power,
+    Range,
     Refuse,
     SensorEvent,
     SensorInfo,
@@ -274,6 +275,7 @@ class Session:
             SensorInfo: self._on_sensor_info,
             Imu: partial(self._on_sensed, self.sensors.take_imu),
             Power: partial(self._on_sensed, self.sensors.take_power),
+            Range: partial(self._on_sensed, self.sensors.take_range),
             Inputs: partial(self._on_sensed, self.sensors.take_inputs),
             SensorEvent: partial(self._on_sensed, self.sensors.take_event),
         }
@@ -641,8 +643,6 @@ class Session:
         # Only a device that restarts when asked can have another board.
         self._board_is_known = Capability.RESTART not in device.capabilities
         self._peripherals_are_known = self._board_is_known
-        if self._board_is_known:
-            return
 
         def take_group(answer: Answer | WheelwireError) -> None:
             # A device of another release may mean something else by the messages about boards.
@@ -665,8 +665,11 @@ class Session:
         def take_peripherals(_: Answer | WheelwireError) -> None:
             self._peripherals_are_known = True
 
-        self._ask(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
-        self._ask(GroupGet(self._id, 0, Group.SENSOR), take_sensors, now_us)
+        if not self._board_is_known:
+            self._ask(GroupGet(self._id, 0, Group.BOARD), take_group, now_us)
+        # Of a board that stays the same they are of interest to who uses them.
+        if not self._peripherals_are_known or self.sensors.rate_hz:
+            self._ask(GroupGet(self._id, 0, Group.SENSOR), take_sensors, now_us)
 
     def _ask(self, message: RequestMessage, done: Done, now_us: int) -> None:
         """Send a request of the session's own, beside those that prepare it."""
@@ -832,7 +835,7 @@ class Session:
     def _on_sensed(
         self,
         take: Callable[[Any, ClockEstimator, int], None],
-        message: Imu | Power | Inputs | SensorEvent,
+        message: Imu | Power | Range | Inputs | SensorEvent,
         now_us: int,
     ) -> None:
         """Take a sample or an event of a sensor; before the session is open it has no stamp."""

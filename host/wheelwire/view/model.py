@@ -37,17 +37,6 @@ class Look(NamedTuple):
     """Why the robot is out of reach or silent; empty if it is neither."""
 
 
-class Point(NamedTuple):
-    """Both wheels at one moment; None where it is not known, or nothing is asked."""
-
-    time_s: float
-    left_mps: float | None = None
-    right_mps: float | None = None
-    left_duty: float | None = None
-    right_duty: float | None = None
-    asked: Setpoint | None = None
-
-
 class Event(NamedTuple):
     """Something that happened."""
 
@@ -83,7 +72,7 @@ class Model:
         unix_minus_stamp_s: What to add to the samples' clock for the time of day.
 
     Attributes:
-        points: The last `WINDOW_S`, in order.
+        looks: Of the last `WINDOW_S`, in order; without a sample where the robot was out of reach.
         events: The newest last.
         sample: The newest; None before the first.
         asked: What the wheels are asked for now.
@@ -95,7 +84,7 @@ class Model:
 
     def __init__(self, name: str, unix_minus_stamp_s: float) -> None:
         self.name = name
-        self.points: deque[Point] = deque()
+        self.looks: deque[Look] = deque()
         self.events: deque[Event] = deque(maxlen=EVENTS)
         self.sample: WheelSample | None = None
         self.asked: Setpoint | None = None
@@ -126,8 +115,8 @@ class Model:
                 self.trouble = ""
                 self.say("the link is back")
             self._take_sample(look.sample, look.asked)
-        while self.points and self.points[0].time_s < self.now_s - WINDOW_S:
-            self.points.popleft()
+        while self.looks and self.looks[0].now_s < self.now_s - WINDOW_S:
+            self.looks.popleft()
 
     def take_stop(self, stop: Stop) -> None:
         """Take a stop that was just diagnosed."""
@@ -160,12 +149,11 @@ class Model:
             self.say(f"out of reach: {trouble}")
         self.trouble = trouble
         self.asked = None
-        self.points.append(Point(self.now_s))
+        self.looks.append(Look(self.now_s, None, None, trouble))
 
     def _take_sample(self, sample: WheelSample, asked: Setpoint | None) -> None:
         before, self.sample, self.asked = self.sample, sample, asked
-        measured = sample.left_mps, sample.right_mps, sample.left_duty, sample.right_duty
-        self.points.append(Point(self.now_s, *measured, asked))
+        self.looks.append(Look(self.now_s, sample, asked, ""))
         if before is None:
             self.say(sample.state.name)
             return

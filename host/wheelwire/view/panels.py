@@ -11,8 +11,9 @@ from rich.text import Text
 
 from wheelwire_protocol.codes import Fault
 
+from ..samples import WheelSample
 from .canvas import BLANK, Canvas
-from .model import WINDOW_S, Model, Point
+from .model import WINDOW_S, Look, Model
 
 LABEL = 6
 """Width of a plot's labels in cells."""
@@ -26,7 +27,7 @@ _NOISE = 0.03
 MEASURED, ASKED, DUTY = "cyan", "yellow", "magenta"
 _ALARM = "bold reverse"
 
-_Value = Callable[[Point], "float | None"]
+_Value = Callable[[Look], "float | None"]
 
 
 class Curve(NamedTuple):
@@ -47,9 +48,13 @@ class Side(NamedTuple):
     asked_duty: Curve
 
 
+def _measured(of: Callable[[WheelSample], float]) -> _Value:
+    return lambda look: None if look.sample is None else of(look.sample)
+
+
 def _asked(index: int, *, duty: bool) -> _Value:
-    def value(point: Point) -> float | None:
-        asked = point.asked
+    def value(look: Look) -> float | None:
+        asked = look.asked
         return asked[index] if asked is not None and asked.duty is duty else None
 
     return value
@@ -57,16 +62,16 @@ def _asked(index: int, *, duty: bool) -> _Value:
 
 LEFT = Side(
     "LEFT",
-    Curve(lambda point: point.left_mps, MEASURED),
+    Curve(_measured(lambda sample: sample.left_mps), MEASURED),
     Curve(_asked(0, duty=False), ASKED, dotted=True),
-    Curve(lambda point: point.left_duty, DUTY),
+    Curve(_measured(lambda sample: sample.left_duty), DUTY),
     Curve(_asked(0, duty=True), ASKED, dotted=True),
 )
 RIGHT = Side(
     "RIGHT",
-    Curve(lambda point: point.right_mps, MEASURED),
+    Curve(_measured(lambda sample: sample.right_mps), MEASURED),
     Curve(_asked(1, duty=False), ASKED, dotted=True),
-    Curve(lambda point: point.right_duty, DUTY),
+    Curve(_measured(lambda sample: sample.right_duty), DUTY),
     Curve(_asked(1, duty=True), ASKED, dotted=True),
 )
 
@@ -190,18 +195,18 @@ def _flowing(parts: Iterable[str], width: int) -> Text:
 
 def wheel(model: Model, side: Side, width: int, height: int) -> Text:
     """One wheel: its numbers, its speed over time, and its duty over time."""
-    points, now_s, text = model.points, model.now_s, _numbers(model, side, width)
+    looks, now_s, text = model.looks, model.now_s, _numbers(model, side, width)
     speed_width = width * 3 // 5
     duty_width = width - speed_width - 1
-    speeds = plot(points, now_s, (side.asked_speed, side.speed), speed_width, height - 1)
-    duties = plot(points, now_s, (side.asked_duty, side.duty), duty_width, height - 1, 1.0)
+    speeds = plot(looks, now_s, (side.asked_speed, side.speed), speed_width, height - 1)
+    duties = plot(looks, now_s, (side.asked_duty, side.duty), duty_width, height - 1, 1.0)
     for left, right in zip(speeds, duties, strict=True):
         text.append("\n").append_text(left).append(" ").append_text(right)
     return text
 
 
 def _numbers(model: Model, side: Side, width: int) -> Text:
-    newest = Point(0.0) if not model.points else model.points[-1]
+    newest = model.looks[-1] if model.looks else Look(0.0, None, None, "")
     asked = _number(side.asked_speed.value(newest))
     asked_duty = side.asked_duty.value(newest)
     parts = [
@@ -230,7 +235,7 @@ def axis(width: int) -> Text:
 
 
 def plot(
-    points: Sequence[Point],
+    looks: Sequence[Look],
     now_s: float,
     curves: Sequence[Curve],
     width: int,
@@ -240,7 +245,7 @@ def plot(
     """Curves over the last `WINDOW_S`, one text for each row; of two in a cell the last one shows.
 
     Args:
-        points: In order.
+        looks: In order.
         now_s: At the right edge.
         curves: To draw.
         width: Cells, with the labels.
@@ -249,13 +254,13 @@ def plot(
     """
     if height < 1:
         return []
-    values = [[curve.value(point) for point in points] for curve in curves]
+    values = [[curve.value(look) for look in looks] for curve in curves]
     low, high = _scale([v for found in values for v in found if v is not None], full)
     cells = max(1, width - LABEL)
     canvases = []
     for curve, found in zip(curves, values, strict=True):
         canvas = Canvas(cells, height)
-        _draw(canvas, points, found, now_s, (low, high), dotted=curve.dotted)
+        _draw(canvas, looks, found, now_s, (low, high), dotted=curve.dotted)
         canvases.append(canvas.rows())
     labels = _labels(low, high, height)
     return [
@@ -282,7 +287,7 @@ def _labels(low: float, high: float, height: int) -> list[str]:
 
 def _draw(
     canvas: Canvas,
-    points: Sequence[Point],
+    looks: Sequence[Look],
     values: Sequence[float | None],
     now_s: float,
     scale: tuple[float, float],
@@ -295,24 +300,24 @@ def _draw(
     # Columns of one clock: a curve moves by whole columns, and keeps its shape.
     shift = canvas.width - 1 - int(now_s // column_s)
     last_x, last_y, last_s = 0, 0, -math.inf
-    for point, value in zip(points, values, strict=True):
+    for look, value in zip(looks, values, strict=True):
         if value is None:
             last_s = -math.inf
             continue
-        number = int(point.time_s // column_s)
+        number = int(look.now_s // column_s)
         x = number + shift
         part = (min(max(value, low), high) - low) / (high - low)
         y = canvas.height - 1 - round(part * (canvas.height - 1))
         if dotted:
             if number % DOTTED == 0:
                 canvas.set(x, y)
-        elif point.time_s - last_s > GAP_S:
+        elif look.now_s - last_s > GAP_S:
             canvas.set(x, y)
         else:
             for between in range(last_x + 1, x):
                 canvas.set(between, last_y)
             canvas.column(x, last_y, y)
-        last_x, last_y, last_s = x, y, point.time_s
+        last_x, last_y, last_s = x, y, look.now_s
 
 
 def _row(label: str, rows: Sequence[Sequence[int]], styles: Sequence[str]) -> Text:

@@ -1,4 +1,4 @@
-"""A driver on a device in memory, behind a pseudo-terminal."""
+"""A device in memory: behind a pseudo-terminal, or on a line in virtual time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from support.core_device import CoreDevice
 from support.pty_device import PtyDevice
-from wheelwire.drivers.serial import SerialDriver
+from support.virtual_line import VirtualLine
 from wheelwire.link.transports import SerialTransport
 
 
@@ -21,9 +21,15 @@ def device(tmp_path: Path) -> Iterator[PtyDevice]:
 
 
 @pytest.fixture
-def robot(device: PtyDevice) -> Iterator[SerialDriver]:
-    with SerialDriver(str(device.path)) as robot:
-        yield robot
+def line() -> VirtualLine:
+    """A session that is open, and its device, on a line in virtual time."""
+    return VirtualLine().open()
+
+
+@pytest.fixture
+def outcomes() -> list[object]:
+    """For what requests have as their outcomes."""
+    return []
 
 
 @pytest.fixture

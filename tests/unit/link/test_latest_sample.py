@@ -8,8 +8,12 @@ from wheelwire.link.clock import host_clock_us
 from wheelwire.link.latest_sample import ATTENTION_US, FRESH_US, LatestSample
 
 
-def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
-    latest_sample = LatestSample()
+@pytest.fixture
+def latest_sample() -> LatestSample:
+    return LatestSample()
+
+
+def test_the_newest_sample_wins_and_is_handed_out_once(latest_sample: LatestSample) -> None:
     latest_sample.put(measurement(t_us=1))
     latest_sample.put(measurement(t_us=2))
     assert latest_sample.take(0).t_us == 2
@@ -17,8 +21,7 @@ def test_the_newest_sample_wins_and_is_handed_out_once() -> None:
         latest_sample.take(0)
 
 
-def test_a_waiting_thread_gets_the_sample() -> None:
-    latest_sample = LatestSample()
+def test_a_waiting_thread_gets_the_sample(latest_sample: LatestSample) -> None:
 
     def put() -> None:
         latest_sample.put(measurement(t_us=5))
@@ -28,8 +31,7 @@ def test_a_waiting_thread_gets_the_sample() -> None:
     assert latest_sample.take(10).t_us == 5
 
 
-def test_after_a_failure_there_is_only_the_error() -> None:
-    latest_sample = LatestSample()
+def test_after_a_failure_there_is_only_the_error(latest_sample: LatestSample) -> None:
     latest_sample.put(measurement(t_us=1))
     latest_sample.fail(LinkLost("over"))
     with pytest.raises(LinkLost, match="over"):
@@ -38,15 +40,13 @@ def test_after_a_failure_there_is_only_the_error() -> None:
         latest_sample.ticks(10)
 
 
-def test_a_failure_ends_the_wait() -> None:
-    latest_sample = LatestSample()
+def test_a_failure_ends_the_wait(latest_sample: LatestSample) -> None:
     threading.Timer(0.02, latest_sample.fail, [LinkLost("over")]).start()
     with pytest.raises(LinkLost, match="over"):
         latest_sample.take(10)
 
 
-def test_ticks_from_before_an_interruption_are_not_current() -> None:
-    latest_sample = LatestSample()
+def test_ticks_from_before_an_interruption_are_not_current(latest_sample: LatestSample) -> None:
     latest_sample.put(measurement(left_ticks=7))
     latest_sample.interrupt()
     with pytest.raises(RequestTimeout):
@@ -55,14 +55,12 @@ def test_ticks_from_before_an_interruption_are_not_current() -> None:
     assert latest_sample.ticks(0) == (9, 0)
 
 
-def test_the_first_ticks_are_the_devices_own() -> None:
-    latest_sample = LatestSample()
+def test_the_first_ticks_are_the_devices_own(latest_sample: LatestSample) -> None:
     latest_sample.put(measurement(left_ticks=-4, right_ticks=1000))
     assert latest_sample.ticks(0) == (-4, 1000)
 
 
-def test_it_is_read_for_some_time_after_each_question() -> None:
-    latest_sample = LatestSample()
+def test_it_is_read_for_some_time_after_each_question(latest_sample: LatestSample) -> None:
     assert not latest_sample.is_read(host_clock_us())
     with pytest.raises(RequestTimeout):
         latest_sample.take(0)
@@ -71,15 +69,15 @@ def test_it_is_read_for_some_time_after_each_question() -> None:
     assert not latest_sample.is_read(asked_us + ATTENTION_US)
 
 
-def test_ticks_go_on_across_a_reset_of_the_device() -> None:
-    latest_sample = LatestSample()
+def test_ticks_go_on_across_a_reset_of_the_device(latest_sample: LatestSample) -> None:
     for boot_id, left, right in ((1, 5, 7), (1, 8, 9), (2, 0, 0), (2, 2, 3)):
         latest_sample.put(measurement(boot_id=boot_id, left_ticks=left, right_ticks=right))
     assert latest_sample.ticks(0) == (10, 12)
 
 
-def test_a_sample_that_nobody_has_read_in_time_is_not_handed_out() -> None:
-    latest_sample = LatestSample()
+def test_a_sample_that_nobody_has_read_in_time_is_not_handed_out(
+    latest_sample: LatestSample,
+) -> None:
     latest_sample.put(measurement(t_us=1))
     later_us = host_clock_us() + FRESH_US + 1
     latest_sample.now_us = lambda: later_us
@@ -90,8 +88,7 @@ def test_a_sample_that_nobody_has_read_in_time_is_not_handed_out() -> None:
         latest_sample.take(0)
 
 
-def test_a_sample_of_a_slow_stream_lasts_for_two_periods() -> None:
-    latest_sample = LatestSample()
+def test_a_sample_of_a_slow_stream_lasts_for_two_periods(latest_sample: LatestSample) -> None:
     for t_us in (0, 500_000, 1_000_000):
         latest_sample.put(measurement(t_us=t_us))
     now_us = host_clock_us()
@@ -103,15 +100,15 @@ def test_a_sample_of_a_slow_stream_lasts_for_two_periods() -> None:
         latest_sample.take(0)
 
 
-def test_a_sample_from_before_an_interruption_is_not_handed_out() -> None:
-    latest_sample = LatestSample()
+def test_a_sample_from_before_an_interruption_is_not_handed_out(
+    latest_sample: LatestSample,
+) -> None:
     latest_sample.put(measurement(t_us=1))
     latest_sample.interrupt()
     assert latest_sample.poll() is None
 
 
-def test_the_latest_is_there_read_or_not_with_its_age() -> None:
-    latest_sample = LatestSample()
+def test_the_latest_is_there_read_or_not_with_its_age(latest_sample: LatestSample) -> None:
     assert latest_sample.latest is None
     latest_sample.put(measurement(t_us=2_000_000))
     latest_sample.now_us = lambda: 2_300_000

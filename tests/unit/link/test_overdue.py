@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from pathlib import Path
 
 import pytest
 
@@ -24,51 +23,47 @@ REPEATS_S = 0.5
 """Several repeats would have been due by then."""
 
 
-def test_it_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
-        robot.device.lost.add(ParameterSet)
-        monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
-        with pytest.raises(RequestTimeout, match="whether it was done is not known"):
-            driver.parameters.set("integral_gain", 7.5)
-        monkeypatch.undo()
-        driver.stop()  # comes after the withdrawal
-        sent = robot.device.count(ParameterSet)
-        time.sleep(REPEATS_S)
-        assert robot.device.count(ParameterSet) == sent
-        driver.stop()
+def test_it_is_not_repeated(
+    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device.device.lost.add(ParameterSet)
+    monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
+    with pytest.raises(RequestTimeout, match="whether it was done is not known"):
+        robot.parameters.set("integral_gain", 7.5)
+    monkeypatch.undo()
+    robot.stop()  # comes after the withdrawal
+    sent = device.device.count(ParameterSet)
+    time.sleep(REPEATS_S)
+    assert device.device.count(ParameterSet) == sent
+    robot.stop()
 
 
 def test_one_that_was_not_begun_is_never_sent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    device: PtyDevice, robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with PtyDevice(tmp_path / "port") as robot, SerialDriver(str(robot.path)) as driver:
-        # The port's thread has something else to do meanwhile.
-        driver._link._loop.call(  # type: ignore[attr-defined]
-            lambda done, _: (time.sleep(10 * LIMIT_S), done(None))[1],  # type: ignore[func-returns-value]
-            lambda _: None,
-        )
-        monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
-        with pytest.raises(RequestTimeout):
-            driver.parameters.set("integral_gain", 7.5)
+    # The port's thread has something else to do meanwhile.
+    robot._link._loop.call(  # type: ignore[attr-defined]
+        lambda done, _: (time.sleep(10 * LIMIT_S), done(None))[1],  # type: ignore[func-returns-value]
+        lambda _: None,
+    )
+    monkeypatch.setattr(device_link, "CALL_TIMEOUT_S", LIMIT_S)
+    with pytest.raises(RequestTimeout):
+        robot.parameters.set("integral_gain", 7.5)
+    monkeypatch.undo()
+    time.sleep(REPEATS_S)
+    assert device.device.count(ParameterSet) == 0
+    robot.stop()
+
+
+async def test_the_same_with_asyncio(device: PtyDevice, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with aio.connect(device.path) as driver:
+        device.device.lost.add(ParameterSet)
+        monkeypatch.setattr(loop_link, "CALL_TIMEOUT_S", LIMIT_S)
+        with pytest.raises(RequestTimeout, match="whether it was done is not known"):
+            await driver.parameters.set("integral_gain", 7.5)
         monkeypatch.undo()
-        time.sleep(REPEATS_S)
-        assert robot.device.count(ParameterSet) == 0
-        driver.stop()
-
-
-def test_the_same_with_asyncio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    async def use(robot: PtyDevice) -> None:
-        async with aio.connect(robot.path) as driver:
-            robot.device.lost.add(ParameterSet)
-            monkeypatch.setattr(loop_link, "CALL_TIMEOUT_S", LIMIT_S)
-            with pytest.raises(RequestTimeout, match="whether it was done is not known"):
-                await driver.parameters.set("integral_gain", 7.5)
-            monkeypatch.undo()
-            await driver.stop()  # comes after the withdrawal
-            sent = robot.device.count(ParameterSet)
-            await asyncio.sleep(REPEATS_S)
-            assert robot.device.count(ParameterSet) == sent
-            await driver.stop()
-
-    with PtyDevice(tmp_path / "port") as robot:
-        asyncio.run(use(robot))
+        await driver.stop()  # comes after the withdrawal
+        sent = device.device.count(ParameterSet)
+        await asyncio.sleep(REPEATS_S)
+        assert device.device.count(ParameterSet) == sent
+        await driver.stop()

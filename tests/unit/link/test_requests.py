@@ -30,9 +30,9 @@ def begin(line: VirtualLine, stop: type[Stop | Estop], outcomes: list[object]) -
         line.session.estop(outcomes.append, line.now_us)
 
 
-def test_an_answer_to_a_request_that_was_given_up_is_no_value() -> None:
-    line = VirtualLine().open()
-    outcomes: list[object] = []
+def test_an_answer_to_a_request_that_was_given_up_is_no_value(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     line.device.mute = True
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
     line.run_until(lambda: bool(outcomes))
@@ -43,10 +43,10 @@ def test_an_answer_to_a_request_that_was_given_up_is_no_value() -> None:
     assert len(outcomes) == 1
 
 
-def test_a_request_is_repeated_unchanged_and_done_once() -> None:
-    line = VirtualLine().open()
+def test_a_request_is_repeated_unchanged_and_done_once(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     line.to_host.impairment.loss = 1.0
-    outcomes: list[object] = []
     line.session.request(ParameterSet(0, 0, 6, 0.25), outcomes.append, line.now_us)
     line.run(0.5)
     line.to_host.impairment.loss = 0.0
@@ -59,9 +59,9 @@ def test_a_request_is_repeated_unchanged_and_done_once() -> None:
     assert line.session.statistics(line.now_us).requests_repeated == len(copies) - 1
 
 
-def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often() -> None:
-    line = VirtualLine().open()
-    outcomes: list[object] = []
+def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     line.device.mute = True
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
     copies: list[int] = []
@@ -75,8 +75,7 @@ def test_a_lost_answer_is_asked_for_soon_and_then_ever_less_often() -> None:
     assert len(line.sent_of(ParameterGet)) <= 12
 
 
-def test_a_request_of_a_busy_device_is_done_once_and_answered_late() -> None:
-    line = VirtualLine().open()
+def test_a_request_of_a_busy_device_is_done_once_and_answered_late(line: VirtualLine) -> None:
     line.to_host.impairment.delay_us = 700_000
     assert isinstance(line.request(ParameterSet(0, 0, 6, 0.25)), ParameterValue)
     line.run(2.0)
@@ -84,9 +83,7 @@ def test_a_request_of_a_busy_device_is_done_once_and_answered_late() -> None:
     assert line.session.phase is Phase.OPEN
 
 
-def test_requests_go_one_at_a_time_in_order() -> None:
-    line = VirtualLine().open()
-    outcomes: list[object] = []
+def test_requests_go_one_at_a_time_in_order(line: VirtualLine, outcomes: list[object]) -> None:
     line.device.mute = True
     for parameter in (1, 2, 3):
         line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
@@ -98,14 +95,14 @@ def test_requests_go_one_at_a_time_in_order() -> None:
 
 
 @pytest.mark.parametrize("stop", [Stop, Estop])
-def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None:
-    line = VirtualLine().open()
+def test_a_stop_overtakes_a_request_that_waits(
+    line: VirtualLine, outcomes: list[object], stop: type[Stop | Estop]
+) -> None:
     line.to_device.impairment.loss = 1.0
     answers: list[object] = []
     line.session.request(ParameterGet(0, 0, 1), answers.append, line.now_us)
     line.run(0.005)
     line.to_device.impairment.loss = 0.0
-    outcomes: list[object] = []
     begin(line, stop, outcomes)
     line.run_until(lambda: bool(outcomes), timeout_s=0.01)
     assert isinstance(outcomes[0], Ack)
@@ -114,11 +111,11 @@ def test_a_stop_overtakes_a_request_that_waits(stop: type[Stop | Estop]) -> None
 
 @pytest.mark.parametrize("stop", [Stop, Estop])
 def test_a_stop_is_repeated_forty_times_a_second_before_it_is_given_up(
+    outcomes: list[object],
+    line: VirtualLine,
     stop: type[Stop | Estop],
 ) -> None:
-    line = VirtualLine().open()
     line.device.mute = True
-    outcomes: list[object] = []
     begin_us = line.now_us
     begin(line, stop, outcomes)
     line.run_until(lambda: bool(outcomes))
@@ -135,10 +132,10 @@ def test_a_stop_is_repeated_forty_times_a_second_before_it_is_given_up(
         ParameterValue(0, 2, 1, 5.0),
     ],
 )
-def test_what_does_not_answer_the_request_that_is_open_is_foreign(answer: Ack | Refuse) -> None:
-    line = VirtualLine().open()
+def test_what_does_not_answer_the_request_that_is_open_is_foreign(
+    line: VirtualLine, outcomes: list[object], answer: Ack | Refuse
+) -> None:
     line.device.mute = True
-    outcomes: list[object] = []
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
     foreign = line.session.statistics(line.now_us).foreign
     line.device.send(answer._replace(session_id=line.device.session_id))
@@ -147,19 +144,18 @@ def test_what_does_not_answer_the_request_that_is_open_is_foreign(answer: Ack | 
     assert line.session.statistics(line.now_us).foreign == foreign + 1
 
 
-def test_an_acknowledgement_of_something_else_is_foreign() -> None:
-    line = VirtualLine().open()
+def test_an_acknowledgement_of_something_else_is_foreign(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     line.device.mute = True
-    outcomes: list[object] = []
     line.session.request(ClearFault(0, 0), outcomes.append, line.now_us)
     line.device.send(Ack(line.device.session_id, 1, message_id(ClearEstop)))
     line.run(0.01)
     assert outcomes == []
 
 
-def test_neither_stops_nor_pings_make_the_next_request_an_old_one() -> None:
+def test_neither_stops_nor_pings_make_the_next_request_an_old_one(line: VirtualLine) -> None:
     """The device takes an id that is ahead by more than 32767 for an old one, and is silent."""
-    line = VirtualLine().open()
     for _ in range(3):
         assert isinstance(line.request(ParameterGet(0, 0, 1)), ParameterValue)
         for _ in range(3):
@@ -188,9 +184,7 @@ def test_request_ids_wrap_at_65536() -> None:
 
 def test_request_ids_begin_anew_in_a_new_session() -> None:
     line = VirtualLine(watched=(1, 2)).open()
-    line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN)
-    line.wait_open()
+    line.reset_device()
     ids = [m.request_id for m in line.sent_of(ParameterGet) if isinstance(m, ParameterGet)]
     assert ids == [1, 2, 1, 2]
 
@@ -204,8 +198,7 @@ def test_an_answer_that_comes_twice_is_taken_once() -> None:
     assert line.session.values[1] == pytest.approx(0.05)
 
 
-def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
-    line = VirtualLine().open()
+def test_pings_between_a_request_and_its_repeat_do_not_age_it(line: VirtualLine) -> None:
     line.run(0.4)
     line.to_host.impairment.loss = 1.0
     answers: list[object] = []
@@ -219,9 +212,7 @@ def test_pings_between_a_request_and_its_repeat_do_not_age_it() -> None:
     assert len(line.device.asked(ParameterSet)) == 1
 
 
-def test_disconnecting_ends_every_request() -> None:
-    line = VirtualLine().open()
-    outcomes: list[object] = []
+def test_disconnecting_ends_every_request(line: VirtualLine, outcomes: list[object]) -> None:
     for parameter in (1, 2):
         line.session.request(ParameterGet(0, 0, parameter), outcomes.append, line.now_us)
     line.session.disconnect(LinkLost("unplugged"))
@@ -231,11 +222,10 @@ def test_disconnecting_ends_every_request() -> None:
         line.drive()
 
 
-def test_a_stop_without_a_session_is_sent_all_the_same() -> None:
+def test_a_stop_without_a_session_is_sent_all_the_same(outcomes: list[object]) -> None:
     line = VirtualLine()
     line.device.mute = True
     line.session.connect(line.now_us)
-    outcomes: list[object] = []
     line.session.stop(StopMode.CONFIGURED, outcomes.append, line.now_us)
     assert isinstance(outcomes[0], LinkLost)
     line.run(0.01)
@@ -243,9 +233,9 @@ def test_a_stop_without_a_session_is_sent_all_the_same() -> None:
 
 
 @pytest.mark.parametrize("kind", [Stop, Estop])
-def test_a_stop_that_is_withdrawn_is_not_repeated(kind: type[Stop | Estop]) -> None:
-    line = VirtualLine().open()
-    outcomes: list[object] = []
+def test_a_stop_that_is_withdrawn_is_not_repeated(
+    line: VirtualLine, outcomes: list[object], kind: type[Stop | Estop]
+) -> None:
     line.device.mute = True
     begin(line, kind, outcomes)
     line.run(0.06)
@@ -257,10 +247,11 @@ def test_a_stop_that_is_withdrawn_is_not_repeated(kind: type[Stop | Estop]) -> N
     assert outcomes == []
 
 
-def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass() -> None:
-    line = VirtualLine().open()
+def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass(
+    outcomes: list[object],
+    line: VirtualLine,
+) -> None:
     withdrawn: list[object] = []
-    outcomes: list[object] = []
     line.device.mute = True
     line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
@@ -272,10 +263,10 @@ def test_a_request_that_is_withdrawn_is_not_repeated_and_lets_the_next_one_pass(
     assert len(line.sent_of(ClearEstop)) == 1
 
 
-def test_a_request_that_is_withdrawn_before_its_turn_is_not_sent() -> None:
-    line = VirtualLine().open()
+def test_a_request_that_is_withdrawn_before_its_turn_is_not_sent(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     withdrawn: list[object] = []
-    outcomes: list[object] = []
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
     line.session.request(ClearEstop(0, 0), withdrawn.append, line.now_us)
     line.session.withdraw(withdrawn.append)

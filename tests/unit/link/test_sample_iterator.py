@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from functools import partial
 from itertools import islice, pairwise
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,11 +16,8 @@ from support.waiting import wait_until
 from wheelwire import Simulator, errors
 from wheelwire.drivers.mock import MockDriver
 from wheelwire.drivers.serial import SerialDriver
-from wheelwire.link.clock import ClockEstimator, Exchange
-from wheelwire.link.sample_iterator import QUEUE_US, Measured, SampleIterator
-from wheelwire.link.state_stream import Measurement
+from wheelwire.link.sample_iterator import QUEUE_US, SampleIterator
 from wheelwire.link.transports import SerialTransport
-from wheelwire.samples import WheelSample
 from wheelwire_protocol.types import WheelState
 
 
@@ -64,40 +61,37 @@ def test_closing_the_driver_ends_it_after_what_has_come() -> None:
     assert list(robot.samples()) == []
 
 
-def test_closing_ends_a_wait_in_another_thread(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device:
-        device.device.lost.add(WheelState)
-        robot = SerialDriver(str(device.path))
-        samples = robot.samples()
-        thread = threading.Thread(target=list, args=(samples,))
-        thread.start()
-        robot.close()
-        thread.join(10)
-        assert not thread.is_alive()
+def test_closing_ends_a_wait_in_another_thread(device: PtyDevice) -> None:
+    device.device.lost.add(WheelState)
+    robot = SerialDriver(str(device.path))
+    samples = robot.samples()
+    thread = threading.Thread(target=list, args=(samples,))
+    thread.start()
+    robot.close()
+    thread.join(10)
+    assert not thread.is_alive()
 
 
-def test_it_waits_across_a_reconnection(tmp_path: Path) -> None:
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        samples = robot.samples()
-        next(samples)
-        device.unplug()
-        wait_until(lambda: not robot.is_open)
-        plugged_s = time.monotonic()
-        device.plug()
-        assert next(sample for sample in samples if sample.stamp > plugged_s)
+def test_it_waits_across_a_reconnection(device: PtyDevice, robot: SerialDriver) -> None:
+    samples = robot.samples()
+    next(samples)
+    device.unplug()
+    wait_until(lambda: not robot.is_open)
+    plugged_s = time.monotonic()
+    device.plug()
+    assert next(sample for sample in samples if sample.stamp > plugged_s)
 
 
 def test_a_link_that_ends_otherwise_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    robot: SerialDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(_: SerialTransport) -> bytes:
         raise ZeroDivisionError
 
-    with PtyDevice(tmp_path / "port") as device, SerialDriver(str(device.path)) as robot:
-        samples = robot.samples()
-        monkeypatch.setattr(SerialTransport, "read", fail)
-        with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
-            list(samples)
+    samples = robot.samples()
+    monkeypatch.setattr(SerialTransport, "read", fail)
+    with pytest.raises(errors.LinkClosed, match="ZeroDivisionError"):
+        list(samples)
 
 
 def test_a_forgotten_iterator_costs_nothing() -> None:
@@ -110,33 +104,25 @@ def test_a_forgotten_iterator_costs_nothing() -> None:
         assert not robot._latest_sample.is_iterated
 
 
-def measured(arrived_us: int) -> Measurement:
-    clock = ClockEstimator()
-    clock.add(Exchange(0, 0, 0, 0))
-    state = WheelState(**{**dict.fromkeys(WheelState._fields, 0), "t_us": arrived_us})
-    return Measurement(state, arrived_us, clock.conversion, arrived_us)
-
-
 def test_a_sample_that_is_taken_while_it_is_dropped_costs_no_other() -> None:
     taken: list[int] = []
 
-    class Racing(deque[list[Measured[WheelSample]]]):
+    class Racing(deque[Any]):
         """Whoever iterates takes one each time the other thread has looked at the oldest."""
 
         def __getitem__(self, index: Any) -> Any:
             oldest = super().__getitem__(index)
-            sample = iterator.poll()
-            if sample is not None:
-                taken.append(sample.t_us)
+            arrived_us = iterator.poll()
+            if arrived_us is not None:
+                taken.append(arrived_us)
             return oldest
 
-    iterator: SampleIterator[WheelSample] = SampleIterator(lambda _: None)
+    iterator: SampleIterator[int] = SampleIterator(lambda _: None)
     iterator._queue = Racing()
     late_us = 2 * QUEUE_US
-    for arrived_us in (0, late_us, late_us + 1):
-        iterator._queue.append([measured(arrived_us)])
-    iterator.put(measured(late_us + 2))
-    while (sample := iterator.poll()) is not None:
-        taken.append(sample.t_us)
-    assert [t_us for t_us in taken if t_us >= late_us] == [late_us, late_us + 1, late_us + 2]
+    times_us = (0, late_us, late_us + 1, late_us + 2)
+    iterator._queue.extend([(partial(int, at_us), at_us)] for at_us in times_us[:-1])
+    iterator.put(partial(int, times_us[-1]), times_us[-1])
+    taken += iter(iterator.poll, None)
+    assert [at_us for at_us in taken if at_us >= late_us] == list(times_us[1:])
     assert len(taken) + iterator.dropped == 4

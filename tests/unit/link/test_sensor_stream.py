@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 
-from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, imu, info, inputs
+from support.sensor_messages import AHEAD_US, BOOT, KINDS, Stream, distance, imu, info, inputs
 from wheelwire.link.sensor_stream import (
     EVENTS,
     IMU,
@@ -15,15 +15,18 @@ from wheelwire.link.sensor_stream import (
     INFO_US,
     INPUTS,
     POWER,
+    RANGE,
     SensorStream,
     _turn,
 )
-from wheelwire.sensors import ImuSample, InputsSample, PowerSample, Vector
+from wheelwire.sensors import ImuSample, InputsSample, PowerSample, RangeSample, Vector
 from wheelwire_protocol.sensors import (
     Axis,
     BatteryLevel,
     PeripheralKind,
+    RangeQuality,
     Reflex,
+    SensorChip,
     SensorEventCode,
     SensorState,
 )
@@ -38,7 +41,10 @@ def known() -> Stream:
 
 def test_channels_are_known_in_their_order(known: Stream) -> None:
     names = [one.name for one in known.stream.infos.values()]
-    assert names == ["imu", "battery", "bumper.front_left", "cliff.front"]
+    assert names == [
+        *("imu", "battery", "bumper.front_left", "cliff.front"),
+        *("range.left", "analog_2"),
+    ]
     assert known.stream.is_complete(len(KINDS))
     assert not known.stream.is_complete(None)
     assert known.stream.infos[0].gyro_noise == 0.01
@@ -56,6 +62,16 @@ def test_an_imu_is_in_the_robots_axes_and_on_the_hosts_clock(known: Stream) -> N
     assert sample.t_us == 3_000_000
     assert sample.stamp == pytest.approx(2.0, abs=1e-4)
     assert sample.stamp_error_s > 50e-6  # that of the chip, and that of the clock
+
+
+def test_the_gyroscopes_bias_is_taken_off_in_the_chips_axes(known: Stream) -> None:
+    known.stream.take_info(info(0, values=(1, -2, 6)))
+    known.imu(3_000_000)
+    ((_, sample),) = known.sensed
+    assert isinstance(sample, ImuSample)
+    # 2, 4 and 6 counts of 0.5 rad/s without those of the bias; its y points forward.
+    assert sample.gyro == (3.0, -0.5, 0.0)
+    assert sample.acceleration == (-3.0, -2.0, 10.0)
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -125,6 +141,69 @@ def test_inputs_have_names(known: Stream) -> None:
     assert sample.level is BatteryLevel.WARN
 
 
+def test_a_range_is_a_distance_with_what_the_sensor_can_measure(known: Stream) -> None:
+    known.range(distance(3_000_000, sample=7))
+    ((group, sample),) = known.sensed
+    assert group == RANGE
+    assert isinstance(sample, RangeSample)
+    assert (sample.name, sample.distance_m, sample.sample) == ("left", 0.85, 7)
+    assert (sample.min_m, sample.max_m, sample.field_of_view_rad) == (0.02, 4.0, 0.26)
+    assert sample.t_us == 3_000_000
+    assert sample.stamp == pytest.approx(2.0, abs=1e-4)
+    assert sample.stamp_error_s > 30e-6  # that of the echo, and that of the clock
+
+
+@pytest.mark.parametrize(
+    ("quality", "distance_m"),
+    [(RangeQuality.FAR, float("inf")), (RangeQuality.NEAR, float("-inf"))],
+)
+def test_no_echo_is_infinitely_far_and_too_near_is_minus_infinite(
+    known: Stream, quality: RangeQuality, distance_m: float
+) -> None:
+    known.range(distance(3_000_000, 850, quality))
+    ((_, sample),) = known.sensed
+    assert isinstance(sample, RangeSample)
+    assert sample.distance_m == distance_m
+
+
+def test_a_stale_range_sensor_has_no_newest_sample_until_the_next(known: Stream) -> None:
+    known.range(distance(2_000_000))
+    known.range(distance(2_000_000))  # the line has doubled it
+    assert len(known.sensed) == 1
+    event = known.event(4, SensorEventCode.STATE, SensorState.ABSENT)
+    assert event.sentence.startswith("range.left: STALE, ABSENT: ")
+    assert "range.left" not in known.stream.newest
+    known.range(distance(3_000_000))
+    assert known.stream.newest["range.left"].t_us == 3_000_000
+    assert known.stream.states.get(4) is SensorState.OK
+
+
+def test_analogue_inputs_have_names_and_volts(known: Stream) -> None:
+    known.inputs(inputs(2_000_000))
+    ((_, sample),) = known.sensed
+    assert isinstance(sample, InputsSample)
+    assert sample.analog == {"analog_2": 3.3}
+    assert "analog_2" not in sample.channels
+
+
+def newest_inputs(known: Stream) -> InputsSample:
+    sample = known.stream.newest[INPUTS].sample()
+    assert isinstance(sample, InputsSample)
+    return sample
+
+
+def test_a_voltage_that_cannot_be_used_is_not_handed_out(known: Stream) -> None:
+    known.inputs(inputs(2_000_000, stale=0b10_0000))
+    assert newest_inputs(known).analog == {}
+    # The event comes before the voltage that can be used.
+    known.event(5, SensorEventCode.STATE, SensorState.OK)
+    assert newest_inputs(known).analog == {}
+    known.inputs(inputs(2_100_000))
+    assert newest_inputs(known).analog == {"analog_2": 3.3}
+    known.event(5, SensorEventCode.STATE, SensorState.MISSED)
+    assert newest_inputs(known).analog == {}
+
+
 def test_inputs_wait_until_all_names_are_known() -> None:
     early = Stream(knows=False)
     early.inputs(inputs(2_000_000, triggered=0b0100))
@@ -140,6 +219,7 @@ def test_what_has_no_units_yet_is_no_sample() -> None:
     early = Stream(knows=False)
     early.imu(2_000_000)
     early.stream.take_power(Power(BOOT, 0, 1, 1, 0, 0.0, 1), early.clock, 0)
+    early.range(distance(2_000_000))
     early.stream.take_event(EventMessage(BOOT, 0, 0, 0, 1), early.clock, 0)
     assert early.sensed == []
 
@@ -225,6 +305,13 @@ def test_a_reduced_rate_is_the_channels_from_then_on(known: Stream) -> None:
 def test_codes_that_mean_nothing_are_invalid(known: Stream) -> None:
     with pytest.raises(ValueError, match="99"):
         known.stream.take_info(info(0, kind=99))
+    with pytest.raises(ValueError, match="NONE"):
+        known.stream.take_info(info(4)._replace(chip=SensorChip.NONE))
+    for number in (0, 5):
+        with pytest.raises(ValueError, match=f"no analogue input {number}"):
+            known.stream.take_info(info(5, values=(2000, number, 0)))
+    with pytest.raises(ValueError, match="99"):
+        known.range(distance(2_000_000, quality=99))
     with pytest.raises(ValueError, match="99"):
         known.event(0, 99, 0)
     with pytest.raises(ValueError, match="99"):

@@ -102,10 +102,9 @@ def test_answers_of_another_session_are_ignored_and_counted() -> None:
     line.drive()
 
 
-def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile() -> None:
+def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile(outcomes: list[object]) -> None:
     line = VirtualLine(stream_rate_hz=50, watched=(1,)).open()
     line.drive()
-    outcomes: list[object] = []
     line.device.reset()
     line.session.request(ParameterGet(0, 0, 2), outcomes.append, line.now_us)
     line.run_until(lambda: line.session.phase is not Phase.OPEN)
@@ -121,15 +120,13 @@ def test_a_reset_is_followed_by_a_new_session_and_told_meanwhile() -> None:
     assert line.device.obeyed[-1].command_seq == 1
 
 
-def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon() -> None:
-    line = VirtualLine().open()
+def test_the_reset_of_a_robot_that_nobody_drives_is_found_soon(line: VirtualLine) -> None:
     line.device.reset()
     line.run_until(lambda: line.session.phase is not Phase.OPEN, timeout_s=0.12)
     line.wait_open()
 
 
-def test_the_reset_is_found_soon_though_the_first_answer_is_lost() -> None:
-    line = VirtualLine().open()
+def test_the_reset_is_found_soon_though_the_first_answer_is_lost(line: VirtualLine) -> None:
     line.device.reset()
     line.to_host.impairment.loss = 1.0
     line.run(0.12)
@@ -137,16 +134,14 @@ def test_the_reset_is_found_soon_though_the_first_answer_is_lost() -> None:
     line.run_until(lambda: line.session.phase is not Phase.OPEN, timeout_s=0.03)
 
 
-def test_a_silent_device_is_not_flooded() -> None:
-    line = VirtualLine().open()
+def test_a_silent_device_is_not_flooded(line: VirtualLine) -> None:
     line.device.mute = True
     sent = len(line.sent)
     line.run(1.0)
     assert 20 <= len(line.sent) - sent <= 50
 
 
-def test_a_device_that_streams_nothing_is_asked_five_times_a_second() -> None:
-    line = VirtualLine().open()
+def test_a_device_that_streams_nothing_is_asked_five_times_a_second(line: VirtualLine) -> None:
     line.device.lost.add(WheelState)
     line.run(1.0)
     pings = len(line.sent_of(Ping))
@@ -154,8 +149,7 @@ def test_a_device_that_streams_nothing_is_asked_five_times_a_second() -> None:
     assert len(line.sent_of(Ping)) - pings == pytest.approx(50, abs=2)
 
 
-def test_an_event_behind_a_state_in_one_read_has_the_last_word() -> None:
-    line = VirtualLine().open()
+def test_an_event_behind_a_state_in_one_read_has_the_last_word(line: VirtualLine) -> None:
     line.device.lost.add(WheelState)
     line.run(0.1)
     line.device.send(line.device.state)
@@ -165,15 +159,13 @@ def test_an_event_behind_a_state_in_one_read_has_the_last_word() -> None:
         line.drive()
 
 
-def test_pings_are_half_a_second_apart_while_states_come() -> None:
-    line = VirtualLine().open()
+def test_pings_are_half_a_second_apart_while_states_come(line: VirtualLine) -> None:
     pings = len(line.sent_of(Ping))
     line.run(10.0)
     assert len(line.sent_of(Ping)) - pings == pytest.approx(20, abs=1)
 
 
-def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once() -> None:
-    line = VirtualLine().open()
+def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once(line: VirtualLine) -> None:
     state = line.device.state
     line.device.send(state._replace(boot_id=state.boot_id ^ 1))
     hellos = len(line.sent_of(Hello))
@@ -181,12 +173,9 @@ def test_a_state_frame_of_another_boot_is_followed_by_a_hello_at_once() -> None:
     assert len(line.sent_of(Hello)) == hellos + 1
 
 
-def test_a_late_state_frame_of_a_former_boot_changes_nothing() -> None:
-    line = VirtualLine().open()
+def test_a_late_state_frame_of_a_former_boot_changes_nothing(line: VirtualLine) -> None:
     late = line.device.state
-    line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN)
-    line.wait_open()
+    line.reset_device()
     count = len(line.samples)
     sessions = line.session.statistics(line.now_us).sessions
     line.device.lost.add(WheelState)
@@ -198,8 +187,7 @@ def test_a_late_state_frame_of_a_former_boot_changes_nothing() -> None:
     assert line.samples[-1].boot_id == line.device.boot_id
 
 
-def test_silence_ends_the_session_and_the_answer_opens_a_new_one() -> None:
-    line = VirtualLine().open()
+def test_silence_ends_the_session_and_the_answer_opens_a_new_one(line: VirtualLine) -> None:
     line.device.mute = True
     line.run(1.9)
     assert line.session.phase is Phase.OPEN
@@ -223,8 +211,7 @@ def test_a_rate_that_the_device_refuses_is_told() -> None:
     assert len(line.sent_of(Hello)) > hellos
 
 
-def test_after_the_port_was_opened_again_sequence_numbers_start_anew() -> None:
-    line = VirtualLine().open()
+def test_after_the_port_was_opened_again_sequence_numbers_start_anew(line: VirtualLine) -> None:
     line.run(1.0)
     line.session.disconnect(LinkLost("unplugged"))
     line.session.connect(line.now_us)
@@ -240,11 +227,8 @@ def test_after_a_reset_no_value_of_the_former_boot_is_left() -> None:
     assert line.session.values == {}
 
 
-def test_each_session_has_a_nonce_of_its_own() -> None:
-    line = VirtualLine().open()
-    line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN)
-    line.wait_open()
+def test_each_session_has_a_nonce_of_its_own(line: VirtualLine) -> None:
+    line.reset_device()
     hellos = [message for message in line.sent if isinstance(message, Hello)]
     assert hellos[-1].nonce != hellos[0].nonce
 
@@ -261,18 +245,17 @@ def test_whoever_is_told_that_a_value_was_set_finds_it_in_force() -> None:
     assert found == [pytest.approx(0.05), {1: pytest.approx(0.05)}]
 
 
-def test_a_value_for_another_session_answers_no_request_of_this_one() -> None:
-    line = VirtualLine().open()
+def test_a_value_for_another_session_answers_no_request_of_this_one(
+    line: VirtualLine, outcomes: list[object]
+) -> None:
     line.device.mute = True
-    outcomes: list[object] = []
     line.session.request(ParameterGet(0, 0, 1), outcomes.append, line.now_us)
     line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 99.0))
     line.run(0.01)
     assert outcomes == []
 
 
-def test_a_pong_for_another_session_sets_no_clock() -> None:
-    line = VirtualLine().open()
+def test_a_pong_for_another_session_sets_no_clock(line: VirtualLine) -> None:
     line.device.mute = True
     pings = len(line.sent_of(Ping))
     line.run_until(lambda: len(line.sent_of(Ping)) > pings)
@@ -286,14 +269,11 @@ def test_a_pong_for_another_session_sets_no_clock() -> None:
     assert line.session.statistics(line.now_us).clock_error_us >= error_us
 
 
-def test_an_event_of_a_former_boot_keeps_nobody_from_driving() -> None:
-    line = VirtualLine().open()
+def test_an_event_of_a_former_boot_keeps_nobody_from_driving(line: VirtualLine) -> None:
     t_us = line.device.clock(line.now_us) & 0xFFFFFFFF
     states = SupervisorState.IDLE, SupervisorState.ESTOPPED
     late = Event(line.device.boot_id, t_us, 0, SupervisorEvent.ESTOP, *states, 0, 0.0)
-    line.device.reset()
-    line.run_until(lambda: line.session.phase is not Phase.OPEN)
-    line.wait_open()
+    line.reset_device()
     line.device.lost.add(WheelState)
     line.run(0.05)
     line.device.send(late)
@@ -315,8 +295,7 @@ def test_the_answer_to_another_hosts_hello_opens_no_session() -> None:
     assert line.session.statistics(line.now_us).foreign > 0
 
 
-def test_what_a_device_says_to_others_does_not_keep_a_session_alive() -> None:
-    line = VirtualLine().open()
+def test_what_a_device_says_to_others_does_not_keep_a_session_alive(line: VirtualLine) -> None:
     line.device.mute = True
     for _ in range(5):
         line.device.send(ParameterValue(line.device.session_id ^ 1, 1, 1, 0.5))

@@ -24,16 +24,14 @@ from wheelwire_protocol.types import (
 )
 
 
-def test_a_setpoint_is_sent_once_when_it_is_seen_to_be_obeyed() -> None:
-    line = VirtualLine().open()
+def test_a_setpoint_is_sent_once_when_it_is_seen_to_be_obeyed(line: VirtualLine) -> None:
     line.drive()
     line.run(0.3)
     assert len(line.sent_of(SetWheelVelocity)) == 1
     assert line.session.statistics(line.now_us).setpoints_repeated == 0
 
 
-def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry() -> None:
-    line = VirtualLine().open()
+def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry(line: VirtualLine) -> None:
     line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.4)
     line.run(0.01)
@@ -45,8 +43,7 @@ def test_a_setpoint_that_was_lost_is_sent_again_with_its_own_expiry() -> None:
     assert len(line.device.obeyed) == 1
 
 
-def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once() -> None:
-    line = VirtualLine().open()
+def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once(line: VirtualLine) -> None:
     line.session.estop(lambda _: None, line.now_us)
     line.run_until(lambda: line.session.setpoints.supervisor is SupervisorState.ESTOPPED)
     line.device.lost |= {Event, WheelState}  # the answer alone says so
@@ -62,8 +59,7 @@ def test_whoever_is_told_that_an_estop_is_over_may_drive_at_once() -> None:
     assert len(line.sent_of(SetWheelVelocity)) == 1
 
 
-def test_nothing_renews_a_setpoint() -> None:
-    line = VirtualLine().open()
+def test_nothing_renews_a_setpoint(line: VirtualLine) -> None:
     line.drive(ttl_s=0.3)
     begin_us = line.now_us
     line.run_until(lambda: line.device.supervisor is SupervisorState.TIMED_OUT)
@@ -72,16 +68,14 @@ def test_nothing_renews_a_setpoint() -> None:
     assert len(line.device.obeyed) == 1
 
 
-def test_a_setpoint_that_expired_before_its_repeat_is_not_repeated() -> None:
-    line = VirtualLine().open()
+def test_a_setpoint_that_expired_before_its_repeat_is_not_repeated(line: VirtualLine) -> None:
     line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.015)
     line.run(0.1)
     assert len(line.sent_of(SetWheelVelocity)) == 1
 
 
-def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice() -> None:
-    line = VirtualLine().open()
+def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice(line: VirtualLine) -> None:
     line.device.mute = True
     line.drive(ttl_s=0.5)
     line.run(0.45)
@@ -89,8 +83,7 @@ def test_a_setpoint_that_is_never_seen_to_be_obeyed_is_sent_twice() -> None:
 
 
 @pytest.mark.parametrize("stop", [Stop, Estop])
-def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None:
-    line = VirtualLine().open()
+def test_a_stop_voids_the_repeat_of_a_setpoint(line: VirtualLine, stop: type[Stop | Estop]) -> None:
     line.device.lost.add(WheelState)  # no state frame tells that anything arrived
     line.run(0.05)
     line.to_device.impairment.loss = 1.0
@@ -106,8 +99,7 @@ def test_a_stop_voids_the_repeat_of_a_setpoint(stop: type[Stop | Estop]) -> None
     assert line.sent_of(stop)
 
 
-def test_a_stop_outdates_the_setpoints_before_it() -> None:
-    line = VirtualLine().open()
+def test_a_stop_outdates_the_setpoints_before_it(line: VirtualLine) -> None:
     line.drive()
     line.session.stop(StopMode.CONFIGURED, lambda _: None, line.now_us)
     line.run(0.05)
@@ -120,9 +112,10 @@ def test_a_stop_outdates_the_setpoints_before_it() -> None:
 
 
 @pytest.mark.parametrize("clear", [ClearEstop, ClearFault])
-def test_clearing_voids_the_repeat_of_a_setpoint(clear: type[ClearEstop | ClearFault]) -> None:
+def test_clearing_voids_the_repeat_of_a_setpoint(
+    line: VirtualLine, clear: type[ClearEstop | ClearFault]
+) -> None:
     """It was lost on its way to a latched device, which would obey its copy after the clear."""
-    line = VirtualLine().open()
     line.to_device.impairment.loss = 1.0
     line.drive(ttl_s=0.4)
     line.run(0.005)
@@ -136,8 +129,9 @@ def test_clearing_voids_the_repeat_of_a_setpoint(clear: type[ClearEstop | ClearF
 
 
 @pytest.mark.parametrize("news", ["refused", "obeyed"])
-def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(news: str) -> None:
-    line = VirtualLine().open()
+def test_news_of_an_older_setpoint_leaves_the_newest_its_repeat(
+    line: VirtualLine, news: str
+) -> None:
     line.device.lost.add(WheelState)
     line.drive()
     line.run(0.05)
@@ -193,8 +187,9 @@ def test_a_ttl_below_the_error_bound_of_the_devices_clock_is_refused() -> None:
     assert len(line.device.obeyed) == 1
 
 
-def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other() -> None:
-    line = VirtualLine().open()
+def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other(
+    line: VirtualLine,
+) -> None:
     line.to_device.impairment.delay_us = 30_000
     line.drive(ttl_s=0.01)
     line.run(0.2)
@@ -211,9 +206,9 @@ def test_a_setpoint_that_came_too_late_is_counted_and_keeps_back_no_other() -> N
     "code", [RefusalCode.UNARMED, RefusalCode.CONTRADICTION, RefusalCode.BOARD_UNCONFIRMED]
 )
 def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one(
+    line: VirtualLine,
     code: RefusalCode,
 ) -> None:
-    line = VirtualLine().open()
     ids = line.device.session_id, message_id(SetWheelVelocity)
     line.device.send(Refuse(*ids, code, 1))
     line.run(0.05)
@@ -225,8 +220,7 @@ def test_a_setpoint_refused_for_another_reason_is_told_once_at_the_next_one(
 
 
 @pytest.mark.parametrize("code", [RefusalCode.ESTOPPED, RefusalCode.FAULT])
-def test_a_latched_device_is_sent_no_setpoint(code: RefusalCode) -> None:
-    line = VirtualLine().open()
+def test_a_latched_device_is_sent_no_setpoint(line: VirtualLine, code: RefusalCode) -> None:
     if code is RefusalCode.FAULT:
         line.device.core.fail()
     else:
@@ -239,9 +233,10 @@ def test_a_latched_device_is_sent_no_setpoint(code: RefusalCode) -> None:
 
 
 @pytest.mark.parametrize("kind", [Stop, Estop])
-def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(kind: type[Stop | Estop]) -> None:
+def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(
+    line: VirtualLine, kind: type[Stop | Estop]
+) -> None:
     # The copy that the caller wrote has latched the device before the port's thread has its turn.
-    line = VirtualLine().open()
     line.device.estop(line.now_us)
     line.run(0.002)
     if kind is Estop:
@@ -254,8 +249,9 @@ def test_a_latch_that_shows_before_the_stop_is_sent_stays_known(kind: type[Stop 
 
 
 @pytest.mark.parametrize("told_first", ["state", "refusal"])
-def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -> None:
-    line = VirtualLine().open()
+def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(
+    line: VirtualLine, told_first: str
+) -> None:
     line.device.core.fail()
     line.device.lost.add(Event)
     faults = {"faults": Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN}
@@ -271,8 +267,7 @@ def test_a_refusal_for_a_fault_names_the_fault_and_what_to_do(told_first: str) -
     assert told.value.faults == Fault.LEFT_REVERSED | Fault.CONTROL_OVERRUN
 
 
-def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives() -> None:
-    line = VirtualLine().open()
+def test_after_a_clear_a_zero_setpoint_goes_at_once_and_the_next_drives(line: VirtualLine) -> None:
     line.session.estop(lambda _: None, line.now_us)
     line.run(0.05)
     with pytest.raises(DeviceRefused):

@@ -10,8 +10,7 @@ from wheelwire_protocol.types import WheelState
 MINUTE_US = 60_000_000
 
 
-def test_a_repeated_or_older_state_frame_is_no_sample() -> None:
-    line = VirtualLine().open()
+def test_a_repeated_or_older_state_frame_is_no_sample(line: VirtualLine) -> None:
     line.device.lost.add(WheelState)
     line.run(0.05)
     count = len(line.samples)
@@ -33,8 +32,7 @@ def test_the_stamp_of_a_sample_is_the_hosts_time_of_its_latch() -> None:
         assert abs(sample.stamp * 1e6 - latched_us) <= sample.stamp_error_s * 1e6 + 1
 
 
-def test_each_side_of_a_sample_is_that_of_the_state_frame() -> None:
-    line = VirtualLine().open()
+def test_each_side_of_a_sample_is_that_of_the_state_frame(line: VirtualLine) -> None:
     line.device.lost.add(WheelState)
     line.run(0.05)
     state = line.device.state._replace(
@@ -60,8 +58,7 @@ def test_each_side_of_a_sample_is_that_of_the_state_frame() -> None:
     assert (sample.command_seq, sample.overruns, sample.battery_v) == (13, 14, 11.1)
 
 
-def test_a_battery_that_is_not_measured_has_no_voltage() -> None:
-    line = VirtualLine().open()
+def test_a_battery_that_is_not_measured_has_no_voltage(line: VirtualLine) -> None:
     assert line.samples[-1].battery_v is None
 
 
